@@ -1,0 +1,29 @@
+"""The exceptions that the package raises on bad input, one class for each kind of input."""
+
+
+class ChmarlError(Exception):
+    """Base of all errors of this package: one message that names the place and the mend."""
+
+
+class HomeError(ChmarlError, ValueError):
+    """A home's layout or URDF cannot be used."""
+
+
+class AssetError(ChmarlError, ValueError):
+    """A URDF of a robot, a graspable object or a piece of furniture cannot be used."""
+
+
+class TaskError(ChmarlError, ValueError):
+    """A task or a split does not exist, or a task cannot be set up."""
+
+
+class OptionError(ChmarlError, ValueError):
+    """An environment or a command got an option or a value that it does not know."""
+
+
+class ActionError(ChmarlError, ValueError):
+    """An action is missing, not an integer, or out of range."""
+
+
+class NotResetError(ChmarlError, RuntimeError):
+    """The environment was used before ``reset`` or after the end of its episode."""
