@@ -22,7 +22,7 @@ from urdf.build.meshes import (
     lathe,
     loft,
     ngon,
-    rounded_box,
+    rectangle,
     rounded_rectangle,
     shaded,
     write_obj,
@@ -41,7 +41,7 @@ COLORS = {
 
 #: Places of the joint centres at rest, in the humanoid's frame.
 TORSO = (0.0, 0.0, 0.80)
-HEAD = (0.0, 0.0, 1.26)
+HEAD = (0.0, 0.0, 1.22)
 CAMERA = (0.12, 0.0, 1.5)
 SHOULDER = (0.06, -0.17, 1.03)
 CAMERA_PITCH = 0.349066
@@ -103,7 +103,7 @@ def humanoid() -> tuple[list[Link], list[Joint]]:
         Link("footprint", 0.01, [Solid((0.02, 0.02, 0.02))]),
         Link("chassis", 30.0, [Solid((0.22, 0.30), (0, 0, 0.15))], _chassis()),
         Link("torso", 8.0, [Solid((0.20, 0.28, 0.37), (0, 0, 0.185)), *_tucked_solids()], _torso()),
-        Link("head", 2.0, [Solid((0.20, 0.25, 0.27), (0, 0, 0.135))], _head()),
+        Link("head", 2.0, [Solid((0.20, 0.27, 0.30), (0, 0, 0.155))], _head()),
         Link("camera", 0.01, [Solid((0.02, 0.02, 0.02))]),
     ]
     joints = [
@@ -141,7 +141,7 @@ def _arm() -> tuple[list[Link], list[Joint]]:
         ("shoulder_pitch", "torso", "shoulder", _between(TORSO, SHOULDER), forward, (-1.2, 2.9, 90.0, 2.0)),
         ("shoulder_roll", "shoulder", "shoulder_side", (0.0, 0.0, 0.0), side, (-2.0, 0.7, 90.0, 2.0)),
         ("upper_arm_roll", "shoulder_side", "upper_arm", (0.0, 0.0, 0.0), along, (-2.3, 2.3, 60.0, 2.0)),
-        ("elbow_pitch", "upper_arm", "forearm", elbow, forward, (0.0, 2.5, 60.0, 2.0)),
+        ("elbow_pitch", "upper_arm", "forearm", elbow, forward, (0.0, 2.6, 60.0, 2.0)),
         ("forearm_roll", "forearm", "wrist", wrist, along, (-2.8, 2.8, 25.0, 2.5)),
         ("wrist_pitch", "wrist", "wrist_side", (0.0, 0.0, 0.0), forward, (-1.8, 1.8, 25.0, 2.5)),
         ("wrist_roll", "wrist_side", "hand", (0.0, 0.0, 0.0), side, (-1.3, 1.3, 25.0, 2.5)),
@@ -162,35 +162,35 @@ def _arm() -> tuple[list[Link], list[Joint]]:
 def _chassis() -> dict[str, Mesh]:
     """Return the round base with a dark skirt and the fixed stage of the lifting column."""
     skirt = lathe([(0.20, 0.01), (0.22, 0.09)], 10)
-    cover = lathe([(0.22, 0.09), (0.21, 0.22), (0.11, 0.30), (0, 0.30)], 10)
-    return {"dark": join(skirt, lathe([(0.058, 0.29), (0.058, 0.80)], 8)), "shell": cover}
+    cover = lathe([(0.22, 0.09), (0.20, 0.23), (0, 0.30)], 10)
+    return {"dark": join(skirt, lathe([(0.10, 0.26), (0.07, 0.80)], 8)), "shell": cover}
 
 
 def _torso() -> dict[str, Mesh]:
     """Return the trunk with its light, the neck, the moving stage of the column and the tucked left arm."""
-    sizes = [(-0.01, 0.13, 0.15), (0.07, 0.18, 0.23), (0.26, 0.21, 0.29), (0.36, 0.13, 0.18)]
+    sizes = [(-0.01, 0.15, 0.18), (0.06, 0.19, 0.25), (0.27, 0.21, 0.31), (0.37, 0.13, 0.19)]
     trunk = loft([at_height(rounded_rectangle(x, y, 0.3 * x, 1), z) for z, x, y in sizes])
     light = _plate(ngon(0.035, 6), 0.108).moved(z=0.225)
-    neck = lathe([(0.062, 0.35), (0.062, 0.48)], 6)
-    stage = lathe([(0.045, -0.32), (0.045, 0.0)], 6)
+    neck = lathe([(0.06, 0.35), (0.06, 0.43)], 6)
+    stage = lathe([(0.055, -0.32), (0.055, 0.0)], 6)
     left = [
         _tucked(mesh, level)
         for level, mesh in enumerate((_limb(UPPER_ARM, 0.055, 0.042), _limb(FOREARM, 0.045, 0.034)))
     ]
-    joints = join(_tucked(_ball(0.075), 0), _tucked(_ball(0.052), 1))
-    mitt = _tucked(rounded_box(0.07, 0.09, 0.15, 0.02, bevel=0).moved(z=-0.17), 2)
+    joints = join(*(_tucked(_ball(radius), level) for level, radius in enumerate((0.075, 0.052, 0.042))))
+    mitt = _tucked(box(0.06, 0.10, 0.16).moved(z=-0.19), 2)
     return {"shell": join(trunk, *left), "accent": joints, "glow": light, "dark": join(neck, stage), "grey": mitt}
 
 
 def _head() -> dict[str, Mesh]:
     """Return the head: a soft block with ears and a dark visor with two eyes and the camera's lens."""
-    sizes = [(0.0, 0.15, 0.19), (0.05, 0.20, 0.25), (0.21, 0.20, 0.25), (0.28, 0.13, 0.17)]
+    sizes = [(0.0, 0.14, 0.20), (0.06, 0.20, 0.28), (0.24, 0.20, 0.27), (0.31, 0.13, 0.18)]
     skull = loft([at_height(rounded_rectangle(x, y, 0.3 * x, 1), z) for z, x, y in sizes])
-    ear = lathe([(0.05, 0.0), (0.04, 0.03), (0, 0.03)], 6).moved(z=0.12).turned("x", -np.pi / 2)
-    ears = join(ear, ear.scaled(y=-1)).moved(z=0.13)
-    visor = _plate(rounded_rectangle(0.19, 0.13, 0.04, 1), 0.104).moved(z=0.13)
-    eye = _plate(ngon(0.026, 6), 0.108)
-    eyes = join(*(eye.moved(y=y, z=0.13) for y in (-0.045, 0.045)))
+    ear = lathe([(0.055, 0.0), (0, 0.03)], 6).moved(z=0.137).turned("x", -np.pi / 2)
+    ears = join(ear, ear.scaled(y=-1)).moved(z=0.15)
+    visor = _plate(rounded_rectangle(0.22, 0.14, 0.045, 1), 0.104).moved(z=0.145)
+    eye = _plate(ngon(0.03, 8), 0.108)
+    eyes = join(*(eye.moved(y=y, z=0.145) for y in (-0.052, 0.052)))
     return {"shell": skull, "accent": ears, "dark": visor, "glow": eyes}
 
 
@@ -201,7 +201,7 @@ def _forearm() -> dict[str, Mesh]:
 
 def _palm() -> dict[str, Mesh]:
     """Return the wrist and the block that carries the fingers."""
-    return {"accent": _ball(0.04), "dark": box(0.06, 0.13, 0.13).moved(z=-0.17)}
+    return {"accent": _ball(0.042), "dark": box(0.06, 0.13, 0.13).moved(z=-0.17)}
 
 
 def _finger(sign: int) -> Mesh:
@@ -248,12 +248,12 @@ def _quadrotor() -> dict[str, Mesh]:
     for number, (x, y) in enumerate(0.178 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])):
         heading = np.arctan2(y, x)
         booms.append(_boom().turned("z", heading))
-        motors.append(lathe([(0.028, -0.02), (0.022, 0.035), (0, 0.035)], 6).moved(x, y))
+        motors.append(lathe([(0, -0.03), (0.03, -0.02), (0.024, 0.035), (0, 0.035)], 5).moved(x, y))
         blades.append(_rotor().turned("z", heading + (0.5 if number % 2 else -0.5)).moved(x, y, 0.04))
     foot = loft([at_height(ngon(r, 3), z) for r, z in ((0.008, -0.073), (0.012, -0.015))], caps=False)
     feet = [foot.moved(x, y) for x in (-0.075, 0.075) for y in (-0.075, 0.075)]
     lens = lathe([(0.0, -0.07), (0.026, -0.07), (0.034, -0.03)], 8)
-    light = _plate(rounded_rectangle(0.07, 0.018, 0.008, 1), 0.098).moved(z=0.004)
+    light = _plate(rectangle(0.07, 0.018), 0.098).moved(z=0.004)
     return {
         "shell": body,
         "grey": join(*booms, *feet),
@@ -272,17 +272,15 @@ def _boom() -> Mesh:
 
 def _rotor() -> Mesh:
     """Return two blades along x with both faces."""
-    blade = np.array(
-        [[0.012, -0.006, 0], [0.06, -0.02, 0.004], [0.115, -0.014, 0.003], [0.115, 0.01, 0], [0.012, 0.008, 0]]
-    )
-    corners = np.stack([blade[[0, i, i + 1]] for i in range(1, 4)])
+    blade = np.array([[0.012, -0.008, 0.0], [0.115, -0.018, 0.006], [0.115, 0.01, 0.0], [0.012, 0.008, 0.0]])
+    corners = np.stack([blade[[0, i, i + 1]] for i in (1, 2)])
     both = shaded(np.concatenate([corners, corners[:, ::-1] - (0, 0, 0.002)]))
     return join(both, both.turned("z", np.pi))
 
 
 def _ball(radius: float) -> Mesh:
     """Return a coarse ball about the origin."""
-    return ellipsoid(2 * radius, 2 * radius, 2 * radius, 6, 3).moved(z=-radius)
+    return ellipsoid(2 * radius, 2 * radius, 2 * radius, 5, 3).moved(z=-radius)
 
 
 def _limb(length: float, top: float, bottom: float) -> Mesh:

@@ -1,0 +1,240 @@
+"""The humanoid's arm: named joints, fixed poses, and inverse kinematics in closed form.
+
+Three axes cross in the shoulder and three in the wrist, one bends the elbow. So a place of the shoulder (the torso's
+lift), a direction of the gripper (yaw, pitch) and a side to which the elbow points (swivel) leave one arm
+configuration at most. ``Arm.solve`` works out a fixed grid of such choices at once and takes the most comfortable one:
+no iteration, no randomness, no trace in the simulation. Lengths are metres, angles radians, quaternions (x, y, z, w).
+"""
+
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+import pybullet as p
+from numpy.typing import ArrayLike, NDArray
+
+from chmarl_pb.homes.reach import REACH
+
+__all__ = ["JOINTS", "REACH", "Arm", "Configuration"]
+
+Array: TypeAlias = NDArray[np.float64]
+Configuration: TypeAlias = tuple[float, ...]
+
+#: The movable joints, in the order of a configuration.
+JOINTS = (
+    "torso_lift",
+    "shoulder_pitch",
+    "shoulder_roll",
+    "upper_arm_roll",
+    "elbow_pitch",
+    "forearm_roll",
+    "wrist_pitch",
+    "wrist_roll",
+    "left_finger_slide",
+    "right_finger_slide",
+)
+
+#: How far an open finger is from the closing plane.
+OPEN = 0.05
+
+#: Gripper pitch (down is positive) that a solution prefers.
+BEST_PITCH = np.radians(45)
+
+#: The grid of choices: torso lift, gripper pitch, gripper yaw off the line from the shoulder, elbow swivel (0 is
+#: down, negative is outward).
+_CHOICES = np.stack(
+    np.meshgrid(
+        np.linspace(-0.48, 0.30, 14),
+        np.radians(np.arange(0, 91, 15)),
+        np.radians((-40, -20, 0, 20, 40)),
+        np.radians(np.arange(-120, 31, 25)),
+        indexing="ij",
+    ),
+    axis=-1,
+).reshape(-1, 4)
+
+
+class Arm:
+    """The torso lift, right arm and gripper of one humanoid body.
+
+    Attributes:
+        rest: arm tucked beside the trunk, out of the camera's picture, fingers closed.
+        carry: hand in front of the chest, at (0.45, -0.12, 1.0) in the humanoid's frame.
+        indices: PyBullet joint index of each of ``JOINTS``.
+        grasp_link: PyBullet link index of the point between the fingertips.
+        lower: lower joint limits.
+        upper: upper joint limits.
+    """
+
+    rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
+    carry: ClassVar[Configuration] = (0.0, -0.029, -0.482, -0.512, 2.558, -0.919, -1.017, 0.365, 0.03, 0.03)
+
+    def __init__(self, client: int, body: int) -> None:
+        """Look up the joints and measure the arm of a loaded humanoid.
+
+        Args:
+            client: PyBullet client id.
+            body: body id of a loaded ``humanoid.urdf``.
+        """
+        self.client, self.body = client, body
+        count = p.getNumJoints(body, physicsClientId=client)
+        infos = [p.getJointInfo(body, index, physicsClientId=client) for index in range(count)]
+        joints = {info[1].decode(): info for info in infos}
+        links = {info[12].decode(): info[0] for info in infos}
+        self.indices = tuple(joints[name][0] for name in JOINTS)
+        self.grasp_link = links["grasp"]
+        self.lower, self.upper, self._effort, self._speed = np.array([joints[name][8:12] for name in JOINTS]).T
+        self._measure(links)
+
+    def set(self, configuration: Configuration) -> None:
+        """Put all joints into a configuration at once, at rest."""
+        for index, value in zip(self.indices, configuration, strict=True):
+            p.resetJointState(self.body, index, value, physicsClientId=self.client)
+
+    def drive(self, configuration: Configuration) -> None:
+        """Command the joints' motors towards a configuration, with the URDF's efforts and speeds."""
+        for index, value, effort, speed in zip(self.indices, configuration, self._effort, self._speed, strict=True):
+            p.setJointMotorControl2(
+                self.body,
+                index,
+                p.POSITION_CONTROL,
+                targetPosition=value,
+                force=effort,
+                maxVelocity=speed,
+                physicsClientId=self.client,
+            )
+
+    def configuration(self) -> Configuration:
+        """Return the joints' present positions."""
+        states = p.getJointStates(self.body, self.indices, physicsClientId=self.client)
+        return tuple(state[0] for state in states)
+
+    def grasp_pose(self) -> tuple[Array, Array]:
+        """Return position and quaternion of the grasp point in the world; its x axis points out of the gripper."""
+        state = p.getLinkState(self.body, self.grasp_link, computeForwardKinematics=True, physicsClientId=self.client)
+        return np.array(state[4]), np.array(state[5])
+
+    def solve(self, target: ArrayLike) -> Configuration | None:
+        """Find a configuration that brings the grasp point to a target, with the fingers open.
+
+        The result depends on the base's pose and the target alone; the simulation is left untouched.
+
+        Args:
+            target: position (3,) in the world.
+
+        Returns:
+            A configuration within the joint limits with the gripper level to straight down, or None.
+        """
+        base, turn = p.getBasePositionAndOrientation(self.body, physicsClientId=self.client)
+        rotation = np.reshape(p.getMatrixFromQuaternion(turn), (3, 3))
+        point = (np.asarray(target, dtype=float) - base) @ rotation
+        poses, costs = self._postures(point)
+        if not len(poses):
+            return None
+        best = poses[np.argmin(costs)]
+        return (*(float(value) for value in best), OPEN, OPEN)
+
+    def _measure(self, links: dict[str, int]) -> None:
+        """Read the shoulder's place and the arm's lengths off the body with all joints at zero."""
+        before = self.configuration()
+        self.set((0.0,) * len(JOINTS))
+        base, turn = p.getBasePositionAndOrientation(self.body, physicsClientId=self.client)
+        rotation = np.reshape(p.getMatrixFromQuaternion(turn), (3, 3))
+        names = ("shoulder", "forearm", "wrist", "grasp")
+        indices = [links[name] for name in names]
+        states = p.getLinkStates(self.body, indices, computeForwardKinematics=True, physicsClientId=self.client)
+        places = np.round((np.array([state[4] for state in states]) - base) @ rotation, 6)
+        self._shoulder = places[0]
+        self._upper, self._fore, self._hand = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        self.set(before)
+
+    def _postures(self, point: Array) -> tuple[Array, Array]:
+        """Return all allowed postures (n, 8) for a point in the humanoid's frame, and their costs (n,)."""
+        lift, pitch, offset, swivel = _CHOICES.T
+        shoulder = self._shoulder + lift[:, None] * (0.0, 0.0, 1.0)
+        yaw = np.arctan2(*(point - self._shoulder)[1::-1]) + offset
+        hand = _hand_frames(yaw, pitch)
+        span = point + self._hand * hand[:, :, 2] - shoulder
+        length = np.linalg.norm(span, axis=1)
+        bend = (length**2 - self._upper**2 - self._fore**2) / (2 * self._upper * self._fore)
+        keep = np.flatnonzero((bend < 0.9995) & (bend > np.cos(self.upper[4])) & (np.hypot(*span.T[:2]) > 1e-6))
+        shoulder, span, hand, choice = shoulder[keep], span[keep], hand[keep], _CHOICES[keep]
+        elbow = np.arccos(bend[keep])
+        upper, fore = self._limbs(span, length[keep], choice[:, 3])
+        arm = _frames(fore, -upper)
+        wrist = np.swapaxes(arm @ _turns_y(-elbow), 1, 2) @ hand
+        poses = np.column_stack([choice[:, 0], _shoulder_angles(arm), elbow, _wrist_angles(wrist)])
+        joint = shoulder + self._upper * upper
+        allowed = ((poses >= self.lower[:8]) & (poses <= self.upper[:8])).all(axis=1)
+        allowed &= _clear(joint, shoulder + span, point, choice[:, 0])
+        costs = self._costs(poses, choice, offset[keep], joint[:, 2] - point[2])
+        return poses[allowed], costs[allowed]
+
+    def _limbs(self, span: Array, length: Array, swivel: Array) -> tuple[Array, Array]:
+        """Return the unit directions of upper arm and forearm that bridge shoulder to wrist, elbow at a swivel."""
+        ahead = span / length[:, None]
+        below = _unit(ahead * ahead[:, 2:] - (0.0, 0.0, 1.0))
+        elbow = np.cos(swivel)[:, None] * below + np.sin(swivel)[:, None] * np.cross(ahead, below)
+        cosine = (self._upper**2 + length**2 - self._fore**2) / (2 * self._upper * length)
+        upper = cosine[:, None] * ahead + np.sqrt(1 - cosine**2)[:, None] * elbow
+        return upper, (span - self._upper * upper) / self._fore
+
+    def _costs(self, poses: Array, choice: Array, offset: Array, above: Array) -> Array:
+        """Return how uncomfortable postures are.
+
+        Args:
+            poses: postures, shape (n, 8).
+            choice: their rows of the grid.
+            offset: gripper yaw off the line from the shoulder.
+            above: height of the elbow above the target; the arm should come from above.
+        """
+        middle, half = (self.upper + self.lower)[1:8] / 2, (self.upper - self.lower)[1:8] / 2
+        strain = (((poses[:, 1:] - middle) / half) ** 8).sum(axis=1)
+        effort = (choice[:, 1] - BEST_PITCH) ** 2 + 0.5 * offset**2 + choice[:, 0] ** 2
+        return effort + strain + 4.0 * np.maximum(0.05 - above, 0.0) + 0.1 * (choice[:, 3] + 0.8) ** 2
+
+
+def _hand_frames(yaw: Array, pitch: Array) -> Array:
+    """Return hand rotations (n, 3, 3): the gripper points along -z at a yaw and a pitch down, its y axis is level."""
+    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    out = np.stack([cp * cy, cp * sy, -sp], axis=1)
+    level = np.stack([-sy, cy, np.zeros_like(sy)], axis=1)
+    return np.stack([np.cross(out, level), level, -out], axis=2)
+
+
+def _frames(forward: Array, up: Array) -> Array:
+    """Return rotations (n, 3, 3) with z = ``up`` and x as near to ``forward`` as can be."""
+    x = _unit(forward - (forward * up).sum(axis=1, keepdims=True) * up)
+    return np.stack([x, np.cross(up, x), up], axis=2)
+
+
+def _turns_y(angle: Array) -> Array:
+    """Return rotations (n, 3, 3) about y."""
+    c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
+    return np.stack([c, zero, s, zero, one, zero, -s, zero, c], axis=1).reshape(-1, 3, 3)
+
+
+def _shoulder_angles(turn: Array) -> Array:
+    """Return pitch, roll and upper arm roll (n, 3) of rotations Ry(-pitch) Rx(roll) Rz(upper arm roll)."""
+    pitch = -np.arctan2(turn[:, 0, 2], turn[:, 2, 2])
+    return np.column_stack([pitch, -np.arcsin(turn[:, 1, 2].clip(-1, 1)), np.arctan2(turn[:, 1, 0], turn[:, 1, 1])])
+
+
+def _wrist_angles(turn: Array) -> Array:
+    """Return forearm roll, pitch and roll (n, 3) of rotations Rz(forearm roll) Ry(-pitch) Rx(roll)."""
+    roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
+    return np.column_stack([np.arctan2(turn[:, 1, 0], turn[:, 0, 0]), np.arcsin(turn[:, 2, 0].clip(-1, 1)), roll])
+
+
+def _clear(elbow: Array, wrist: Array, grasp: Array, lift: Array) -> NDArray[np.bool_]:
+    """Tell which arms keep off the robot's own base, column, trunk and head."""
+    clear = np.ones(len(lift), dtype=bool)
+    for point in (elbow, (elbow + wrist) / 2, wrist, (wrist + grasp) / 2):
+        height = point[:, 2]
+        radius = np.where(height < 0.37, 0.28, np.where(height < 0.74 + lift, 0.12, 0.20))
+        clear &= np.hypot(point[:, 0], point[:, 1]) > radius
+    return clear
+
+
+def _unit(vectors: Array) -> Array:
+    """Scale vectors (n, 3) to length 1."""
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
