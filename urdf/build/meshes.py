@@ -166,9 +166,9 @@ def extrude(polygon: ArrayLike, height: float, top: float = 1.0) -> Mesh:
     """
     outline = np.asarray(polygon, dtype=float)
     low, high = at_height(outline, 0.0), at_height(outline * top, height)
-    ears = _ears(outline)
+    caps = ears(outline)
     sides = loft([low, high], caps=False)
-    return join(sides, shaded(low[ears[:, ::-1]]), shaded(high[ears]))
+    return join(sides, shaded(low[caps[:, ::-1]]), shaded(high[caps]))
 
 
 def tube(path: ArrayLike, radius: float | Sequence[float], segments: int = 6, closed: bool = False) -> Mesh:
@@ -262,22 +262,22 @@ def _fan(ring: Array) -> Array:
     return np.stack([np.broadcast_to(ring[0], ring[2:].shape), ring[1:-1], ring[2:]], axis=1)
 
 
-def _ears(outline: Array) -> NDArray[np.intp]:
+def ears(outline: Array) -> NDArray[np.intp]:
     """Cut a simple counterclockwise polygon into triangles of corner indices by clipping ears."""
     left = list(range(len(outline)))
-    ears = []
+    clipped = []
     while len(left) > 3:
         ear = next(i for i in range(len(left)) if _is_ear(outline, left, i))
-        ears.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        clipped.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return np.array([*ears, tuple(left)])
+    return np.array([*clipped, tuple(left)])
 
 
 def _is_ear(outline: Array, left: list[int], index: int) -> bool:
-    """Whether a corner is convex and its triangle holds no other corner."""
+    """Whether a corner is not concave and its triangle holds no other corner."""
     corners = [left[index - 1], left[index], left[(index + 1) % len(left)]]
     a, b, c = outline[corners]
-    if _turn(a, b, c) <= 1e-12:
+    if _turn(a, b, c) < -1e-12:
         return False
     others = (outline[i] for i in left if i not in corners)
     return not any(min(_turn(a, b, p), _turn(b, c, p), _turn(c, a, p)) > 1e-12 for p in others)

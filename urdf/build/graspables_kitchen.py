@@ -1,0 +1,163 @@
+"""Tableware and cookware. Each function returns the painted meshes of the class that it is named after."""
+
+import numpy as np
+
+from urdf.build.decals import disc
+from urdf.build.meshes import (
+    Mesh,
+    arc,
+    at_height,
+    box,
+    cylinder,
+    extrude,
+    join,
+    lathe,
+    loft,
+    ngon,
+    rounded_box,
+    sphere,
+    tube,
+)
+
+Paint = dict[str, Mesh]
+
+
+def handle(reach: float, height: float, thickness: float) -> Mesh:
+    """Return a D-shaped handle that starts at the z axis and reaches out along +x, centred on z = 0."""
+    curve = arc(1.0, -np.pi / 2, np.pi / 2, 6) * [reach, height / 2]
+    return tube(np.column_stack([curve[:, 0], np.zeros(7), curve[:, 1]]), thickness, 5)
+
+
+def mug() -> Paint:
+    """Mug, 9.5 cm high, with a handle and coffee inside."""
+    wall = [(0, 0), (0.036, 0), (0.040, 0.006), (0.041, 0.095), (0.036, 0.095), (0.035, 0.078)]
+    return {
+        "teal": join(lathe(wall, 14), handle(0.032, 0.062, 0.0065).moved(0.038, 0, 0.048)),
+        "chocolate": disc(0.0356, 14).moved(z=0.080),
+        "white": lathe([(0.0417, 0.060), (0.0417, 0.075)], 14),
+    }
+
+
+def glass() -> Paint:
+    """Drinking glass, 12 cm high, with water inside."""
+    wall = [(0, 0), (0.028, 0), (0.036, 0.125), (0.032, 0.125), (0.030, 0.075)]
+    return {
+        "glass": lathe(wall, 14),
+        "sky": join(disc(0.0306, 14).moved(z=0.080), lathe([(0.0293, 0.014), (0.0335, 0.080)], 14)),
+    }
+
+
+def wine_glass() -> Paint:
+    """Stemmed glass, 20 cm high, with red wine."""
+    foot = [(0, 0), (0.036, 0), (0.034, 0.004), (0.006, 0.010), (0.0045, 0.080), (0.010, 0.092)]
+    wine = [(0.0105, 0.092), (0.030, 0.108), (0.039, 0.135), (0.0385, 0.146)]
+    rim = [(0.0385, 0.146), (0.031, 0.195), (0.028, 0.195), (0.034, 0.148)]
+    return {
+        "ice": join(lathe(foot, 12), lathe(rim, 12)),
+        "wine": join(lathe(wine, 12), disc(0.0345, 12).moved(z=0.148)),
+    }
+
+
+def bowl() -> Paint:
+    """Soup bowl, 16 cm wide: blue outside, white inside."""
+    return {
+        "blue": lathe([(0, 0), (0.036, 0), (0.040, 0.008), (0.066, 0.030), (0.080, 0.065)], 16),
+        "white": lathe([(0.080, 0.065), (0.074, 0.065), (0.060, 0.032), (0.034, 0.013), (0, 0.012)], 16),
+    }
+
+
+def plate() -> Paint:
+    """Dinner plate, 26 cm wide, with a blue band."""
+    return {
+        "white": join(
+            lathe([(0, 0), (0.075, 0), (0.130, 0.020), (0.126, 0.022)], 16),
+            lathe([(0.112, 0.019), (0.080, 0.008), (0, 0.008)], 16),
+        ),
+        "blue": lathe([(0.126, 0.022), (0.112, 0.019)], 16),
+    }
+
+
+def fork() -> Paint:
+    """Dinner fork, 21 cm long, four tines, with a red grip."""
+    tines = []
+    for y in (0.0130, 0.0045, -0.0040, -0.0125):
+        tines += [(0.047, y), (0.100, y - 0.0008), (0.100, y - 0.0036), (0.047, y - 0.0045)]
+    half = [(0.038, -0.0170), (0.022, -0.0150), (0.008, -0.0050), (-0.020, -0.0045)]
+    outline = [*reversed(tines), *((x, -y) for x, y in half), *reversed(half)]
+    return {
+        "silver": extrude(_anticlockwise(outline), 0.006).turned("y", -0.08).moved(z=0.010),
+        "red": rounded_box(0.095, 0.022, 0.018, 0.006).moved(-0.062),
+    }
+
+
+def knife() -> Paint:
+    """Kitchen knife, 24 cm long, with a riveted black grip."""
+    blade = [(-0.010, -0.018), (0.070, -0.018), (0.105, -0.008), (0.130, 0.014), (-0.010, 0.014)]
+    return {
+        "silver": extrude(blade, 0.008).moved(z=0.005),
+        "black": rounded_box(0.100, 0.026, 0.020, 0.007).moved(-0.058),
+        "gold": join(*(cylinder(0.004, 0.002, 6).moved(x, 0, 0.0195) for x in (-0.090, -0.058, -0.026))),
+    }
+
+
+def frying_pan() -> Paint:
+    """Frying pan, 20 cm wide, with a long handle."""
+    grip = rounded_box(0.115, 0.026, 0.018, 0.007).turned("y", -0.12).moved(0.172, 0, 0.034)
+    return {
+        "charcoal": join(lathe([(0, 0), (0.080, 0), (0.100, 0.042), (0.095, 0.042)], 16), grip),
+        "grey": lathe([(0.095, 0.042), (0.076, 0.008), (0, 0.008)], 16),
+        "steel": box(0.030, 0.018, 0.010).turned("y", -0.12).moved(0.108, 0, 0.032),
+        "red": disc(0.020, 10).moved(z=0.009),
+    }
+
+
+def cooking_pot() -> Paint:
+    """Stew pot, 20 cm wide, with a lid and two handles."""
+    ear = handle(0.034, 0.070, 0.007).turned("x", np.pi / 2).moved(0.096, 0, 0.095)
+    return {
+        "red": lathe([(0, 0), (0.094, 0), (0.100, 0.010), (0.100, 0.125)], 16),
+        "silver": lathe([(0.104, 0.125), (0.104, 0.132), (0.060, 0.146), (0, 0.150)], 16),
+        "black": join(ear, ear.turned("z", np.pi), cylinder(0.014, 0.022, 8, top=0.020).moved(z=0.149)),
+    }
+
+
+def coffee_pot() -> Paint:
+    """Glass coffee jug, 19 cm high, half full, with a black lid, handle and spout."""
+    coffee = [(0, 0), (0.058, 0), (0.068, 0.020), (0.068, 0.060), (0.062, 0.085)]
+    spout = extrude([(-0.018, 0.0), (0.018, 0.0), (0.0, 0.030)], 0.028).turned("z", np.pi / 2).moved(-0.034, 0, 0.137)
+    grip = tube(
+        [(0.040, 0, 0.158), (0.092, 0, 0.160), (0.100, 0, 0.140), (0.094, 0, 0.070), (0.066, 0, 0.055)], 0.009, 6
+    )
+    return {
+        "chocolate": lathe(coffee, 14),
+        "glass": lathe([(0.062, 0.085), (0.042, 0.128), (0.042, 0.138)], 14),
+        "black": join(lathe([(0.045, 0.136), (0.045, 0.165), (0.020, 0.172), (0, 0.172)], 14), spout, grip),
+        "red": cylinder(0.010, 0.014, 8).moved(z=0.171),
+    }
+
+
+def washing_sponge() -> Paint:
+    """Yellow sponge with a green scouring side."""
+    holes = [
+        (-0.040, 0.018, 5),
+        (-0.022, -0.016, 4),
+        (0.0, 0.010, 5),
+        (0.020, -0.020, 4),
+        (0.036, 0.014, 5),
+        (0.042, -0.010, 4),
+    ]
+    top = [disc(0.001 * r, 6).moved(x, y, 0.0405) for x, y, r in holes]
+    side = [disc(0.0008 * r, 6).turned("x", np.pi / 2).moved(x, -0.0355, 0.024 + 0.3 * y) for x, y, r in holes]
+    return {
+        "yellow": rounded_box(0.110, 0.070, 0.030, 0.006, bevel=0.003).moved(z=0.010),
+        "green": rounded_box(0.110, 0.070, 0.012, 0.006, bevel=0),
+        "gold": join(*top, *side),
+    }
+
+
+def _anticlockwise(outline: list[tuple[float, float]]) -> np.ndarray:
+    """Return the corners of a polygon in counterclockwise order."""
+    points = np.array(outline)
+    after = np.roll(points, -1, axis=0)
+    area = np.sum(points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0])
+    return points if area > 0 else points[::-1]
