@@ -1,0 +1,191 @@
+"""Build a home's URDF from its layout: floors, walls and furniture as links fixed to the root link ``home``."""
+
+import math
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import yourdfpy
+
+from chmarl_pb.homes.furniture import Array, Model, load_model
+from chmarl_pb.homes.layout import Colour, Furniture, Layout, load_layout
+from chmarl_pb.homes.walls import Rect, Wall, pieces
+
+ROOT = "home"
+FLOOR_THICKNESS = 0.1
+JAMB = (0.03, 0.02)
+"""Door trim: its width along the wall and how far it stands out on both sides, in metres."""
+
+TRIM: Colour = (0.93, 0.91, 0.86)
+MESHES = "meshes"
+DIGITS = 6
+
+
+def build_home(layout_path: str | Path, out_path: str | Path | None = None) -> Path:
+    """Build the URDF of a layout file, with its meshes beside it, and return its path.
+
+    Args:
+        layout_path: the layout (TOML).
+        out_path: the URDF to write; by default the layout's path with the suffix ``.urdf``.
+
+    Raises:
+        HomeError: the layout cannot be used.
+    """
+    path = Path(out_path) if out_path else Path(layout_path).with_suffix(".urdf")
+    return write_home(load_layout(layout_path), path)
+
+
+def write_home(layout: Layout, path: Path) -> Path:
+    """Write the URDF of a layout and copy the meshes that it names into ``meshes`` beside it."""
+    robot = assemble(layout)
+    for model in dict.fromkeys(piece.model for piece in layout.furniture):
+        _copy_meshes(load_model(model), path.parent)
+    _write(path, to_xml(robot))
+    return path
+
+
+def assemble(layout: Layout) -> yourdfpy.Robot:
+    """Return the whole home as one URDF robot: links named ``<room>/<class>_<n>``, floors at z = 0."""
+    robot = yourdfpy.Robot(layout.name, links=[_link(ROOT)])
+    names: Counter[str] = Counter()
+
+    def fix(thing: str, link: yourdfpy.Link, origin: Array) -> None:
+        names[thing] += 1
+        link.name = f"{thing}_{names[thing]}"
+        robot.links.append(link)
+        robot.joints.append(yourdfpy.Joint(f"fix {link.name}", "fixed", ROOT, link.name, origin))
+
+    for room in layout.rooms:
+        for rect in room.rects:
+            fix(f"{room.name}/floor", _floor(rect, room.floor), _pose(*_centre(rect), 0.0))
+    for wall in pieces(layout.rects, layout.gaps, layout.wall_thickness):
+        fix(f"{wall.owner}/wall", _wall(wall, layout), _wall_pose(wall))
+    for piece in layout.furniture:
+        thing = f"{piece.room}/{load_model(piece.model).thing_class}"
+        fix(thing, _furniture(piece), _pose(*piece.position, yaw=math.radians(piece.yaw)))
+    return robot
+
+
+def to_xml(robot: yourdfpy.Robot) -> bytes:
+    """Return a URDF's bytes, the same on every machine: numbers rounded to six digits, no negative zeros."""
+    text = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, filename_handler=str).write_xml_string()
+    tree = ElementTree.fromstring(text)
+    for element in tree.iter():
+        for key, value in element.attrib.items():
+            if key not in ("name", "filename", "type", "link"):
+                element.set(key, " ".join(_number(word) for word in value.split()))
+    ElementTree.indent(tree)
+    return bytes(ElementTree.tostring(tree, encoding="utf-8", xml_declaration=True)) + b"\n"
+
+
+def _number(word: str) -> str:
+    """Return a number's shortest text with at most six digits after the point."""
+    return f"{round(float(word), DIGITS) + 0.0:.{DIGITS}f}".rstrip("0").rstrip(".")
+
+
+def _link(name: str, visuals: Sequence[Any] = (), collisions: Sequence[Any] = ()) -> yourdfpy.Link:
+    """Return a link of zero mass, which a simulator takes as static."""
+    inertial = yourdfpy.Inertial(origin=np.eye(4), mass=0.0, inertia=np.zeros((3, 3)))
+    return yourdfpy.Link(name, inertial, list(visuals), list(collisions))
+
+
+def _pose(x: float, y: float, z: float, yaw: float = 0.0) -> Array:
+    """Return the transform of a position (metres) and a rotation about z (radians)."""
+    pose = np.eye(4)
+    pose[:2, :2] = [[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]]
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def _centre(rect: Rect) -> tuple[float, float]:
+    return (rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2
+
+
+def _material(rgba: Sequence[float]) -> yourdfpy.Material:
+    """Return a material named after its colour, so that equal names mean equal colours in the whole file."""
+    channels = [round(float(channel) * 255) for channel in rgba] + [255] * (4 - len(rgba))
+    name = "rgba_" + "".join(f"{channel:02x}" for channel in channels)
+    return yourdfpy.Material(name, yourdfpy.Color(np.array(channels) / 255))
+
+
+def _box(size: Sequence[float], origin: Array, colour: Colour) -> yourdfpy.Visual:
+    geometry = yourdfpy.Geometry(box=yourdfpy.Box(np.array(size)))
+    return yourdfpy.Visual(origin=origin, geometry=geometry, material=_material(colour))
+
+
+def _solid(visual: yourdfpy.Visual) -> yourdfpy.Collision:
+    return yourdfpy.Collision(None, visual.origin, visual.geometry)
+
+
+def _floor(rect: Rect, colour: Colour) -> yourdfpy.Link:
+    """Return a floor in the frame of its rectangle's centre, its top at z = 0."""
+    size = (rect[2] - rect[0], rect[3] - rect[1], FLOOR_THICKNESS)
+    box = _box(size, _pose(0, 0, -FLOOR_THICKNESS / 2), colour)
+    return _link("", [box], [_solid(box)])
+
+
+def _wall_pose(wall: Wall) -> Array:
+    """Return the frame of a wall: the middle of its foot, x along the wall."""
+    middle = (wall.start + wall.end) / 2
+    return _pose(middle, wall.line, 0) if wall.axis == "x" else _pose(wall.line, middle, 0, math.pi / 2)
+
+
+def _wall(wall: Wall, layout: Layout) -> yourdfpy.Link:
+    """Return a wall: one solid, each face in the colour of its room, trim at doorways."""
+    colours = {room.name: room.wall for room in layout.rooms}
+    length, thickness, height = wall.end - wall.start, layout.wall_thickness, layout.wall_height
+    left, right = (wall.above, wall.below) if wall.axis == "x" else (wall.below, wall.above)
+    whole = _box((length, thickness, height), _pose(0, 0, height / 2), colours[wall.owner])
+    visuals = [whole]
+    if left and right:
+        half = (length, thickness / 2, height)
+        sides = ((thickness / 4, left), (-thickness / 4, right))
+        visuals = [_box(half, _pose(0, side, height / 2), colours[room]) for side, room in sides]
+    for jamb, end in zip(wall.jambs, (-1, 1), strict=True):
+        if jamb:
+            x = end * (length - JAMB[0]) / 2 + end * 0.001
+            visuals.append(_box((JAMB[0], thickness + 2 * JAMB[1], height + 0.001), _pose(x, 0, height / 2), TRIM))
+    return _link("", visuals, [_solid(whole)])
+
+
+def _furniture(piece: Furniture) -> yourdfpy.Link:
+    """Return a model's link with the colours of this piece, its meshes found beside the home."""
+    link = deepcopy(load_model(piece.model).link)
+    recoloured = {"primary": piece.color, "secondary": piece.secondary}
+    for visual in link.visuals:
+        colour = recoloured.get(visual.material.name) or visual.material.color.rgba
+        visual.material = _material(colour)
+    for shape in (*link.visuals, *link.collisions):
+        if shape.geometry.mesh is not None:
+            shape.geometry.mesh.filename = f"{MESHES}/{Path(shape.geometry.mesh.filename).name}"
+    return _link("", link.visuals, link.collisions)
+
+
+def _copy_meshes(model: Model, folder: Path) -> None:
+    """Copy the mesh files of a model into the home's mesh folder."""
+    for shape in (*model.link.visuals, *model.link.collisions):
+        if shape.geometry.mesh is not None:
+            source = model.folder / shape.geometry.mesh.filename
+            _write(folder / MESHES / source.name, source.read_bytes())
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all; leave it alone where it is already so."""
+    if path.is_file() and path.read_bytes() == content:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
