@@ -4,6 +4,8 @@ A decal is drawn in the x-y plane, x to the right and y up, and faces +z. ``fron
 adds a copy that faces +y, ``bent`` wraps it around an upright cylinder. Lengths are metres.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -62,36 +64,49 @@ def line(start: tuple[float, float], end: tuple[float, float], width: float) -> 
     return panel(length + width, width).moved(x=length / 2).turned("z", angle).moved(x, y)
 
 
-def lettering(text: str, height: float, weight: float = 0.16, width: float = 0.5) -> Mesh:
+def lettering(text: str, height: float, length: float) -> Mesh:
     """Return a centred line of capital letters.
 
     Args:
-        text: letters of ``LETTERS`` and spaces.
+        text: letters of ``LETTERS``.
         height: height of the letters.
-        weight: width of the strokes, in letter heights.
-        width: width of a letter, in letter heights.
+        length: length of the line.
     """
-    stroke = weight * height
-    across, up = (width * height - stroke) / 2, (height - stroke) / 4
-    advance = (width + 0.16) * height
+    advance = length / len(text)
+    stroke = 0.25 * min(height, advance)
+    across, up = (0.78 * advance - stroke) / 2, (height - stroke) / 4
     bars = []
     for place, letter in enumerate(text):
-        left = (place - len(text) / 2) * advance + 0.08 * height + stroke / 2
-        for polyline in LETTERS.get(letter, ()):
-            points = [(left + int(x) * across, (int(y) - 2) * up) for x, y in polyline.split()]
-            bars += [line(a, b, stroke) for a, b in zip(points, points[1:], strict=False)]
+        middle = (place - (len(text) - 1) / 2) * advance
+        for polyline in LETTERS[letter]:
+            points = [(middle + (int(x) - 1) * across, (int(y) - 2) * up) for x, y in polyline.split()]
+            bars += [line(start, end, stroke) for start, end in pairwise(points)]
     return join(*bars)
+
+
+def climbing(decal: Mesh) -> Mesh:
+    """Turn a decal a quarter to the left, so that its text reads upwards."""
+    return decal.turned("z", np.pi / 2)
+
+
+def upright(mesh: Mesh) -> Mesh:
+    """Tip a mesh up about the x axis, so that its upper side faces -y."""
+    return mesh.turned("x", np.pi / 2)
+
+
+def twice(mesh: Mesh) -> Mesh:
+    """Add a copy turned half around the z axis."""
+    return join(mesh, mesh.turned("z", np.pi))
 
 
 def front(decal: Mesh, y: float, z: float, x: float = 0.0) -> Mesh:
     """Stand a decal up on the surface at -``y`` that faces -y, its origin at height ``z``."""
-    return decal.turned("x", np.pi / 2).moved(x, -y - GAP, z)
+    return upright(decal).moved(x, -y - GAP, z)
 
 
 def both(decal: Mesh, y: float, z: float, x: float = 0.0) -> Mesh:
     """Stand a decal up on the surfaces at -``y`` and +``y``."""
-    face = front(decal, y, z, x)
-    return join(face, face.turned("z", np.pi))
+    return twice(front(decal, y, z, x))
 
 
 def bent(decal: Mesh, radius: float, z: float) -> Mesh:

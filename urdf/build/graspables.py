@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from urdf.build import graspables_bath as bath
+from urdf.build import graspables_desk as desk
 from urdf.build import graspables_food as food
 from urdf.build import graspables_home as home
 from urdf.build import graspables_kitchen as kitchen
@@ -20,8 +21,8 @@ FOLDER = Path(__file__).parents[1] / "graspables"
 ROWS: tuple[tuple[Callable[[], dict[str, Mesh]], float], ...] = (
     (food.apple, 0.18),
     (food.banana, 0.15),
-    (home.board_game, 0.9),
-    (home.book, 0.45),
+    (desk.board_game, 0.9),
+    (desk.book, 0.45),
     (kitchen.bowl, 0.35),
     (food.bread, 0.5),
     (home.candle, 0.3),
@@ -33,7 +34,7 @@ ROWS: tuple[tuple[Callable[[], dict[str, Mesh]], float], ...] = (
     (food.cupcake, 0.1),
     (home.cushion, 0.5),
     (bath.face_cream, 0.15),
-    (home.folder, 0.25),
+    (desk.folder, 0.25),
     (kitchen.fork, 0.06),
     (kitchen.frying_pan, 1.0),
     (kitchen.glass, 0.35),
@@ -42,14 +43,14 @@ ROWS: tuple[tuple[Callable[[], dict[str, Mesh]], float], ...] = (
     (kitchen.knife, 0.15),
     (food.lime, 0.07),
     (bath.lotion, 0.3),
-    (home.magazine, 0.25),
+    (desk.magazine, 0.25),
     (food.milk_carton, 1.05),
-    (home.mobile_phone, 0.18),
+    (desk.mobile_phone, 0.18),
     (kitchen.mug, 0.45),
-    (home.notes, 0.15),
+    (desk.notes, 0.15),
     (food.peach, 0.16),
     (kitchen.plate, 0.5),
-    (home.remote_control, 0.12),
+    (desk.remote_control, 0.12),
     (bath.shampoo, 0.35),
     (bath.slippers, 0.35),
     (home.sports_ball, 0.42),
@@ -73,9 +74,10 @@ def models() -> list[Model]:
 
 def build(folder: Path = FOLDER) -> list[Path]:
     """Write every model into a folder, remove files of earlier builds and return the URDF paths."""
+    built = models()
     for old in (*folder.glob("*.urdf"), *folder.glob("meshes/*.obj")):
         old.unlink()
-    return [write_model(model, folder) for model in models()]
+    return [write_model(model, folder) for model in built]
 
 
 if __name__ == "__main__":

@@ -2,20 +2,18 @@
 
 import numpy as np
 
-from urdf.build.decals import bent, both, disc, lettering, panel
+from urdf.build.decals import bent, both, climbing, lettering, twice
 from urdf.build.meshes import (
     Mesh,
     at_height,
     box,
     cylinder,
-    ellipsoid,
     extrude,
     join,
     lathe,
     loft,
     ngon,
     rounded_box,
-    rounded_rectangle,
     tube,
 )
 
@@ -24,70 +22,51 @@ Paint = dict[str, Mesh]
 
 def face_cream() -> Paint:
     """Jar of face cream, 8 cm wide, with a gold lid."""
-    word = bent(lettering("CREAM", 0.018, 0.2), 0.040, 0.022)
+    word = bent(lettering("CREAM", 0.018, 0.058), 0.040, 0.022)
     return {
         "pink": lathe([(0, 0), (0.036, 0), (0.040, 0.005), (0.040, 0.040), (0.036, 0.044)], 14),
         "gold": lathe([(0.038, 0.044), (0.041, 0.047), (0.041, 0.062), (0.037, 0.066), (0, 0.066)], 14),
-        "wine": join(word, word.turned("z", np.pi)),
+        "wine": twice(word),
     }
 
 
 def lotion() -> Paint:
     """Pump bottle of body lotion, 20 cm high."""
-    word = bent(lettering("LOTION", 0.018, 0.2), 0.0330, 0.075)
+    word = both(climbing(lettering("LOTION", 0.026, 0.096)), 0.0330, 0.072)
     pump = join(
-        cylinder(0.015, 0.018, 8).moved(z=0.145),
-        cylinder(0.005, 0.026, 6).moved(z=0.160),
+        cylinder(0.015, 0.018, 6).moved(z=0.145),
+        cylinder(0.005, 0.026, 4).moved(z=0.160),
         rounded_box(0.026, 0.022, 0.012, 0.005, bevel=0.003).moved(z=0.184),
         tube([(-0.008, 0, 0.191), (-0.042, 0, 0.191), (-0.048, 0, 0.183)], 0.0045, 5),
     )
     return {
         "cream": lathe([(0, 0), (0.031, 0), (0.033, 0.005), (0.033, 0.125), (0.014, 0.147)], 12),
         "brown": pump,
-        "green": join(word, word.turned("z", np.pi), lathe([(0.0336, 0.030), (0.0336, 0.045)], 12)),
+        "green": join(word, lathe([(0.0336, 0.008), (0.0336, 0.018)], 12)),
     }
 
 
 def shampoo() -> Paint:
     """Flat shampoo bottle, 21 cm high, with a flip cap and bubbles."""
-    oval = ngon(1.0, 14) * [0.040, 0.024]
+    oval = ngon(1.0, 12) * [0.040, 0.024]
     rings = [at_height(s * oval, z) for s, z in ((0.88, 0), (1, 0.008), (1, 0.135), (0.55, 0.170))]
-    bubbles = join(
-        *(
-            disc(r, 8).moved(x, y)
-            for x, y, r in ((-0.012, -0.012, 0.008), (0.006, -0.022, 0.010), (0.010, 0.002, 0.006))
-        )
-    )
     return {
         "violet": loft(rings),
         "white": join(
             loft([at_height(0.60 * oval, 0.166), at_height(0.60 * oval, 0.205)]),
-            both(bubbles, 0.0245, 0.06),
-            both(lettering("SHAMPOO", 0.014, 0.2), 0.0245, 0.105),
+            both(climbing(lettering("SHAMPOO", 0.026, 0.100)), 0.0245, 0.072),
         ),
     }
 
 
 def toothbrush() -> Paint:
-    """Toothbrush, 20 cm long, bristles up."""
-    outline = np.array(
-        [
-            (-0.10, -0.009),
-            (-0.02, -0.0125),
-            (0.035, -0.006),
-            (0.10, -0.0125),
-            (0.10, 0.0125),
-            (0.035, 0.006),
-            (-0.02, 0.0125),
-            (-0.10, 0.009),
-        ]
-    )
-    tufts = [box(0.007, 0.019, 0.013).moved(x, 0, 0.009) for x in (0.060, 0.070, 0.080, 0.090)]
-    return {
-        "blue": extrude(outline, 0.010),
-        "white": join(*tufts[1::2], rounded_box(0.060, 0.014, 0.003, 0.004, bevel=0).moved(-0.040, 0, 0.010)),
-        "mint": join(*tufts[::2]),
-    }
+    """Chunky toothbrush, 21 cm long, bristles up."""
+    half = [(-0.105, 0.011), (-0.020, 0.016), (0.035, 0.009), (0.055, 0.016), (0.105, 0.016)]
+    outline = [*((x, -y) for x, y in half), *reversed(half)]
+    tuft = box(0.009, 0.027, 0.018)
+    tufts = [tuft.moved(x, 0, 0.011) for x in (0.060, 0.0725, 0.085, 0.0975)]
+    grip = rounded_box(0.065, 0.018, 0.003, 0.005, bevel=0).moved(-0.045, 0, 0.012)
+    return {"blue": extrude(outline, 0.012), "white": join(grip, *tufts[1::2]), "mint": join(*tufts[::2])}
 
 
 def toothpaste() -> Paint:
@@ -103,11 +82,11 @@ def toothpaste() -> Paint:
         )
     ]
     stripe = join(*(box(0.110, 0.006, 0.003).turned("y", -0.12).moved(-0.018, y, 0.030) for y in (-0.011, 0.011)))
-    word = lettering("MINT", 0.018, 0.2).turned("y", -0.12).moved(-0.018, 0, 0.034)
+    word = lettering("MINT", 0.018, 0.05).turned("y", -0.12).moved(-0.018, 0, 0.034)
     return {
         "white": loft(rings),
         "red": cylinder(0.0145, 0.035, 10, top=0.012).turned("y", np.pi / 2).moved(0.052, 0, 0.020),
-        "teal": join(word),
+        "teal": word,
         "mint": stripe,
     }
 
@@ -160,7 +139,7 @@ def slippers() -> Paint:
     )
     angles = np.linspace(0, np.pi, 6)
     rings = []
-    for x, width, height in ((0.0, 0.040, 0.058), (0.06, 0.047, 0.052), (0.105, 0.038, 0.036), (0.128, 0.012, 0.022)):
+    for x, width, height in ((0.0, 0.037, 0.058), (0.06, 0.043, 0.052), (0.105, 0.034, 0.038), (0.124, 0.010, 0.024)):
         rings.append(
             np.column_stack([np.full(6, x), width * np.cos(angles), 0.012 + (height - 0.012) * np.sin(angles)])
         )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from urdf.build.decals import bent, both, disc, front, lettering, panel, patch
+from urdf.build.decals import GAP, bent, both, climbing, disc, lettering, panel, patch
 from urdf.build.meshes import (
     Mesh,
     arc,
@@ -10,12 +10,10 @@ from urdf.build.meshes import (
     box,
     cylinder,
     ellipsoid,
-    extrude,
     join,
     lathe,
     loft,
     ngon,
-    rounded_box,
     sphere,
     tube,
 )
@@ -27,13 +25,13 @@ def leaf(length: float, width: float) -> Mesh:
     """Return a folded leaf from the origin along +x, seen from both sides."""
     half = length / 2
     points = np.array([[0, 0, 0], [half, -width / 2, 0.15 * length], [length, 0, 0], [half, width / 2, 0.15 * length]])
-    rings = np.stack([points - [0, 0, 0.001], points + [0, 0, 0.001]])
-    return loft(rings)
+    thickness = np.array([0, 0, 0.002])
+    return loft([points, points + thickness])
 
 
 def apple() -> Paint:
-    """Red apple, 8.5 cm across, with stem and leaf."""
-    profile = [(0, 0.006), (0.018, 0), (0.034, 0.013), (0.043, 0.042), (0.040, 0.062), (0.024, 0.078), (0, 0.068)]
+    """Red apple, 9 cm across, with stem and leaf."""
+    profile = [(0, 0.006), (0.018, 0), (0.036, 0.013), (0.045, 0.043), (0.042, 0.065), (0.025, 0.082), (0, 0.071)]
     return {
         "red": lathe(profile, 12, crease=np.radians(70)),
         "brown": tube([(0, 0, 0.066), (0.002, 0, 0.082), (0.007, 0, 0.094)], 0.0028, 5),
@@ -88,23 +86,14 @@ def cupcake() -> Paint:
 
 
 def lime() -> Paint:
-    """Lime, 7 cm long, with a nub at both ends, lying on its side."""
-    profile = [
-        (0, 0),
-        (0.005, 0.002),
-        (0.009, 0.008),
-        (0.021, 0.016),
-        (0.027, 0.033),
-        (0.022, 0.052),
-        (0.008, 0.062),
-        (0.004, 0.069),
-        (0, 0.070),
-    ]
-    body = lathe(profile, 12, crease=np.radians(75)).turned("y", np.pi / 2).moved(z=0.027)
+    """Lime, 8 cm long, with a nub at both ends, lying on its side."""
+    half = [(0.006, 0.002), (0.010, 0.008), (0.026, 0.018), (0.033, 0.036)]
+    profile = [(0, 0), *half, (0.027, 0.058), (0.010, 0.071), (0.005, 0.079), (0, 0.080)]
+    fruit = lathe(profile, 12, crease=np.radians(75)).turned("y", np.pi / 2).moved(z=0.033)
     return {
-        "lime": body,
-        "brown": cylinder(0.004, 0.003, 6).turned("y", -np.pi / 2).moved(0.001, 0, 0.027),
-        "green": leaf(0.030, 0.016).turned("y", -0.7).turned("z", 0.5).moved(0.002, 0, 0.030),
+        "lime": fruit,
+        "brown": cylinder(0.005, 0.005, 6).turned("y", -np.pi / 2).moved(0.002, 0, 0.033),
+        "green": leaf(0.044, 0.024).turned("y", -1.15).moved(0.002, 0, 0.035),
     }
 
 
@@ -112,9 +101,10 @@ def peach() -> Paint:
     """Ripe peach, 8 cm across: blushed cheek, cleft, leaf."""
     profile = [(0, 0.003), (0.016, 0), (0.034, 0.016), (0.040, 0.038), (0.034, 0.060), (0.016, 0.073), (0, 0.068)]
     fruit = lathe(profile, 12, crease=np.radians(70))
-    cheek = fruit.triangles.mean(axis=1)[:, 0] > 0.006
+    middle = fruit.triangles.mean(axis=1)
+    cheek = np.abs(np.arctan2(middle[:, 1], middle[:, 0]) + np.pi / 6) < np.pi / 3  # from -90 to 30 degrees
     half = [Mesh(fruit.triangles[side], fruit.normals[side]) for side in (~cheek, cheek)]
-    cleft = np.array([(0, -r - 0.0005, z) for r, z in profile[1:]] + [(0, 0, 0.069)])
+    cleft = np.array([(0, -r - 0.0005, z) for r, z in profile[2:-1]] + [(0, 0, 0.069)])
     return {
         "peach": half[0],
         "blush": join(half[1], tube(cleft, 0.0018, 4)),
@@ -128,20 +118,17 @@ def cereal_box() -> Paint:
     face = 0.03
     bowl = patch(0.062 * np.concatenate([[[1.0, 0.05], [-1.0, 0.05]], arc(1.0, 1.06 * np.pi, 1.94 * np.pi, 6)]))
     flakes = [
-        disc(0.011, 6).moved(x, y, GAP2) for x, y in ((-0.036, 0.006), (-0.014, 0.012), (0.010, 0.007), (0.034, 0.011))
+        disc(0.011, 6).moved(x, y, GAP) for x, y in ((-0.036, 0.006), (-0.014, 0.012), (0.010, 0.007), (0.034, 0.011))
     ]
-    spots = [disc(0.009, 5).moved(x, y, GAP2) for x, y in ((-0.025, 0.040), (0.005, 0.055), (0.030, 0.036))]
+    spots = [disc(0.009, 5).moved(x, y, GAP) for x, y in ((-0.025, 0.040), (0.005, 0.055), (0.030, 0.036))]
     return {
         "red": box(0.20, 0.06, 0.29),
         "yellow": both(join(panel(0.20, 0.05).moved(y=0.235), panel(0.20, 0.02).moved(y=0.02)), face, 0),
-        "navy": both(lettering("FLAKES", 0.038).moved(z=GAP2), face, 0.235),
+        "navy": both(lettering("FLAKES", 0.038, 0.165).moved(z=GAP), face, 0.235),
         "white": both(patch(0.062 * np.concatenate([arc(1.0, 0, np.pi, 6)]) * [1, 0.3]).moved(y=0.003), face, 0.115),
         "blue": both(bowl, face, 0.115),
         "orange": both(join(*flakes, *spots), face, 0.115),
     }
-
-
-GAP2 = 0.001
 
 
 def juice_box() -> Paint:
@@ -154,8 +141,8 @@ def juice_box() -> Paint:
             both(panel(0.062, 0.030), y, 0.088),
         ),
         "orange": both(disc(0.022, 10), y, 0.040),
-        "lemon": both(disc(0.016, 8).moved(z=GAP2), y, 0.040),
-        "green": both(lettering("JUICE", 0.018, 0.2).moved(z=GAP2), y, 0.088),
+        "lemon": both(disc(0.016, 8).moved(z=GAP), y, 0.040),
+        "green": both(lettering("JUICE", 0.018, 0.055).moved(z=GAP), y, 0.088),
     }
 
 
@@ -168,8 +155,8 @@ def milk_carton() -> Paint:
     sides = join(both(band, 0.045, 0.06), both(band, 0.045, 0.06).turned("z", np.pi / 2))
     drop = patch([(0.012, 0.0), (0, 0.024), (-0.012, 0), (-0.009, -0.009), (0, -0.013), (0.009, -0.009)])
     return {
-        "white": join(loft(rings), box(0.09, 0.006, 0.025).moved(z=0.213), both(drop.moved(z=GAP2), 0.045, 0.058)),
-        "blue": join(sides, both(lettering("MILK", 0.036, 0.2), 0.045, 0.128)),
+        "white": join(loft(rings), box(0.09, 0.006, 0.025).moved(z=0.213), both(drop.moved(z=GAP), 0.045, 0.058)),
+        "blue": join(sides, both(lettering("MILK", 0.036, 0.082), 0.045, 0.128)),
         "red": cylinder(0.015, 0.014, 8).turned("x", 0.75).moved(0, -0.024, 0.192),
     }
 
@@ -178,26 +165,20 @@ def chocolate_syrup() -> Paint:
     """Brown squeeze bottle with a pointed cap."""
     return {
         "chocolate": lathe([(0, 0), (0.032, 0), (0.034, 0.008), (0.034, 0.120), (0.020, 0.145), (0, 0.145)], 12),
-        "yellow": lathe([(0.0348, 0.030), (0.0348, 0.100)], 12),
-        "brown": join(
-            bent(lettering("CHOCO", 0.022, 0.2), 0.0348, 0.076),
-            bent(lettering("CHOCO", 0.022, 0.2), 0.0348, 0.076).turned("z", np.pi),
-        ),
+        "yellow": lathe([(0.0348, 0.024), (0.0348, 0.110)], 12),
+        "brown": both(climbing(lettering("CHOCO", 0.028, 0.080)), 0.0348, 0.067),
         "red": lathe([(0.021, 0.145), (0.021, 0.158), (0.010, 0.164), (0.004, 0.195), (0, 0.195)], 10),
     }
 
 
 def whipped_cream() -> Paint:
     """Spray can with a white nozzle and a swirl of cream on it."""
-    swirl = [(0, 0), (0.018, 0), (0.013, 0.010), (0.014, 0.012), (0.008, 0.020), (0, 0.030)]
     return {
         "blue": lathe([(0, 0), (0.030, 0), (0.030, 0.150)], 12),
         "silver": lathe([(0.030, 0.150), (0.027, 0.162), (0.012, 0.170), (0, 0.170)], 12),
         "white": join(
-            lathe([(0.012, 0.168), (0.010, 0.182), (0.005, 0.212), (0, 0.212)], 8),
-            bent(lettering("CREAM", 0.022, 0.2), 0.030, 0.115),
-            bent(lettering("CREAM", 0.022, 0.2), 0.030, 0.115).turned("z", np.pi),
-            lathe(swirl, 8).scaled(1, 0.3, 1).moved(0, -0.029, 0.045),
+            lathe([(0.012, 0.168), (0.010, 0.182), (0.005, 0.212), (0, 0.212)], 6),
+            both(climbing(lettering("CREAM", 0.026, 0.095)), 0.030, 0.094),
         ),
         "red": lathe([(0.0306, 0.012), (0.0306, 0.030)], 12),
     }
@@ -207,9 +188,9 @@ def water_bottle() -> Paint:
     """Clear ribbed bottle with a blue label and cap."""
     ribs = [(0, 0), (0.030, 0), (0.033, 0.010), (0.033, 0.060), (0.030, 0.066), (0.033, 0.072), (0.033, 0.165)]
     return {
-        "ice": lathe([*ribs, (0.014, 0.208), (0.014, 0.220), (0, 0.220)], 12),
-        "sky": lathe([(0.0338, 0.090), (0.0338, 0.150)], 12),
-        "white": bent(lettering("WATER", 0.024, 0.2), 0.0338, 0.120),
+        "ice": lathe([*ribs, (0.014, 0.208), (0.014, 0.220)], 10),
+        "sky": lathe([(0.0338, 0.080), (0.0338, 0.162)], 10),
+        "white": both(climbing(lettering("WATER", 0.026, 0.074)), 0.0338, 0.121),
         "blue": cylinder(0.016, 0.022, 10).moved(z=0.216),
     }
 
@@ -218,14 +199,14 @@ def wine_bottle() -> Paint:
     """Green wine bottle, 30 cm high, with a cream label and a red capsule."""
     body = [(0, 0), (0.037, 0), (0.038, 0.004), (0.038, 0.185), (0.030, 0.208), (0.015, 0.225), (0.014, 0.240)]
     grapes = [
-        disc(0.005, 6).moved(x, y, GAP2)
+        disc(0.005, 6).moved(x, y, GAP)
         for x, y in ((-0.010, 0), (0, 0), (0.010, 0), (-0.005, -0.008), (0.005, -0.008), (0, -0.016))
     ]
     return {
         "bottle": lathe(body, 12),
         "wine": join(
             lathe([(0.0145, 0.238), (0.0150, 0.285), (0.0165, 0.286), (0.0165, 0.300), (0, 0.300)], 10),
-            bent(lettering("WINE", 0.020, 0.2).moved(z=GAP2), 0.0386, 0.138),
+            bent(lettering("WINE", 0.022, 0.054).moved(z=GAP), 0.0386, 0.138),
         ),
         "cream": lathe([(0.0386, 0.060), (0.0386, 0.160)], 12),
         "violet": bent(join(*grapes), 0.0386, 0.100),

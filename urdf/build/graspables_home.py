@@ -1,12 +1,11 @@
-"""Living-room and bedroom things. Each function returns the painted meshes of the class that it is named after."""
+"""Soft things, toys, clock and candle. Each function returns the painted meshes of the class that it is named after."""
 
 import numpy as np
 
-from urdf.build.decals import disc, front, lettering, line, panel, patch
+from urdf.build.decals import GAP, disc, front, line, panel, patch, twice, upright
 from urdf.build.meshes import (
     Array,
     Mesh,
-    arc,
     at_height,
     box,
     cylinder,
@@ -16,296 +15,118 @@ from urdf.build.meshes import (
     lathe,
     loft,
     ngon,
-    rounded_box,
-    shaded,
-    sphere,
     tube,
 )
 
 Paint = dict[str, Mesh]
 
 
-def board_game() -> Paint:
-    """Board game, 32 x 32 x 5 cm: a chequered board on the lid, with pieces."""
-    squares = [
-        panel(0.036, 0.036).moved(0.036 * (i - 2.5), 0.036 * (j - 2.5), 0.0512)
-        for i in range(6)
-        for j in range(6)
-        if (i + j) % 2
-    ]
-    pawn = join(cylinder(0.011, 0.018, 6, top=0.004), sphere(0.007, 6, 3).moved(z=0.015)).moved(z=0.050)
-    place = 0.036 * np.array([[-2.5, -1.5], [-0.5, 0.5], [1.5, -0.5], [2.5, 2.5]])
-    pawns = [pawn.moved(x, y) for x, y in place]
-    return {
-        "green": join(box(0.32, 0.32, 0.028).moved(z=0.022)),
-        "crimson": box(0.312, 0.312, 0.022),
-        "cream": box(0.24, 0.24, 0.0008).moved(z=0.050),
-        "brown": join(*squares),
-        "red": join(*pawns[::2]),
-        "blue": join(*pawns[1::2]),
-    }
-
-
-def book() -> Paint:
-    """Closed book, 22 x 15 x 4 cm, lying flat."""
-    covers = join(
-        box(0.22, 0.15, 0.005), box(0.22, 0.15, 0.005).moved(z=0.037), box(0.22, 0.006, 0.042).moved(0, 0.072)
-    )
-    frame = [box(0.19, 0.003, 0.001).moved(0, y, 0.042) for y in (-0.060, 0.050)]
-    frame += [box(0.003, 0.113, 0.001).moved(x, -0.005, 0.042) for x in (-0.0935, 0.0935)]
-    return {
-        "navy": covers,
-        "paper": box(0.212, 0.144, 0.032).moved(0, 0, 0.005),
-        "gold": join(*frame, lettering("NOVEL", 0.036, 0.18).moved(0, -0.002, 0.043)),
-        "red": box(0.012, 0.030, 0.002).moved(0.05, -0.087, 0.020),
-    }
-
-
 def candle() -> Paint:
     """Candle with drips in a brass holder with a ring handle."""
-    drip = ellipsoid(0.012, 0.008, 0.045, 6, 3)
-    drips = [
-        drip.moved(0.019).turned("z", a).moved(z=z) for a, z in ((0.3, 0.085), (2.2, 0.075), (4.0, 0.090), (5.2, 0.070))
-    ]
-    loop = np.column_stack([0.018 * ngon(1, 8)[:, 0], np.zeros(8), 0.018 * ngon(1, 8)[:, 1]])
+    drip = loft([at_height(r * ngon(1, 4), z) for r, z in ((0.001, 0), (0.005, 0.008), (0.002, 0.040))])
+    places = ((0.3, 0.085), (4.3, 0.088), (5.2, 0.070))
+    drips = [drip.moved(0.018).turned("z", angle).moved(z=z) for angle, z in places]
+    dish = [(0, 0), (0.046, 0), (0.056, 0.014), (0.050, 0.014), (0.040, 0.006), (0.025, 0.006), (0.025, 0.026)]
+    loop = upright(tube(at_height(ngon(0.018, 7), 0), 0.005, 3, closed=True))
     return {
-        "gold": join(
-            lathe(
-                [
-                    (0, 0),
-                    (0.046, 0),
-                    (0.056, 0.014),
-                    (0.050, 0.014),
-                    (0.040, 0.006),
-                    (0.025, 0.006),
-                    (0.025, 0.026),
-                    (0, 0.026),
-                ],
-                12,
-            ),
-            tube(loop, 0.004, 4, closed=True).moved(0.068, 0, 0.020),
-        ),
-        "cream": join(lathe([(0.020, 0.026), (0.020, 0.128), (0.016, 0.132), (0, 0.126)], 10), *drips),
-        "black": cylinder(0.0025, 0.018, 5).moved(z=0.125),
+        "gold": join(lathe(dish, 9), loop.moved(0.068, 0, 0.020)),
+        "cream": join(lathe([(0.026, 0.026), (0.020, 0.028), (0.020, 0.128), (0.016, 0.132), (0, 0.126)], 8), *drips),
+        "black": cylinder(0.0028, 0.020, 5).moved(z=0.125),
     }
 
 
 def clock() -> Paint:
-    """Twin-bell alarm clock, 15 cm high."""
+    """Twin-bell alarm clock, 15 cm high, its face towards -y."""
     centre = 0.068
-
-    def upright(mesh: Mesh) -> Mesh:
-        return mesh.turned("x", np.pi / 2)
-
-    ticks = [line((0, 0.034), (0, 0.041), 0.005).turned("z", n * np.pi / 6) for n in range(0, 12, 1)]
-    bell = lathe([(0.022, 0), (0.020, 0.010), (0.010, 0.017), (0, 0.018)], 10)
-    bells = [bell.turned("y", a).moved(np.sign(a) * 0.034, 0, centre + 0.048) for a in (-0.6, 0.6)]
-    feet = [cylinder(0.006, 0.030, 6, top=0.008).turned("y", a).moved(-np.sign(a) * 0.044, 0, 0) for a in (-0.5, 0.5)]
-    hands = join(line((0, 0), (0, 0.032), 0.005), line((0, 0), (0.018, 0.012), 0.006), disc(0.005, 6))
+    bell = lathe([(0.024, 0), (0.022, 0.010), (0.012, 0.018), (0, 0.020)], 8)
+    bells = [bell.turned("y", side * 0.6).moved(side * 0.034, 0, centre + 0.046) for side in (-1, 1)]
+    foot = cylinder(0.005, 0.034, 5, top=0.009)
+    feet = [foot.turned("y", -side * 0.5).moved(side * 0.046) for side in (-1, 1)]
+    arch = [(-0.030, 0, 0.062), (-0.018, 0, 0.085), (0.018, 0, 0.085), (0.030, 0, 0.062)]
+    case = lathe([(0, 0), (0.052, 0), (0.055, 0.005), (0.055, 0.045), (0.048, 0.045)], 14)
+    ticks = [line((0, 0.035), (0, 0.041), 0.005).turned("z", n * np.pi / 6) for n in range(12)]
+    hands = [line((0, 0), (-0.020, 0.012), 0.007), line((0, 0), (0.010, 0.031), 0.005), disc(0.006, 6)]
     return {
-        "red": join(
-            upright(lathe([(0, 0), (0.052, 0), (0.055, 0.005), (0.055, 0.045), (0.048, 0.045)], 16)).moved(
-                0, 0.022, centre
-            ),
-            *bells,
-        ),
-        "white": upright(disc(0.049, 16)).moved(0, -0.019, centre),
-        "black": join(upright(join(*ticks)).moved(0, -0.020, centre), upright(hands).moved(0, -0.021, centre)),
-        "gold": join(
-            *feet,
-            tube(
-                [
-                    (-0.030, 0, centre + 0.062),
-                    (-0.018, 0, centre + 0.083),
-                    (0.018, 0, centre + 0.083),
-                    (0.030, 0, centre + 0.062),
-                ],
-                0.004,
-                5,
-            ),
-        ),
+        "red": join(upright(case).moved(0, 0.022, centre), *bells),
+        "white": front(disc(0.049, 14), 0.018, centre),
+        "black": front(join(*ticks, *hands), 0.018 + GAP, centre),
+        "gold": join(*feet, tube(arch, 0.004, 4).moved(z=centre)),
     }
 
 
 def cushion() -> Paint:
-    """Plump square cushion, 34 cm, with a cross of stripes."""
-    steps = 8
+    """Plump square cushion, 34 cm, striped."""
+    corner = np.array([(t, -1 + 0.12 * (1 - t * t)) for t in (-1, -0.5, 0, 0.5)])
+    quarter = np.array([[0, -1], [1, 0]])
+    outline = np.concatenate([corner @ np.linalg.matrix_power(quarter, n).T for n in range(4)])
+    round_ = ngon(1.0, 16)[(np.arange(16) - 6) % 16]
 
-    def ring(size: float, z: float, pinch: float) -> Array:
-        t = np.linspace(-1, 1, steps // 2, endpoint=False)
-        side = np.column_stack([t, -1 + pinch * (1 - t**2)])
-        turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in np.arange(4) * np.pi / 2]
-        return at_height(size * np.concatenate([side @ turn.T for turn in turns]), z)
+    def side(levels: tuple[tuple[float, float, float], ...]) -> Mesh:
+        rings = [at_height(size * (square * outline + (1 - square) * round_), z) for size, square, z in levels]
+        return loft(rings, caps=False, crease=np.radians(70))
 
-    rings = [
-        ring(0.0, 0, 0),
-        ring(0.09, 0.0, -0.3),
-        ring(0.13, 0.02, -0.05),
-        ring(0.17, 0.058, 0.12),
-        ring(0.13, 0.100, -0.05),
-        ring(0.08, 0.118, -0.3),
-        ring(0, 0.121, 0),
-    ]
-    return {"teal": loft(rings[:4], caps=False, crease=1.0), "yellow": loft(rings[3:], caps=False, crease=1.0)}
-
-
-def folder() -> Paint:
-    """Manila folder with a tab and papers, 32 x 24 cm, lying flat."""
-    back = [
-        (-0.16, -0.115),
-        (0.16, -0.115),
-        (0.16, 0.105),
-        (0.15, 0.105),
-        (0.145, 0.12),
-        (0.075, 0.12),
-        (0.07, 0.105),
-        (-0.16, 0.105),
-    ]
+    low = side(((0, 0, 0), (0.08, 0.2, 0.0), (0.135, 0.7, 0.020), (0.166, 1, 0.058)))
+    high = side(((0.166, 1, 0.062), (0.14, 0.7, 0.096), (0.09, 0.3, 0.116), (0, 0, 0.120)))
     return {
-        "manila": join(extrude(back, 0.006), box(0.32, 0.205, 0.005).moved(0, -0.0125, 0.015)),
-        "paper": join(
-            box(0.30, 0.200, 0.009).moved(0.004, 0.000, 0.006), box(0.11, 0.030, 0.001).moved(-0.05, 0.01, 0.020)
-        ),
-        "red": box(0.055, 0.010, 0.001).moved(0.110, 0.112, 0.006),
-        "grey": join(*(box(w, 0.004, 0.001).moved(-0.05, y, 0.0205) for w, y in ((0.08, 0.016), (0.06, 0.005)))),
-    }
-
-
-def magazine() -> Paint:
-    """Glossy magazine, 28 x 21 cm, with a portrait on the cover."""
-    hair = patch(np.concatenate([arc(0.034, -0.2, np.pi + 0.2, 8), [(-0.038, -0.050), (0.038, -0.050)]]))
-    lines = [
-        panel(w, 0.006).moved(x, y)
-        for w, x, y in (
-            (0.06, -0.09, 0.0),
-            (0.05, -0.095, -0.02),
-            (0.055, -0.092, -0.04),
-            (0.05, 0.095, -0.05),
-            (0.06, 0.09, -0.07),
-        )
-    ]
-    top = 0.0205
-    return {
-        "sky": box(0.28, 0.21, 0.004).moved(z=0.016),
-        "paper": join(box(0.276, 0.206, 0.016), join(*lines).moved(z=top)),
-        "rose": join(
-            lettering("STYLE", 0.048, 0.2, 0.75).moved(0, 0.072, top),
-            patch([(-0.07, -0.105), (0.07, -0.105), (0.05, -0.065), (-0.05, -0.065)]).moved(z=top),
-        ),
-        "brown": hair.moved(0, -0.01, top),
-        "peach": join(
-            patch(ngon(1, 10) * [0.023, 0.030]).moved(0, -0.018, top + 0.0008),
-            panel(0.022, 0.03).moved(0, -0.055, top + 0.0008),
-        ),
-        "red": panel(0.014, 0.005).moved(0, -0.034, top + 0.0016),
-    }
-
-
-def mobile_phone() -> Paint:
-    """Mobile phone, 16 cm long, screen up, with app icons."""
-    top = 0.0125
-    colours = ("green", "orange", "rose", "sky")
-    icons: Paint = {}
-    for n, colour in enumerate(colours):
-        spots = [(0.045 - 0.022 * row, 0.021 - 0.014 * ((n + row) % 4)) for row in range(3)]
-        icons[colour] = join(*(panel(0.012, 0.010).moved(x, y, top + 0.001) for x, y in spots))
-    return {
-        "silver": rounded_box(0.16, 0.076, 0.012, 0.010, 2, bevel=0.002),
-        "navy": panel(0.146, 0.066).moved(z=top),
-        "white": join(
-            panel(0.004, 0.025).moved(-0.066, 0, top + 0.001), panel(0.012, 0.056).moved(-0.050, 0, top + 0.001)
-        ),
-        **icons,
-    }
-
-
-def notes() -> Paint:
-    """Yellow note pad, 15 cm long, ruled and written on, with a pencil."""
-    top = 0.0255
-    rules = [panel(0.10, 0.0015).moved(-0.012, y, top) for y in (0.030, 0.015, 0.0, -0.015, -0.030)]
-    words = [
-        line((x, y + 0.003), (x + w, y + 0.007), 0.003).moved(z=top)
-        for x, y, w in ((-0.05, 0.030, 0.05), (-0.05, 0.015, 0.07), (-0.05, 0.0, 0.035))
-    ]
-    return {
-        "yellow": box(0.15, 0.105, 0.025),
-        "blue": join(*rules),
-    }
-
-
-def remote_control() -> Paint:
-    """Remote control, 19 cm long, buttons up."""
-    top = 0.022
-
-    def button(x: float, y: float, r: float = 0.0055) -> Mesh:
-        return extrude(ngon(r, 6), 0.003, top=0.8).moved(x, y, top)
-
-    digits = [button(0.015 - 0.017 * i, 0.015 - 0.015 * j) for i in range(4) for j in range(3)]
-    return {
-        "charcoal": rounded_box(0.19, 0.055, top, 0.010, 2, bevel=0.004),
-        "white": join(*digits),
-        "red": button(0.080, 0.014, 0.007),
-        "blue": join(tube(at_height(ngon(0.014, 8), top), 0.003, 4, closed=True).moved(0.047), button(0.047, 0)),
-        "green": button(-0.065, 0.013),
-        "yellow": button(-0.065, -0.013),
+        "teal": low,
+        "yellow": high,
+        "cream": side(((0.166, 1, 0.056), (0.170, 1, 0.060), (0.166, 1, 0.064))),
+        "rose": lathe([(0.014, 0.118), (0.010, 0.125), (0, 0.126)], 8),
     }
 
 
 def sports_ball() -> Paint:
     """Football, 20 cm wide: black pentagons and white hexagons."""
     black, white = _football(0.10)
-    return {"black": black.moved(z=0.10), "white": white.moved(z=0.10)}
+    return {"black": black, "white": white}
 
 
 def teddy_bear() -> Paint:
-    """Sitting teddy bear, 28 cm high."""
+    """Sitting teddy bear, 27 cm high, facing -y."""
 
     def pair(mesh: Mesh) -> Mesh:
         return join(mesh, mesh.scaled(x=-1))
 
-    ears = pair(ellipsoid(0.058, 0.030, 0.058, 6, 3).moved(0.058, 0, 0.232))
-    arms = pair(ellipsoid(0.050, 0.054, 0.110, 6, 3).turned("y", -0.7).moved(0.062, -0.02, 0.085))
-    legs = pair(ellipsoid(0.064, 0.120, 0.062, 6, 3).turned("z", 0.3).moved(0.062, -0.055, 0))
+    ear = upright(lathe([(0.034, -0.012), (0.024, 0.014)], 7)).moved(0.054, 0, 0.242)
+    arms = pair(ellipsoid(0.056, 0.056, 0.110, 6, 3).turned("y", -0.55).moved(0.060, -0.030, 0.070))
+    legs = pair(ellipsoid(0.074, 0.120, 0.072, 6, 3).turned("z", 0.35).moved(0.060, -0.060))
+    body = ellipsoid(0.160, 0.140, 0.165, 7, 4)
+    head = ellipsoid(0.140, 0.125, 0.125, 8, 5).moved(0, -0.005, 0.137)
+    soles = pair(upright(disc(0.026, 6)).turned("z", 0.35).moved(0.082, -0.120, 0.038))
+    bow = patch([(0, -0.006), (0.036, -0.022), (0.036, 0.016), (0, 0.006)])
+    eye = upright(lathe([(0.010, 0), (0, 0.007)], 6)).moved(0.030, -0.057, 0.219)
     return {
-        "fur": join(
-            ellipsoid(0.150, 0.130, 0.160, 8, 5).moved(z=0.005),
-            ellipsoid(0.138, 0.125, 0.125, 8, 5).moved(z=0.140),
-            ears,
-            arms,
-            legs,
-        ),
+        "fur": join(body, head, pair(ear), arms, legs),
         "tan": join(
-            ellipsoid(0.070, 0.055, 0.054, 6, 3).moved(0, -0.056, 0.160),
-            pair(front(disc(0.022, 6), 0.115, 0.032, 0.082)),
+            ellipsoid(0.072, 0.055, 0.054, 6, 3).moved(0, -0.060, 0.155),
+            soles,
+            pair(upright(disc(0.024, 7)).moved(0.054, -0.014, 0.242)),
         ),
-        "black": join(
-            ellipsoid(0.026, 0.020, 0.018, 4, 2).moved(0, -0.084, 0.190),
-            pair(ellipsoid(0.017, 0.014, 0.020, 4, 2).moved(0.030, -0.052, 0.218)),
-        ),
-        "red": patch([(0, -0.012), (0.035, -0.028), (0.035, 0.016)]).turned("x", np.pi / 2).moved(0, -0.062, 0.150),
+        "black": join(ellipsoid(0.028, 0.020, 0.018, 4, 2).moved(0, -0.086, 0.186), pair(eye)),
+        "red": pair(upright(bow).moved(0, -0.072, 0.138)),
     }
 
 
 def toy_car() -> Paint:
-    """Toy car, 16 cm long."""
-    body = extrude(
-        [(-0.08, 0.012), (0.08, 0.012), (0.08, 0.034), (0.045, 0.040), (-0.075, 0.040), (-0.08, 0.034)], 0.072
-    )
-    roof = extrude([(-0.055, 0), (0.040, 0), (0.018, 0.030), (-0.042, 0.030)], 0.064)
-
-    def upright(mesh: Mesh, depth: float) -> Mesh:
-        return mesh.turned("x", np.pi / 2).moved(y=depth / 2)
-
-    wheel = cylinder(0.017, 0.014, 10).turned("x", np.pi / 2)
-    wheels = [wheel.moved(x, y, 0.017) for x in (-0.045, 0.045) for y in (-0.028, 0.042)]
-    windows = [
-        patch([(-0.043, 0.004), (-0.004, 0.004), (-0.004, 0.025), (-0.035, 0.025)]),
-        patch([(0.002, 0.004), (0.032, 0.004), (0.016, 0.025), (0.002, 0.025)]),
+    """Toy car, 16 cm long, driving towards +x."""
+    side = [(-0.08, 0.012), (0.08, 0.012), (0.08, 0.034), (0.045, 0.042), (-0.075, 0.042), (-0.08, 0.036)]
+    cabin = [(-0.062, 0.042), (0.045, 0.042), (0.018, 0.074), (-0.046, 0.074)]
+    panes = [
+        [(-0.052, 0.046), (-0.010, 0.046), (-0.010, 0.069), (-0.041, 0.069)],
+        [(-0.004, 0.046), (0.034, 0.046), (0.016, 0.069), (-0.004, 0.069)],
     ]
+    shield = panel(0.034, 0.052).turned("y", np.arctan2(0.032, 0.027)).moved(0.0315, 0, 0.058)
+    shields = join(shield.moved(GAP, 0, GAP), panel(0.028, 0.052).turned("y", -1.1).moved(-0.055, 0, 0.058))
+    wheel = upright(cylinder(0.018, 0.014, 10))
+    hub = front(disc(0.009, 6), 0.044, 0.018)
+    places = (-0.045, 0.045)
+    lights = [box(0.004, 0.014, 0.009).moved(0.080, y, 0.022) for y in (-0.022, 0.022)]
     return {
-        "red": join(upright(body, 0.072), upright(roof, 0.064).moved(z=0.040)),
-        "black": join(*wheels),
-        "ice": join(*windows).moved(0, 0, 0),
+        "red": join(upright(extrude(side, 0.076)).moved(y=0.038), upright(extrude(cabin, 0.064)).moved(y=0.032)),
+        "black": join(*(wheel.moved(x, y, 0.018) for x in places for y in (-0.030, 0.044))),
+        "silver": twice(join(*(hub.moved(x) for x in places))),
+        "ice": join(*(front(patch(pane), side_, 0) for pane in panes for side_ in (0.032,)), shields),
+        "yellow": join(*lights),
     }
 
 

@@ -6,16 +6,12 @@ from urdf.build.decals import disc
 from urdf.build.meshes import (
     Mesh,
     arc,
-    at_height,
     box,
     cylinder,
     extrude,
     join,
     lathe,
-    loft,
-    ngon,
     rounded_box,
-    sphere,
     tube,
 )
 
@@ -25,7 +21,7 @@ Paint = dict[str, Mesh]
 def handle(reach: float, height: float, thickness: float) -> Mesh:
     """Return a D-shaped handle that starts at the z axis and reaches out along +x, centred on z = 0."""
     curve = arc(1.0, -np.pi / 2, np.pi / 2, 6) * [reach, height / 2]
-    return tube(np.column_stack([curve[:, 0], np.zeros(7), curve[:, 1]]), thickness, 5)
+    return tube(np.column_stack([curve[:, 0], np.zeros(7), curve[:, 1]]), thickness, 4)
 
 
 def mug() -> Paint:
@@ -78,25 +74,25 @@ def plate() -> Paint:
 
 
 def fork() -> Paint:
-    """Dinner fork, 21 cm long, four tines, with a red grip."""
+    """Dinner fork, 23 cm long and broad, four tines, with a red grip."""
     tines = []
-    for y in (0.0130, 0.0045, -0.0040, -0.0125):
-        tines += [(0.047, y), (0.100, y - 0.0008), (0.100, y - 0.0036), (0.047, y - 0.0045)]
-    half = [(0.038, -0.0170), (0.022, -0.0150), (0.008, -0.0050), (-0.020, -0.0045)]
-    outline = [*reversed(tines), *((x, -y) for x, y in half), *reversed(half)]
+    for y in (0.0195, 0.0075, -0.0045, -0.0165):
+        tines += [(0.052, y), (0.115, y - 0.001), (0.115, y - 0.005), (0.052, y - 0.006)]
+    half = [(0.044, -0.0225), (0.026, -0.0205), (0.008, -0.0070), (-0.020, -0.0060)]
+    clockwise = [*half, *((x, -y) for x, y in reversed(half)), *tines]
     return {
-        "silver": extrude(_anticlockwise(outline), 0.006).turned("y", -0.08).moved(z=0.010),
-        "red": rounded_box(0.095, 0.022, 0.018, 0.006).moved(-0.062),
+        "silver": extrude(clockwise[::-1], 0.007).turned("y", -0.08).moved(z=0.011),
+        "red": rounded_box(0.110, 0.028, 0.020, 0.007).moved(-0.060),
     }
 
 
 def knife() -> Paint:
     """Kitchen knife, 24 cm long, with a riveted black grip."""
-    blade = [(-0.010, -0.018), (0.070, -0.018), (0.105, -0.008), (0.130, 0.014), (-0.010, 0.014)]
+    blade = [(-0.010, -0.024), (0.075, -0.024), (0.108, -0.012), (0.130, 0.016), (-0.010, 0.016)]
     return {
-        "silver": extrude(blade, 0.008).moved(z=0.005),
-        "black": rounded_box(0.100, 0.026, 0.020, 0.007).moved(-0.058),
-        "gold": join(*(cylinder(0.004, 0.002, 6).moved(x, 0, 0.0195) for x in (-0.090, -0.058, -0.026))),
+        "silver": extrude(blade, 0.010).moved(z=0.005),
+        "black": rounded_box(0.105, 0.030, 0.022, 0.008).moved(-0.058),
+        "gold": join(*(cylinder(0.0045, 0.002, 6).moved(x, 0, 0.0215) for x in (-0.092, -0.058, -0.024))),
     }
 
 
@@ -107,7 +103,6 @@ def frying_pan() -> Paint:
         "charcoal": join(lathe([(0, 0), (0.080, 0), (0.100, 0.042), (0.095, 0.042)], 16), grip),
         "grey": lathe([(0.095, 0.042), (0.076, 0.008), (0, 0.008)], 16),
         "steel": box(0.030, 0.018, 0.010).turned("y", -0.12).moved(0.108, 0, 0.032),
-        "red": disc(0.020, 10).moved(z=0.009),
     }
 
 
@@ -115,8 +110,8 @@ def cooking_pot() -> Paint:
     """Stew pot, 20 cm wide, with a lid and two handles."""
     ear = handle(0.034, 0.070, 0.007).turned("x", np.pi / 2).moved(0.096, 0, 0.095)
     return {
-        "red": lathe([(0, 0), (0.094, 0), (0.100, 0.010), (0.100, 0.125)], 16),
-        "silver": lathe([(0.104, 0.125), (0.104, 0.132), (0.060, 0.146), (0, 0.150)], 16),
+        "red": lathe([(0, 0), (0.094, 0), (0.100, 0.010), (0.100, 0.125)], 14),
+        "silver": lathe([(0.104, 0.125), (0.104, 0.132), (0.060, 0.146), (0, 0.150)], 14),
         "black": join(ear, ear.turned("z", np.pi), cylinder(0.014, 0.022, 8, top=0.020).moved(z=0.149)),
     }
 
@@ -129,9 +124,9 @@ def coffee_pot() -> Paint:
         [(0.040, 0, 0.158), (0.092, 0, 0.160), (0.100, 0, 0.140), (0.094, 0, 0.070), (0.066, 0, 0.055)], 0.009, 6
     )
     return {
-        "chocolate": lathe(coffee, 14),
-        "glass": lathe([(0.062, 0.085), (0.042, 0.128), (0.042, 0.138)], 14),
-        "black": join(lathe([(0.045, 0.136), (0.045, 0.165), (0.020, 0.172), (0, 0.172)], 14), spout, grip),
+        "chocolate": lathe(coffee, 12),
+        "glass": lathe([(0.062, 0.085), (0.042, 0.128), (0.042, 0.138)], 12),
+        "black": join(lathe([(0.045, 0.136), (0.045, 0.165), (0.020, 0.172), (0, 0.172)], 12), spout, grip),
         "red": cylinder(0.010, 0.014, 8).moved(z=0.171),
     }
 
@@ -153,11 +148,3 @@ def washing_sponge() -> Paint:
         "green": rounded_box(0.110, 0.070, 0.012, 0.006, bevel=0),
         "gold": join(*top, *side),
     }
-
-
-def _anticlockwise(outline: list[tuple[float, float]]) -> np.ndarray:
-    """Return the corners of a polygon in counterclockwise order."""
-    points = np.array(outline)
-    after = np.roll(points, -1, axis=0)
-    area = np.sum(points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0])
-    return points if area > 0 else points[::-1]

@@ -16,7 +16,7 @@ URDF_DIR = Path(__file__).parents[1]
 GROUPS = ("graspables", "furniture", "robots")
 
 #: Direction (x, y, z) from a model to the camera: graspables face -y, furniture and robots face +x.
-VIEWS = {"graspables": (-0.45, -1.0, 0.75), "furniture": (1.0, -0.6, 0.65), "robots": (1.0, -0.6, 0.45)}
+VIEWS = {"graspables": (-0.35, -1.0, 0.7), "furniture": (1.0, -0.6, 0.65), "robots": (1.0, -0.6, 0.45)}
 LIGHTS = {"graspables": (-0.8, -1.2, 2.0), "furniture": (1.4, -0.5, 2.0), "robots": (1.4, -0.5, 2.0)}
 FIELD_OF_VIEW = 30.0  # degrees
 BACKGROUND = (226, 230, 232)
@@ -71,9 +71,13 @@ def _visible_bounds(body: int, client: int) -> NDArray[np.float64]:
 
 def _camera(bounds: NDArray[np.float64], view: NDArray[np.float64]) -> tuple[list[float], list[float]]:
     """Return view and projection matrices of a camera whose picture just holds the bounds."""
-    centre, radius = bounds.mean(axis=0), np.linalg.norm(bounds[1] - bounds[0]) / 2
-    distance = 0.92 * radius / np.sin(np.radians(FIELD_OF_VIEW / 2))
-    eye = centre + distance * view / np.linalg.norm(view)
+    centre, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2
+    towards = view / np.linalg.norm(view)
+    right = np.cross([0, 0, 1], towards) / np.linalg.norm(np.cross([0, 0, 1], towards))
+    corners = np.stack(np.meshgrid(*(bounds - centre).T), axis=-1).reshape(-1, 3)
+    reach = np.abs(corners @ np.stack([right, np.cross(towards, right)], axis=1)).max(axis=1)
+    distance = float(np.max(1.04 * reach / np.tan(np.radians(FIELD_OF_VIEW / 2)) + corners @ towards))
+    eye = centre + distance * towards
     return (
         p.computeViewMatrix(eye.tolist(), centre.tolist(), [0, 0, 1]),
         p.computeProjectionMatrixFOV(FIELD_OF_VIEW, 1.0, 0.1 * distance, distance + 2 * radius),
