@@ -149,7 +149,7 @@ class Arm:
 
     def _postures(self, point: Array) -> tuple[Array, Array]:
         """Return all allowed postures (n, 8) for a point in the humanoid's frame, and their costs (n,)."""
-        lift, pitch, offset, swivel = _CHOICES.T
+        lift, pitch, offset = _CHOICES[:, :3].T
         shoulder = self._shoulder + lift[:, None] * (0.0, 0.0, 1.0)
         yaw = np.arctan2(*(point - self._shoulder)[1::-1]) + offset
         hand = _hand_frames(yaw, pitch)
@@ -226,9 +226,13 @@ def _wrist_angles(turn: Array) -> Array:
 
 
 def _clear(elbow: Array, wrist: Array, grasp: Array, lift: Array) -> NDArray[np.bool_]:
-    """Tell which arms keep off the robot's own base, column, trunk and head."""
+    """Tell which arms keep off the robot's own base, column, trunk and head.
+
+    The robot is taken as three upright cylinders: the base up to 0.37 m, the column, and all above the trunk's
+    lower edge, which rises with the lift. Each counts with the arm's own thickness added.
+    """
     clear = np.ones(len(lift), dtype=bool)
-    for point in (elbow, (elbow + wrist) / 2, wrist, (wrist + grasp) / 2):
+    for point in (elbow, (elbow + wrist) / 2, wrist, (wrist + grasp) / 2, np.broadcast_to(grasp, wrist.shape)):
         height = point[:, 2]
         radius = np.where(height < 0.37, 0.28, np.where(height < 0.74 + lift, 0.12, 0.20))
         clear &= np.hypot(point[:, 0], point[:, 1]) > radius
