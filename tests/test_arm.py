@@ -106,6 +106,13 @@ def test_depends_on_base_and_target_alone(arm: Arm, place: tuple, other: tuple, 
     assert arm.configuration() == arm.carry
 
 
+def test_contains_is_vectorised() -> None:
+    turn = 2 * np.pi
+    distance, height = np.array([0.6, 0.39, 0.93, 0.6]), np.array([0.9, 0.9, 0.9, 1.6])
+    assert REACH.contains(distance, height, 0.1).tolist() == [True, False, False, False]
+    assert REACH.contains(0.6, 0.9, np.radians([19, -19, 21, 180]) + turn).tolist() == [True, True, False, False]
+
+
 def test_fixed_poses(arm: Arm) -> None:
     move_base(arm, 0, 0, 0)
     for pose in (arm.rest, arm.carry):
