@@ -130,12 +130,12 @@ def remote_control() -> Paint:
     """Remote control, 19 cm long, buttons up."""
     top = 0.020
 
-    def button(x: float, y: float, width: float = 0.010) -> Mesh:
+    def button(x: float, y: float, width: float) -> Mesh:
         low, high = ngon(0.7 * width, 4), ngon(0.55 * width, 4)
         rings = [at_height(low, 0), at_height(high, 0.003), at_height(0 * high, 0.0031)]
         return loft(rings, caps=False).turned("z", np.pi / 4).moved(x, y, top)
 
-    digits = [button(0.012 - 0.017 * i, 0.015 - 0.015 * j) for i in range(4) for j in range(3)]
+    digits = [button(0.012 - 0.021 * i, 0.017 - 0.017 * j, 0.010) for i in range(3) for j in range(3)]
     return {
         "charcoal": rounded_box(0.19, 0.055, top, 0.010, 1, bevel=0.004),
         "white": join(*digits),

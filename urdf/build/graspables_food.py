@@ -2,18 +2,19 @@
 
 import numpy as np
 
-from urdf.build.decals import GAP, bent, both, climbing, disc, lettering, panel, patch
+from urdf.build.decals import GAP, bent, both, climbing, disc, front, lettering, panel, patch
 from urdf.build.meshes import (
     Mesh,
     arc,
     at_height,
     box,
     cylinder,
-    ellipsoid,
+    extrude,
     join,
     lathe,
     loft,
     ngon,
+    rectangle,
     sphere,
     tube,
 )
@@ -40,7 +41,7 @@ def apple() -> Paint:
 
 
 def banana() -> Paint:
-    """Curved banana, 19 cm long, lying on its side."""
+    """Curved banana, 21 cm long, lying on its side."""
     angles = np.linspace(0.25 * np.pi, 0.75 * np.pi, 8)
     path = np.column_stack([0.125 * np.cos(angles), 0.125 * np.sin(angles), np.full(8, 0.019)])
     radii = (0.008, 0.015, 0.019, 0.020, 0.020, 0.019, 0.014, 0.006)
@@ -54,14 +55,11 @@ def banana() -> Paint:
 
 def bread() -> Paint:
     """Tin loaf, 24 cm long, scored across its top."""
-    slice_ = np.array(
-        [[-4.2, 0], [4.2, 0], [4.8, 5.5], [5.3, 7.5], [4.0, 9.6], [0, 10.6], [-4.0, 9.6], [-5.3, 7.5], [-4.8, 5.5]]
-    )
-    rings = [
-        np.column_stack([np.full(9, x), 0.01 * scale * slice_[:, 0], 0.01 * slice_[:, 1] * (1 + scale) / 2])
-        for x, scale in ((-0.12, 0.86), (-0.108, 1.0), (0.108, 1.0), (0.12, 0.86))
-    ]
-    score = ellipsoid(0.022, 0.080, 0.012, 8, 3).turned("z", -0.5)
+    half = np.array([(0.042, 0.0), (0.048, 0.055), (0.053, 0.075), (0.040, 0.096)])
+    outline = np.concatenate([half, [(0, 0.106)], half[::-1] * [-1, 1]])
+    ends = ((-0.12, 0.86), (-0.108, 1.0), (0.108, 1.0), (0.12, 0.86))
+    rings = [np.column_stack([np.full(9, x), outline * [scale, (1 + scale) / 2]]) for x, scale in ends]
+    score = extrude(ngon(1.0, 6) * [0.040, 0.012], 0.008, top=0.3).turned("z", np.pi / 2 - 0.5)
     return {
         "crust": loft(rings, crease=np.radians(50)),
         "cream": join(*(score.moved(x, 0, 0.099) for x in (-0.075, -0.025, 0.025, 0.075))),
@@ -70,18 +68,16 @@ def bread() -> Paint:
 
 def cupcake() -> Paint:
     """Cupcake, 8 cm wide: pleated case, pink frosting, a cherry."""
-    pleat = np.where(np.arange(20) % 2, 0.93, 1.0)[:, None] * ngon(1.0, 20)
-    case = loft([at_height(0.026 * pleat, 0), at_height(0.038 * pleat, 0.040)], caps=False, crease=0.1)
-    frosting = [(0, 0.038), (0.041, 0.038), (0.044, 0.048), (0.034, 0.058), (0.033, 0.064), (0.022, 0.073), (0, 0.084)]
-    sprinkles = [
-        box(0.008, 0.003, 0.003).turned("z", 1.9 * n).moved(*(r * ngon(1, 7)[n % 7]), z)
-        for n, (r, z) in enumerate([(0.036, 0.053), (0.026, 0.067)] * 3)
-    ]
+    pleats = np.where(np.arange(20) % 2, 0.93, 1.0)[:, None] * ngon(1.0, 20)
+    case = loft([at_height(0.026 * pleats, 0), at_height(0.038 * pleats, 0.040)], caps=False, crease=0.1)
+    frosting = [(0.036, 0.038), (0.044, 0.046), (0.034, 0.058), (0.033, 0.064), (0.022, 0.073), (0, 0.084)]
+    sprinkle = tube([(0, -0.005, 0), (0, 0.005, 0)], 0.002, 3)
+    places = ((0.037, 0.054, 3.6), (0.027, 0.069, 4.3), (0.037, 0.054, 5.0), (0.027, 0.069, 5.8), (0.037, 0.054, 0.5))
     return {
         "teal": case,
         "pink": lathe(frosting, 12, crease=np.radians(50)),
-        "red": sphere(0.011, 8, 4).moved(z=0.078),
-        "yellow": join(*sprinkles),
+        "red": sphere(0.011, 7, 4).moved(z=0.078),
+        "yellow": join(*(sprinkle.turned("z", 2 * a).moved(r * np.cos(a), r * np.sin(a), z) for r, z, a in places)),
     }
 
 
@@ -114,20 +110,21 @@ def peach() -> Paint:
 
 
 def cereal_box() -> Paint:
-    """Cereal box, 20 x 6 x 29 cm, with a bowl of flakes on the front."""
-    face = 0.03
-    bowl = patch(0.062 * np.concatenate([[[1.0, 0.05], [-1.0, 0.05]], arc(1.0, 1.06 * np.pi, 1.94 * np.pi, 6)]))
-    flakes = [
-        disc(0.011, 6).moved(x, y, GAP) for x, y in ((-0.036, 0.006), (-0.014, 0.012), (0.010, 0.007), (0.034, 0.011))
-    ]
-    spots = [disc(0.009, 5).moved(x, y, GAP) for x, y in ((-0.025, 0.040), (0.005, 0.055), (0.030, 0.036))]
+    """Cereal box, 20 x 6 x 29 cm, with a bowl of flakes on both sides."""
+    depth, middle, radius = 0.03, 0.115, 0.062
+    bowl = radius * np.concatenate([[(1.0, 0.05), (-1.0, 0.05)], arc(1.0, 1.06 * np.pi, 1.94 * np.pi, 6)])
+    milk = radius * arc(1.0, 0, np.pi, 6) * [1, 0.3] + [0, 0.003]
+    floating = ((-0.036, 0.006), (-0.014, 0.012), (0.010, 0.007), (0.034, 0.011))
+    falling = ((-0.025, 0.040), (0.005, 0.055), (0.030, 0.036))
+    flakes = join(*(disc(0.010, 5).moved(x, y, GAP) for x, y in floating + falling))
+    bands = join(panel(0.20, 0.05).moved(y=0.235), panel(0.20, 0.02).moved(y=0.02))
     return {
         "red": box(0.20, 0.06, 0.29),
-        "yellow": both(join(panel(0.20, 0.05).moved(y=0.235), panel(0.20, 0.02).moved(y=0.02)), face, 0),
-        "navy": both(lettering("FLAKES", 0.038, 0.165).moved(z=GAP), face, 0.235),
-        "white": both(patch(0.062 * np.concatenate([arc(1.0, 0, np.pi, 6)]) * [1, 0.3]).moved(y=0.003), face, 0.115),
-        "blue": both(bowl, face, 0.115),
-        "orange": both(join(*flakes, *spots), face, 0.115),
+        "yellow": both(bands, depth, 0),
+        "navy": both(lettering("FLAKES", 0.038, 0.165).moved(z=GAP), depth, 0.235),
+        "white": both(patch(milk), depth, middle),
+        "blue": both(patch(bowl), depth, middle),
+        "orange": both(flakes, depth, middle),
     }
 
 
@@ -148,15 +145,13 @@ def juice_box() -> Paint:
 
 def milk_carton() -> Paint:
     """Gable-top milk carton, 24 cm high."""
-    rings = [[[-0.045, -0.045, z], [0.045, -0.045, z], [0.045, 0.045, z], [-0.045, 0.045, z]] for z in (0.0, 0.17)] + [
-        [[-0.045, -0.004, 0.215], [0.045, -0.004, 0.215], [0.045, 0.004, 0.215], [-0.045, 0.004, 0.215]]
-    ]
-    band = join(panel(0.09, 0.045), panel(0.09, 0.008).moved(y=-0.040))
-    sides = join(both(band, 0.045, 0.06), both(band, 0.045, 0.06).turned("z", np.pi / 2))
+    square, ridge = rectangle(0.09, 0.09), rectangle(0.09, 0.006)
+    body = loft([at_height(square, 0), at_height(square, 0.170), at_height(ridge, 0.215), at_height(ridge, 0.238)])
+    band = both(join(panel(0.09, 0.045), panel(0.09, 0.008).moved(y=-0.040)), 0.045, 0.06)
     drop = patch([(0.012, 0.0), (0, 0.024), (-0.012, 0), (-0.009, -0.009), (0, -0.013), (0.009, -0.009)])
     return {
-        "white": join(loft(rings), box(0.09, 0.006, 0.025).moved(z=0.213), both(drop.moved(z=GAP), 0.045, 0.058)),
-        "blue": join(sides, both(lettering("MILK", 0.036, 0.082), 0.045, 0.128)),
+        "white": join(body, both(drop.moved(z=GAP), 0.045, 0.058)),
+        "blue": join(band, band.turned("z", np.pi / 2), both(lettering("MILK", 0.036, 0.082), 0.045, 0.128)),
         "red": cylinder(0.015, 0.014, 8).turned("x", 0.75).moved(0, -0.024, 0.192),
     }
 
@@ -164,50 +159,49 @@ def milk_carton() -> Paint:
 def chocolate_syrup() -> Paint:
     """Brown squeeze bottle with a pointed cap."""
     return {
-        "chocolate": lathe([(0, 0), (0.032, 0), (0.034, 0.008), (0.034, 0.120), (0.020, 0.145), (0, 0.145)], 12),
-        "yellow": lathe([(0.0348, 0.024), (0.0348, 0.110)], 12),
-        "brown": both(climbing(lettering("CHOCO", 0.028, 0.080)), 0.0348, 0.067),
-        "red": lathe([(0.021, 0.145), (0.021, 0.158), (0.010, 0.164), (0.004, 0.195), (0, 0.195)], 10),
+        "chocolate": join(
+            lathe([(0, 0), (0.032, 0), (0.034, 0.006), (0.034, 0.024)], 12),
+            lathe([(0.034, 0.110), (0.034, 0.120), (0.020, 0.145)], 12),
+        ),
+        "yellow": lathe([(0.034, 0.024), (0.034, 0.110)], 12),
+        "brown": front(climbing(lettering("CHOCO", 0.028, 0.080)), 0.034, 0.067),
+        "red": lathe([(0.021, 0.145), (0.021, 0.158), (0.010, 0.164), (0.004, 0.195), (0, 0.195)], 9),
     }
 
 
 def whipped_cream() -> Paint:
-    """Spray can with a white nozzle and a swirl of cream on it."""
+    """Spray can of whipped cream with a white nozzle, 21 cm high."""
     return {
-        "blue": lathe([(0, 0), (0.030, 0), (0.030, 0.150)], 12),
-        "silver": lathe([(0.030, 0.150), (0.027, 0.162), (0.012, 0.170), (0, 0.170)], 12),
+        "red": lathe([(0, 0), (0.030, 0), (0.030, 0.030)], 12),
+        "blue": lathe([(0.030, 0.030), (0.030, 0.150)], 12),
+        "silver": lathe([(0.030, 0.150), (0.027, 0.162), (0.011, 0.170)], 12),
         "white": join(
-            lathe([(0.012, 0.168), (0.010, 0.182), (0.005, 0.212), (0, 0.212)], 6),
-            both(climbing(lettering("CREAM", 0.026, 0.095)), 0.030, 0.094),
+            lathe([(0.012, 0.168), (0.010, 0.182), (0.005, 0.212), (0, 0.212)], 7),
+            front(climbing(lettering("CREAM", 0.026, 0.095)), 0.030, 0.094),
         ),
-        "red": lathe([(0.0306, 0.012), (0.0306, 0.030)], 12),
     }
 
 
 def water_bottle() -> Paint:
-    """Clear ribbed bottle with a blue label and cap."""
-    ribs = [(0, 0), (0.030, 0), (0.033, 0.010), (0.033, 0.060), (0.030, 0.066), (0.033, 0.072), (0.033, 0.165)]
+    """Water bottle, 24 cm high, with a waist, a blue label and a cap."""
+    base = [(0, 0), (0.030, 0), (0.033, 0.010), (0.033, 0.060), (0.030, 0.066), (0.033, 0.072), (0.033, 0.080)]
     return {
-        "ice": lathe([*ribs, (0.014, 0.208), (0.014, 0.220)], 10),
-        "sky": lathe([(0.0338, 0.080), (0.0338, 0.162)], 10),
-        "white": both(climbing(lettering("WATER", 0.026, 0.074)), 0.0338, 0.121),
+        "ice": join(lathe(base, 10), lathe([(0.033, 0.162), (0.014, 0.208), (0.014, 0.216)], 10)),
+        "sky": lathe([(0.033, 0.080), (0.033, 0.162)], 10),
+        "white": front(climbing(lettering("WATER", 0.026, 0.074)), 0.033, 0.121),
         "blue": cylinder(0.016, 0.022, 10).moved(z=0.216),
     }
 
 
 def wine_bottle() -> Paint:
     """Green wine bottle, 30 cm high, with a cream label and a red capsule."""
-    body = [(0, 0), (0.037, 0), (0.038, 0.004), (0.038, 0.185), (0.030, 0.208), (0.015, 0.225), (0.014, 0.240)]
-    grapes = [
-        disc(0.005, 6).moved(x, y, GAP)
-        for x, y in ((-0.010, 0), (0, 0), (0.010, 0), (-0.005, -0.008), (0.005, -0.008), (0, -0.016))
-    ]
+    neck = [(0.038, 0.160), (0.038, 0.185), (0.030, 0.208), (0.015, 0.225), (0.014, 0.240)]
+    capsule = [(0.0145, 0.238), (0.0150, 0.285), (0.0165, 0.286), (0.0165, 0.300), (0, 0.300)]
+    places = ((-0.010, 0), (0, 0), (0.010, 0), (-0.005, -0.008), (0.005, -0.008), (0, -0.016))
+    grapes = join(*(disc(0.005, 6).moved(x, y) for x, y in places))
     return {
-        "bottle": lathe(body, 12),
-        "wine": join(
-            lathe([(0.0145, 0.238), (0.0150, 0.285), (0.0165, 0.286), (0.0165, 0.300), (0, 0.300)], 10),
-            bent(lettering("WINE", 0.022, 0.054).moved(z=GAP), 0.0386, 0.138),
-        ),
-        "cream": lathe([(0.0386, 0.060), (0.0386, 0.160)], 12),
-        "violet": bent(join(*grapes), 0.0386, 0.100),
+        "bottle": join(lathe([(0, 0), (0.037, 0), (0.038, 0.004), (0.038, 0.060)], 12), lathe(neck, 12)),
+        "wine": join(lathe(capsule, 9), bent(lettering("WINE", 0.022, 0.054), 0.038, 0.138)),
+        "cream": lathe([(0.038, 0.060), (0.038, 0.160)], 12),
+        "violet": bent(grapes, 0.038, 0.100),
     }

@@ -38,12 +38,12 @@ def candle() -> Paint:
 def clock() -> Paint:
     """Twin-bell alarm clock, 15 cm high, its face towards -y."""
     centre = 0.068
-    bell = lathe([(0.024, 0), (0.022, 0.010), (0.012, 0.018), (0, 0.020)], 8)
+    bell = lathe([(0.024, 0), (0.020, 0.012), (0, 0.020)], 8, crease=np.radians(60))
     bells = [bell.turned("y", side * 0.6).moved(side * 0.034, 0, centre + 0.046) for side in (-1, 1)]
     foot = cylinder(0.005, 0.034, 5, top=0.009)
     feet = [foot.turned("y", -side * 0.5).moved(side * 0.046) for side in (-1, 1)]
     arch = [(-0.030, 0, 0.062), (-0.018, 0, 0.085), (0.018, 0, 0.085), (0.030, 0, 0.062)]
-    case = lathe([(0, 0), (0.052, 0), (0.055, 0.005), (0.055, 0.045), (0.048, 0.045)], 14)
+    case = lathe([(0, 0), (0.055, 0), (0.055, 0.045), (0.048, 0.045)], 14)
     ticks = [line((0, 0.035), (0, 0.041), 0.005).turned("z", n * np.pi / 6) for n in range(12)]
     hands = [line((0, 0), (-0.020, 0.012), 0.007), line((0, 0), (0.010, 0.031), 0.005), disc(0.006, 6)]
     return {

@@ -26,20 +26,26 @@ def handle(reach: float, height: float, thickness: float) -> Mesh:
 
 def mug() -> Paint:
     """Mug, 9.5 cm high, with a handle and coffee inside."""
-    wall = [(0, 0), (0.036, 0), (0.040, 0.006), (0.041, 0.095), (0.036, 0.095), (0.035, 0.078)]
+    lip = [(0.041, 0.076), (0.041, 0.095), (0.036, 0.095), (0.035, 0.078)]
     return {
-        "teal": join(lathe(wall, 14), handle(0.032, 0.062, 0.0065).moved(0.038, 0, 0.048)),
+        "teal": join(
+            lathe([(0, 0), (0.036, 0), (0.040, 0.006), (0.041, 0.060)], 14),
+            lathe(lip, 14),
+            handle(0.032, 0.062, 0.0065).moved(0.038, 0, 0.048),
+        ),
         "chocolate": disc(0.0356, 14).moved(z=0.080),
-        "white": lathe([(0.0417, 0.060), (0.0417, 0.075)], 14),
+        "white": lathe([(0.041, 0.060), (0.041, 0.076)], 14),
     }
 
 
 def glass() -> Paint:
     """Drinking glass, 12 cm high, with water inside."""
-    wall = [(0, 0), (0.028, 0), (0.036, 0.125), (0.032, 0.125), (0.030, 0.075)]
     return {
-        "glass": lathe(wall, 14),
-        "sky": join(disc(0.0306, 14).moved(z=0.080), lathe([(0.0293, 0.014), (0.0335, 0.080)], 14)),
+        "glass": join(
+            lathe([(0, 0), (0.028, 0), (0.029, 0.014)], 12),
+            lathe([(0.033, 0.080), (0.036, 0.125), (0.032, 0.125), (0.030, 0.078)], 12),
+        ),
+        "sky": join(disc(0.0305, 12).moved(z=0.080), lathe([(0.029, 0.014), (0.033, 0.080)], 12)),
     }
 
 
@@ -49,7 +55,7 @@ def wine_glass() -> Paint:
     wine = [(0.0105, 0.092), (0.030, 0.108), (0.039, 0.135), (0.0385, 0.146)]
     rim = [(0.0385, 0.146), (0.031, 0.195), (0.028, 0.195), (0.034, 0.148)]
     return {
-        "ice": join(lathe(foot, 12), lathe(rim, 12)),
+        "ice": join(lathe(foot, 10), lathe(rim, 12)),
         "wine": join(lathe(wine, 12), disc(0.0345, 12).moved(z=0.148)),
     }
 
@@ -57,8 +63,8 @@ def wine_glass() -> Paint:
 def bowl() -> Paint:
     """Soup bowl, 16 cm wide: blue outside, white inside."""
     return {
-        "blue": lathe([(0, 0), (0.036, 0), (0.040, 0.008), (0.066, 0.030), (0.080, 0.065)], 16),
-        "white": lathe([(0.080, 0.065), (0.074, 0.065), (0.060, 0.032), (0.034, 0.013), (0, 0.012)], 16),
+        "blue": lathe([(0, 0), (0.036, 0), (0.066, 0.028), (0.080, 0.065)], 14),
+        "white": lathe([(0.080, 0.065), (0.075, 0.065), (0.060, 0.030), (0.034, 0.012), (0, 0.012)], 14),
     }
 
 
@@ -110,9 +116,9 @@ def cooking_pot() -> Paint:
     """Stew pot, 20 cm wide, with a lid and two handles."""
     ear = handle(0.034, 0.070, 0.007).turned("x", np.pi / 2).moved(0.096, 0, 0.095)
     return {
-        "red": lathe([(0, 0), (0.094, 0), (0.100, 0.010), (0.100, 0.125)], 14),
-        "silver": lathe([(0.104, 0.125), (0.104, 0.132), (0.060, 0.146), (0, 0.150)], 14),
-        "black": join(ear, ear.turned("z", np.pi), cylinder(0.014, 0.022, 8, top=0.020).moved(z=0.149)),
+        "red": lathe([(0, 0), (0.094, 0), (0.100, 0.010), (0.100, 0.125)], 12),
+        "silver": lathe([(0.104, 0.125), (0.104, 0.132), (0.060, 0.146), (0, 0.150)], 12),
+        "black": join(ear, ear.turned("z", np.pi), cylinder(0.014, 0.022, 7, top=0.020).moved(z=0.149)),
     }
 
 
@@ -121,28 +127,22 @@ def coffee_pot() -> Paint:
     coffee = [(0, 0), (0.058, 0), (0.068, 0.020), (0.068, 0.060), (0.062, 0.085)]
     spout = extrude([(-0.018, 0.0), (0.018, 0.0), (0.0, 0.030)], 0.028).turned("z", np.pi / 2).moved(-0.034, 0, 0.137)
     grip = tube(
-        [(0.040, 0, 0.158), (0.092, 0, 0.160), (0.100, 0, 0.140), (0.094, 0, 0.070), (0.066, 0, 0.055)], 0.009, 6
+        [(0.040, 0, 0.158), (0.092, 0, 0.160), (0.100, 0, 0.140), (0.094, 0, 0.070), (0.066, 0, 0.055)], 0.009, 5
     )
     return {
         "chocolate": lathe(coffee, 12),
         "glass": lathe([(0.062, 0.085), (0.042, 0.128), (0.042, 0.138)], 12),
         "black": join(lathe([(0.045, 0.136), (0.045, 0.165), (0.020, 0.172), (0, 0.172)], 12), spout, grip),
-        "red": cylinder(0.010, 0.014, 8).moved(z=0.171),
+        "red": cylinder(0.010, 0.014, 7).moved(z=0.171),
     }
 
 
 def washing_sponge() -> Paint:
     """Yellow sponge with a green scouring side."""
-    holes = [
-        (-0.040, 0.018, 5),
-        (-0.022, -0.016, 4),
-        (0.0, 0.010, 5),
-        (0.020, -0.020, 4),
-        (0.036, 0.014, 5),
-        (0.042, -0.010, 4),
-    ]
-    top = [disc(0.001 * r, 6).moved(x, y, 0.0405) for x, y, r in holes]
-    side = [disc(0.0008 * r, 6).turned("x", np.pi / 2).moved(x, -0.0355, 0.024 + 0.3 * y) for x, y, r in holes]
+    big, small = ((-0.040, 0.018), (0.0, 0.010), (0.036, 0.014)), ((-0.022, -0.016), (0.020, -0.020), (0.042, -0.010))
+    holes = [(x, y, radius) for radius, places in ((0.005, big), (0.004, small)) for x, y in places]
+    top = [disc(radius, 6).moved(x, y, 0.041) for x, y, radius in holes]
+    side = [disc(0.8 * radius, 6).turned("x", np.pi / 2).moved(x, -0.036, 0.024 + 0.3 * y) for x, y, radius in holes]
     return {
         "yellow": rounded_box(0.110, 0.070, 0.030, 0.006, bevel=0.003).moved(z=0.010),
         "green": rounded_box(0.110, 0.070, 0.012, 0.006, bevel=0),
