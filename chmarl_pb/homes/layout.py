@@ -3,7 +3,7 @@
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard, cast
@@ -88,8 +88,9 @@ class Layout:
 class _Table:
     """One table of a layout file: typed access that names the file and the table in every error."""
 
-    def __init__(self, values: Any, place: str):
+    def __init__(self, values: Any, place: str, palette: Mapping[str, Any] | None = None):
         self.place = place
+        self.palette = palette or {}
         if not isinstance(values, dict):
             raise self.error("must be a table of keys and values")
         self.values = values
@@ -123,7 +124,12 @@ class _Table:
         return float(value)
 
     def colour(self, key: str) -> Colour:
-        digits = self.text(key, "#[0-9a-fA-F]{6}")
+        """Return a colour, written as ``#rrggbb`` or as a name from the palette."""
+        value = self.values.get(key)
+        digits = self.palette.get(value, value) if isinstance(value, str) else value
+        if not isinstance(digits, str) or not re.fullmatch("#[0-9a-fA-F]{6}", digits):
+            names = ", ".join(self.palette) or "none"
+            raise self.error(f"{key!r} must be a colour '#rrggbb' or a name from the palette ({names}), got {value!r}")
         red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (1, 3, 5))
         return red, green, blue
 
@@ -131,7 +137,8 @@ class _Table:
         rows = self.values.get(key, [])
         if not isinstance(rows, list):
             raise self.error(f"{key!r} must be an array of tables, got {rows!r}")
-        return [_Table(row, f"{self.place}: {key} {number}") for number, row in enumerate(rows, start=1)]
+        places = [f"{self.place}: {key} {number}" for number in range(1, len(rows) + 1)]
+        return [_Table(row, place, self.palette) for row, place in zip(rows, places, strict=True)]
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
@@ -148,8 +155,8 @@ def load_layout(path: str | Path) -> Layout:
         values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
         raise HomeError(f"{path}: cannot be read as TOML: {problem}") from problem
-    top = _Table(values, str(path))
-    top.allow("name wall_height wall_thickness room door furniture")
+    top = _Table(values, str(path), _Table(values.get("palette", {}), f"{path}: palette").values)
+    top.allow("name wall_height wall_thickness palette room door furniture")
     thickness = top.number("wall_thickness", 0.1, low=0.02)
     rooms = _read_rooms(top)
     doors = tuple(_read_door(table, rooms) for table in top.tables("door"))
