@@ -1,0 +1,1 @@
+"""The environments: PettingZoo core, and AEC and Gymnasium views of it."""

@@ -1,0 +1,1 @@
+"""Cameras, visibility and scene graphs."""

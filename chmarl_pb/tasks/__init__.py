@@ -1,0 +1,1 @@
+"""Tasks, their splits and setting, outcome and reward, messages and language."""

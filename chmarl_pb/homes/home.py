@@ -1,0 +1,191 @@
+"""A home as data, derived from its URDF alone: rooms, things and the solids that they are made of."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.assets import SCENES_DIR
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.solids import Points, Solid, inside
+from chmarl_pb.homes.urdf import Link, read_links
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
+
+
+@dataclass(frozen=True, eq=False)
+class Thing:
+    """One static thing of a home: a piece of furniture, scenery or structure.
+
+    Attributes:
+        name: ``<room>/<class>_<n>``.
+        frame: its link's frame in the world, 4 x 4.
+        solids: its convex pieces, in the world frame.
+    """
+
+    name: str
+    frame: Points
+    solids: tuple[Solid, ...]
+
+    @property
+    def class_name(self) -> str:
+        """The class, e.g. ``stove``; it may be one that the catalogue does not know."""
+        return catalog.class_of(self.name)
+
+    @property
+    def room(self) -> str:
+        """The room in its name."""
+        return catalog.room_of(self.name)
+
+    @property
+    def centre(self) -> Points:
+        """Middle (2,) of its footprint; of its frame when it has no solids."""
+        if not self.solids:
+            return self.frame[:2, 3]
+        return (np.min([s.low for s in self.solids], axis=0) + np.max([s.high for s in self.solids], axis=0)) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """One room: its name and the convex polygons of its floor (metres, world frame)."""
+
+    name: str
+    floors: tuple[Points, ...]
+
+    @cached_property
+    def centre(self) -> Points:
+        """Area-weighted middle (2,) of the floor."""
+        areas = np.array([_area(floor) for floor in self.floors])
+        return (areas[:, None] * np.array([floor.mean(axis=0) for floor in self.floors])).sum(axis=0) / areas.sum()
+
+    @property
+    def area(self) -> float:
+        """Floor area in square metres."""
+        return sum(_area(floor) for floor in self.floors)
+
+    def contains(self, points: Points) -> np.ndarray:
+        """Return which of the points (..., 2) lie on its floor."""
+        return np.logical_or.reduce([inside(floor, points) for floor in self.floors])
+
+
+@dataclass(frozen=True, eq=False)
+class Home:
+    """A home, read from its URDF.
+
+    Attributes:
+        name: the file's stem.
+        path: the URDF.
+        rooms: name -> room, in the order of the file.
+        things: furniture and scenery, in the order of the file: the static nodes of scene graphs.
+        structure: floors and walls.
+    """
+
+    name: str
+    path: Path
+    rooms: dict[str, Room]
+    things: tuple[Thing, ...]
+    structure: tuple[Thing, ...]
+
+    @property
+    def goto_rooms(self) -> tuple[str, ...]:
+        """Rooms that robots can be sent to, in the catalogue's order of kinds, then by name."""
+        order = catalog.ROOM_KINDS
+        rooms = [room for room in self.rooms if catalog.room_kind(room) in order]
+        return tuple(sorted(rooms, key=lambda room: (order.index(catalog.room_kind(room)), room)))
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """All solids except floors."""
+        return tuple(
+            solid for thing in self.structure + self.things if thing.class_name != "floor" for solid in thing.solids
+        )
+
+    @cached_property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner (2,) of the floors."""
+        corners = np.concatenate([floor for room in self.rooms.values() for floor in room.floors])
+        return corners.min(axis=0), corners.max(axis=0)
+
+    @cached_property
+    def receptacles(self) -> dict[str, Thing]:
+        """Name -> thing, for the things of the catalogue's receptacle classes."""
+        return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES}
+
+    def room_at(self, point: Points) -> str | None:
+        """Return the room whose floor holds the point (2,), or None outside."""
+        return next((name for name, room in self.rooms.items() if room.contains(np.asarray(point)[:2])), None)
+
+
+def home_names() -> list[str]:
+    """Return the names of the homes that come with the package."""
+    return sorted(path.stem for path in SCENES_DIR.glob("*.urdf"))
+
+
+def home_path(name_or_path: str | Path) -> Path:
+    """Return the URDF of a packaged home's name, or the path itself.
+
+    Raises:
+        HomeError: there is neither a home of this name nor such a file.
+    """
+    packaged = SCENES_DIR / f"{name_or_path}.urdf"
+    path = packaged if packaged.is_file() else Path(name_or_path)
+    if not path.is_file():
+        known = ", ".join(home_names())
+        raise HomeError(f"{name_or_path}: no such home; give a path to a home's URDF or one of: {known}")
+    return path.resolve()
+
+
+def load_home(name_or_path: str | Path) -> Home:
+    """Read a home by name or path; an unchanged file is read once per process.
+
+    Raises:
+        HomeError: see :func:`chmarl_pb.homes.urdf.read_links`; also a link name against the
+            convention, a room without a floor, or no room at all.
+    """
+    path = home_path(name_or_path)
+    return _read_home(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=32)
+def _read_home(path: Path, _modified: int) -> Home:
+    things = [_thing(path, link) for link in read_links(path) if link.solids or link.has_visual]
+    rooms = _rooms(path, things)
+    structure = tuple(thing for thing in things if thing.class_name in catalog.STRUCTURE)
+    furniture = tuple(thing for thing in things if thing.class_name not in catalog.STRUCTURE)
+    return Home(path.stem, path, rooms, furniture, structure)
+
+
+def _thing(path: Path, link: Link) -> Thing:
+    if not _NAME.fullmatch(link.name):
+        raise HomeError(
+            f"{path}: link {link.name!r}: a link with geometry is named <room>/<class>_<number>, "
+            "e.g. kitchen/stove_1, in lower case"
+        )
+    return Thing(link.name, link.frame, link.solids)
+
+
+def _rooms(path: Path, things: list[Thing]) -> dict[str, Room]:
+    floors: dict[str, list[Points]] = {}
+    for thing in things:
+        if thing.class_name == "floor":
+            if not thing.solids:
+                raise HomeError(f"{path}: link {thing.name!r} has no <collision>; a floor's footprint is the room")
+            if abs(max(solid.top for solid in thing.solids)) > 0.01:
+                raise HomeError(f"{path}: link {thing.name!r}: a floor's top lies at z = 0; move it there")
+            floors.setdefault(thing.room, []).extend(solid.polygon for solid in thing.solids)
+    if not floors:
+        raise HomeError(f"{path}: no floor; add a link <room>/floor_1 for every room, its top at z = 0")
+    for thing in things:
+        if thing.room not in floors:
+            raise HomeError(
+                f"{path}: link {thing.name!r}: room {thing.room!r} has no floor; add a link {thing.room}/floor_1"
+            )
+    return {name: Room(name, tuple(polygons)) for name, polygons in floors.items()}
+
+
+def _area(polygon: Points) -> float:
+    x, y = polygon.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

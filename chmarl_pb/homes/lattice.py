@@ -1,0 +1,240 @@
+"""Where robots can be: the humanoid's 0.25 m lattice with twelve headings, the drone's 0.5 m lattice.
+
+The lattices are laid on the world's origin, so that they do not depend on the order of links.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.solids import Points, Solid, segments_hit
+
+SPACING = 0.25  # metres between neighbouring positions of the humanoid
+HEADINGS = 12  # of 30 degrees each; heading 0 looks along +x, 3 along +y
+FORWARD = 0.5  # metres of one Move Forward
+FOOTPRINT_RADIUS = 0.25  # metres, of the humanoid's base with its safety margin
+BODY = (0.06, 1.7)  # metres: lower things are driven over, higher ones passed under
+
+DRONE_SPACING = 0.5
+DRONE_MOVE = 1.0
+DRONE_HEIGHT = 3.5
+DRONE_HEADING = np.pi / 2  # its forward is +y, so that its picture lies like the plan
+
+#: Forward moves in cells: 0.5 m along the heading, to the nearest lattice position.
+FORWARD_CELLS = np.array(
+    [
+        np.round(
+            np.array([np.cos(2 * np.pi * k / HEADINGS), np.sin(2 * np.pi * k / HEADINGS)]) * FORWARD / SPACING + 1e-9
+        )
+        for k in range(HEADINGS)
+    ],
+    dtype=int,
+)
+_DRIVE_CELLS = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j])
+#: The drone's moves forward, backward, left, right in cells of its lattice.
+DRONE_CELLS = np.array([(0, 2), (0, -2), (-2, 0), (2, 0)])
+
+
+def heading_angle(heading: int) -> float:
+    """Return the angle in radians of one of the twelve headings."""
+    return 2 * np.pi * heading / HEADINGS
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """The humanoid's lattice of one home.
+
+    A pose is one integer: ``position * HEADINGS + heading``.
+
+    Attributes:
+        points: (n, 2) positions, metres, sorted by x then y.
+        forward: (n, HEADINGS) position after Move Forward, -1 where it is blocked.
+        roads: (n, n) lengths in metres of drives between neighbours.
+        rooms: (n,) index of each position's room in ``list(home.rooms)``.
+        anchors: Goto room -> pose that Goto drives to.
+        obstacles: what the base can touch.
+    """
+
+    points: Points
+    forward: NDArray[np.int32]
+    roads: csr_array
+    rooms: NDArray[np.int32]
+    anchors: dict[str, int]
+    obstacles: tuple[Solid, ...]
+
+    @cached_property
+    def _rows(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]]:
+        return {}
+
+    def _row(self, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return the distance to a goal position from everywhere, and the next position on the way."""
+        if goal not in self._rows:
+            distance, following = dijkstra(self.roads, directed=False, indices=goal, return_predecessors=True)
+            self._rows[goal] = (distance, following)
+        return self._rows[goal]
+
+    def distance(self, start: int, goal: int) -> float:
+        """Return the length in metres of the shortest drive between two positions."""
+        return float(self._row(goal)[0][start])
+
+    def path(self, start: int, goal: int) -> list[int]:
+        """Return the positions of the shortest drive, both ends included."""
+        following = self._row(goal)[1]
+        path = [start]
+        while path[-1] != goal:
+            path.append(int(following[path[-1]]))
+        return path
+
+    def waypoints(self, path: tuple[int, ...]) -> Points:
+        """Return the corners (m, 2) of a drive along a path, cut short where the straight way is free."""
+        corners = [path[0]]
+        while corners[-1] != path[-1]:
+            rest = path[path.index(corners[-1]) + 1 :]
+            starts = np.repeat(self.points[corners[-1]][None], len(rest), axis=0)
+            free = ~_blocked(list(self.obstacles), starts, self.points[list(rest)])
+            free[0] = True
+            corners.append(rest[int(np.flatnonzero(free)[-1])])
+        return self.points[corners]
+
+    def pose(self, pose: int) -> tuple[float, float, float]:
+        """Return x, y (metres) and heading (radians) of a pose."""
+        position, heading = divmod(pose, HEADINGS)
+        x, y = self.points[position]
+        return float(x), float(y), heading_angle(heading)
+
+
+@dataclass(frozen=True, eq=False)
+class DroneLattice:
+    """The drone's lattice of one home: positions over its floors, at ``DRONE_HEIGHT``.
+
+    Attributes:
+        points: (n, 2) positions in metres.
+        moves: (n, 4) position after a move forward, backward, left, right; -1 outside the outline.
+        rooms: (n,) index of each position's room in ``list(home.rooms)``.
+        anchors: Goto room -> position above its centre.
+    """
+
+    points: Points
+    moves: NDArray[np.int32]
+    rooms: NDArray[np.int32]
+    anchors: dict[str, int]
+
+
+def build_lattice(home: Home) -> Lattice:
+    """Derive the humanoid's lattice from the home's collision geometry.
+
+    Raises:
+        HomeError: a room cannot be reached from the largest connected part of the home.
+    """
+    cells, rooms = _cells_on_floors(home, SPACING)
+    obstacles = [solid for solid in home.solids if solid.spans(*BODY)]
+    here = cells * SPACING
+    free = ~_blocked(obstacles, here, here)
+    cells, rooms = cells[free], rooms[free]
+    starts, ends = _links(cells, _DRIVE_CELLS, obstacles)
+    count, part = connected_components(_graph(cells, starts, ends), directed=False)
+    kept = part == np.bincount(part, minlength=count).argmax() if len(cells) else np.zeros(0, dtype=bool)
+    for number, name in enumerate(home.rooms):
+        if not (rooms[kept] == number).any():
+            raise HomeError(
+                f"{home.path}: room {name!r} cannot be reached; doors need a free width of at least 0.75 m "
+                "and a free way of 0.5 m beside the furniture"
+            )
+    cells, rooms = cells[kept], rooms[kept]
+    starts, ends = _links(cells, _DRIVE_CELLS, obstacles)
+    points = cells * SPACING
+    forward = _forward(cells, obstacles)
+    anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}
+    return Lattice(points, forward, _graph(cells, starts, ends), rooms, anchors, tuple(obstacles))
+
+
+def build_drone_lattice(home: Home) -> DroneLattice:
+    """Derive the drone's lattice: every 0.5 m over the floors, inside the outer walls."""
+    cells, rooms = _cells_on_floors(home, DRONE_SPACING)
+    index = _index(cells)
+    moves = np.array([[index.get((x + i, y + j), -1) for i, j in DRONE_CELLS] for x, y in cells], dtype=np.int32)
+    points = cells * DRONE_SPACING
+    anchors = {}
+    for name in home.goto_rooms:
+        own = np.flatnonzero(rooms == list(home.rooms).index(name))
+        anchors[name] = int(own[np.linalg.norm(points[own] - home.rooms[name].centre, axis=1).argmin()])
+    return DroneLattice(points, moves, rooms, anchors)
+
+
+def _cells_on_floors(home: Home, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the lattice cells (n, 2) on any floor and the index of their room."""
+    low, high = home.bounds
+    axes = [
+        np.arange(np.ceil(a / spacing - 1e-9), np.floor(b / spacing + 1e-9) + 1) for a, b in zip(low, high, strict=True)
+    ]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2).astype(int)
+    rooms = np.full(len(cells), -1, dtype=np.int32)
+    for number, room in enumerate(home.rooms.values()):
+        rooms[(rooms < 0) & room.contains(cells * spacing)] = number
+    return cells[rooms >= 0], rooms[rooms >= 0]
+
+
+def _index(cells: NDArray[np.int64]) -> dict[tuple[int, int], int]:
+    return {(int(x), int(y)): number for number, (x, y) in enumerate(cells)}
+
+
+def _links(
+    cells: NDArray[np.int64], offsets: NDArray[np.int64], obstacles: list[Solid]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return start and end indices of the moves by any offset that stay free all the way."""
+    index = _index(cells)
+    pairs = [
+        (start, index[x + i, y + j])
+        for start, (x, y) in enumerate(cells.tolist())
+        for i, j in offsets.tolist()
+        if (x + i, y + j) in index
+    ]
+    starts, ends = np.array(pairs, dtype=int).reshape(-1, 2).T
+    free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING)
+    return starts[free], ends[free]
+
+
+def _blocked(obstacles: list[Solid], starts: Points, ends: Points) -> NDArray[np.bool_]:
+    """Return which straight drives of the humanoid's footprint touch an obstacle."""
+    low, high = np.minimum(starts, ends) - FOOTPRINT_RADIUS, np.maximum(starts, ends) + FOOTPRINT_RADIUS
+    blocked = np.zeros(len(starts), dtype=bool)
+    for solid in obstacles:
+        near = np.flatnonzero(~blocked & (low < solid.high).all(axis=1) & (high > solid.low).all(axis=1))
+        # A hair less than the radius: a doorway of exactly the footprint's width is passable.
+        blocked[near] |= segments_hit(solid.polygon, starts[near], ends[near], FOOTPRINT_RADIUS - 1e-6)
+    return blocked
+
+
+def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> csr_array:
+    lengths = np.linalg.norm((cells[ends] - cells[starts]) * SPACING, axis=1)
+    return csr_array((lengths, (starts, ends)), shape=(len(cells), len(cells)))
+
+
+def _forward(cells: NDArray[np.int64], obstacles: list[Solid]) -> NDArray[np.int32]:
+    forward = np.full((len(cells), HEADINGS), -1, dtype=np.int32)
+    for heading, offset in enumerate(FORWARD_CELLS):
+        starts, ends = _links(cells, offset[None], obstacles)
+        forward[starts, heading] = ends
+    return forward
+
+
+def _anchor(home: Home, room: str, points: Points, own: NDArray[np.bool_]) -> int:
+    """Return the pose nearest to the room's centre, turned to where most of its receptacles are."""
+    candidates = np.flatnonzero(own)
+    position = int(candidates[np.linalg.norm(points[candidates] - home.rooms[room].centre, axis=1).argmin()])
+    centres = np.array([t.centre for t in home.receptacles.values() if t.room == room]).reshape(-1, 2)
+    away = centres - points[position]
+    bearings = np.arctan2(away[:, 1], away[:, 0])
+    angles = np.array([heading_angle(k) for k in range(HEADINGS)])
+    off = np.abs((bearings - angles[:, None] + np.pi) % (2 * np.pi) - np.pi)
+    facing = (off < np.pi / 4).sum(axis=1)
+    # Among equally good headings take the one that looks most squarely at what it faces.
+    squareness = np.where(off < np.pi / 4, off, 0).sum(axis=1)
+    heading = min(range(HEADINGS), key=lambda k: (-facing[k], squareness[k], k))
+    return position * HEADINGS + heading

@@ -1,0 +1,120 @@
+"""Convex solids: the collision geometry of a home as polygons, heights and half-spaces.
+
+All functions are vectorised NumPy on world coordinates (metres, z up). A mesh counts as its convex
+hull, which is also what PyBullet makes of a collision mesh.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+Points = NDArray[np.float64]
+
+_FLAT = 0.999  # a face whose normal has this z-component or more counts as level (2.6 degrees)
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """One convex piece of collision geometry in the world frame.
+
+    Attributes:
+        polygon: (k, 2) counter-clockwise outline of its projection on the floor.
+        bottom, top: lowest and highest z.
+        planes: (m, 4) outward half-spaces ``n . x + d <= 0``.
+    """
+
+    polygon: Points
+    bottom: float
+    top: float
+    planes: Points
+
+    @property
+    def low(self) -> Points:
+        """Lower corner (2,) of the outline's bounding box."""
+        return self.polygon.min(axis=0)
+
+    @property
+    def high(self) -> Points:
+        """Upper corner (2,) of the outline's bounding box."""
+        return self.polygon.max(axis=0)
+
+    @property
+    def has_level_top(self) -> bool:
+        """Whether its highest face is level, so that things can stand on it."""
+        faces = self.planes[self.planes[:, 2] > _FLAT]
+        return bool(len(faces)) and bool(np.isclose(-faces[:, 3].min(), self.top, atol=2e-3))
+
+    def spans(self, low: float, high: float) -> bool:
+        """Whether it has a part with a height between ``low`` and ``high``."""
+        return self.top > low and self.bottom < high
+
+
+def solid_from_vertices(vertices: Points) -> Solid:
+    """Return the convex hull of (n, 3) points as a solid.
+
+    Raises:
+        ValueError: the points span no volume.
+    """
+    try:
+        hull = ConvexHull(vertices)
+    except Exception as error:  # scipy raises its own QhullError, which is not exported everywhere
+        raise ValueError("its collision geometry spans no volume") from error
+    outline = vertices[:, :2]
+    polygon = outline[ConvexHull(outline).vertices]
+    planes = np.unique(np.round(hull.equations, 9), axis=0)
+    return Solid(polygon, float(vertices[:, 2].min()), float(vertices[:, 2].max()), planes)
+
+
+def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Return whether points (..., 2) lie in a convex polygon, at most ``margin`` outside its edges."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    offsets = np.einsum("kd,kd->k", normals, polygon)
+    return ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
+
+
+def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
+    """Return whether a disc swept along each segment touches a convex polygon.
+
+    Args:
+        polygon: (k, 2) counter-clockwise outline.
+        starts: (n, 2) first ends of the segments.
+        ends: (n, 2) their last ends; a segment may be a point.
+        radius: of the disc, metres.
+    """
+    hit = inside(polygon, starts) | inside(polygon, ends)
+    corners, following = polygon, np.roll(polygon, -1, axis=0)
+    for a, b in zip(corners, following, strict=True):
+        hit |= _segment_distance(a, b, starts, ends) < radius
+    return hit
+
+
+def _segment_distance(a: Points, b: Points, starts: Points, ends: Points) -> NDArray[np.float64]:
+    """Return the distance (n,) between the segment a-b and each of n segments."""
+    d, e = b - a, ends - starts
+    cross = d[0] * e[:, 1] - d[1] * e[:, 0]
+    offset = starts - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (offset[:, 0] * e[:, 1] - offset[:, 1] * e[:, 0]) / cross
+        u = (offset[:, 0] * d[1] - offset[:, 1] * d[0]) / cross
+    crossing = (np.abs(cross) > 1e-12) & (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
+    nearest = np.minimum.reduce(
+        [
+            _point_distance(starts, a, b),
+            _point_distance(ends, a, b),
+            _point_distance(a, starts, ends),
+            _point_distance(b, starts, ends),
+        ]
+    )
+    return np.where(crossing, 0.0, nearest)
+
+
+def _point_distance(points: Points, starts: Points, ends: Points) -> NDArray[np.float64]:
+    """Return the distance between points and segments, broadcast against each other."""
+    along = ends - starts
+    length = np.maximum((along * along).sum(axis=-1), 1e-18)
+    t = np.clip(((points - starts) * along).sum(axis=-1) / length, 0.0, 1.0)
+    return np.linalg.norm(points - starts - t[..., None] * along, axis=-1)

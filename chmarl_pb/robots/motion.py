@@ -1,0 +1,33 @@
+"""What one action makes a robot do, decided before anything moves."""
+
+from dataclasses import dataclass
+
+from chmarl_pb.world import Vector
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A decided action: both executions carry out the same one.
+
+    Attributes:
+        path: lattice positions to drive or fly through, the present one first.
+        pose: where the robot ends (a pose for the humanoid, a position for the drone).
+        arm: configuration that reaches the grip or the place, for Pick and Place.
+        pick: name of the object to pick.
+        place: where to put the object that is held.
+    """
+
+    path: tuple[int, ...]
+    pose: int
+    arm: tuple[float, ...] | None = None
+    pick: str | None = None
+    place: "Placement | None" = None
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where to put an object: receptacle, bottom centre (metres) and yaw (radians)."""
+
+    receptacle: str
+    position: Vector
+    yaw: float

@@ -1,0 +1,71 @@
+"""The outcome of a step: the facts that observation, reward, messages, feedback and metrics read."""
+
+from dataclasses import dataclass
+
+from chmarl_pb.robots.goal import Goal
+from chmarl_pb.world import Support, World
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The facts after a step, or after a reset.
+
+    Attributes:
+        seen: robot -> names of the things visible to it.
+        held: name of the object in the gripper, or None.
+        supports: object -> what carries it; the held object is not in it.
+        item_room: room in which X is.
+        potential: phi of this state.
+        success: X stands on a target receptacle.
+    """
+
+    seen: dict[str, tuple[str, ...]]
+    held: str | None
+    supports: dict[str, Support]
+    item_room: str
+    potential: float
+    success: bool
+
+
+def potential(success: bool, grasped: bool, item_seen_by: set[str], target_seen_by: set[str]) -> float:
+    """Return phi: the first row of CH-MARL's table that holds.
+
+    Args:
+        success: X is placed on Y.
+        grasped: X is in the gripper.
+        item_seen_by: the robots that see X.
+        target_seen_by: the robots that see Y.
+    """
+    if success:
+        return 10.0
+    seen_by = target_seen_by if grasped else item_seen_by
+    humanoid, drone, nobody = (6.0, 5.0, 4.0) if grasped else (2.0, 1.0, 0.0)
+    if "humanoid" in seen_by:
+        return humanoid
+    return drone if "drone" in seen_by else nobody
+
+
+def judge(world: World, goal: Goal, seen: dict[str, tuple[str, ...]], humanoid_room: str) -> Outcome:
+    """Return the outcome of a world's present state.
+
+    Args:
+        world: the world after the actions.
+        goal: what Pick and Place act on.
+        seen: robot -> names of the things visible to it.
+        humanoid_room: the humanoid's room, which is X's while it is held.
+    """
+    support = world.supports.get(goal.item)
+    success = support is not None and support.receptacle in goal.receptacles
+    phi = potential(
+        success,
+        world.held == goal.item,
+        {robot for robot, names in seen.items() if goal.item in names},
+        {robot for robot, names in seen.items() if not set(goal.receptacles).isdisjoint(names)},
+    )
+    room = humanoid_room if support is None else support.receptacle.split("/")[0]
+    return Outcome(seen, world.held, dict(world.supports), room, phi, success)
+
+
+def reward(previous: Outcome, outcome: Outcome) -> float:
+    """Return the shared reward phi(s') - phi(s) of a step."""
+    return outcome.potential - previous.potential

@@ -1,0 +1,100 @@
+"""Set up a task in a world: where everything lies and stands, drawn from the task's seed alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.errors import TaskError
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.lattice import HEADINGS
+from chmarl_pb.homes.space import Space, grip_point
+from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import World, yaw_quaternion
+
+DISTRACTORS = 18  # other objects that dress the home in every task
+_TRIES = 40  # places that are drawn for one object before its receptacle counts as full
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a task's seed has fixed beside the places of the objects.
+
+    Attributes:
+        goal: what Pick and Place act on.
+        states: name of a static thing or an object -> its symbolic state.
+        humanoid: pose that the humanoid starts from.
+        drone: position that the drone starts from.
+    """
+
+    goal: Goal
+    states: dict[str, str]
+    humanoid: int
+    drone: int
+
+
+def set_up(world: World, space: Space, task: Task) -> Setting:
+    """Clear a world and lay out a task in it: X on its source, the distractors, the states, the starts.
+
+    Raises:
+        TaskError: X does not fit on the source, or the home cannot hold the objects.
+    """
+    rng = np.random.default_rng([task.seed, 0])
+    world.clear()
+    goal = Goal(task.item, receptacles_of(space.home, task.target))
+    sources = list(receptacles_of(space.home, task.source))
+    rng.shuffle(sources)
+    if not any(put_somewhere(world, space, task.item, source, rng) for source in sources):
+        raise TaskError(
+            f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
+        )
+    _dress(world, space, task, rng)
+    states = {thing.name: _state(thing.class_name, rng) for thing in space.home.things}
+    states |= {name: _state(catalog.class_of(name), rng) for name in world.objects}
+    humanoid = int(rng.integers(len(space.lattice.points) * HEADINGS))
+    drone = int(rng.integers(len(space.drone_lattice.points)))
+    return Setting(goal, states, humanoid, drone)
+
+
+def receptacles_of(home: Home, class_name: str) -> tuple[str, ...]:
+    """Return the names of a home's receptacles of a class.
+
+    Raises:
+        TaskError: the home has none.
+    """
+    names = tuple(name for name, thing in home.receptacles.items() if thing.class_name == class_name)
+    if not names:
+        raise TaskError(f"{home.name} has no {class_name}; choose a receptacle class that stands in the home")
+    return names
+
+
+def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: np.random.Generator) -> bool:
+    """Put an object on a free place of a receptacle within the arm's reach, uniformly; False if none is found."""
+    size = world.size(item)
+    places = space.places(receptacle, size)
+    places = places[~world.taken(places, size)]
+    for number in rng.permutation(len(places))[:_TRIES]:
+        x, y, z, yaw = places[number].tolist()
+        if space.stand(grip_point((x, y, z), size)) is not None:
+            world.place(item, (x, y, z), yaw_quaternion(yaw), receptacle)
+            return True
+    return False
+
+
+def _dress(world: World, space: Space, task: Task, rng: np.random.Generator) -> None:
+    """Put the distractors, each of another class, on receptacles drawn uniformly."""
+    others = [f"{name}_1" for name in catalog.GRASPABLES if name != task.graspable]
+    receptacles = list(space.home.receptacles)
+    placed = 0
+    for item in rng.permutation(others).tolist():
+        order = rng.permutation(receptacles)[:6].tolist()
+        placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
+        if placed == DISTRACTORS:
+            return
+    raise TaskError(f"task {task.id!r}: {space.home.name} has room for only {placed} of {DISTRACTORS} other objects")
+
+
+def _state(class_name: str, rng: np.random.Generator) -> str:
+    row = catalog.CLASSES.get(class_name)
+    return "fixed" if row is None else str(rng.choice(row.states))

@@ -1,0 +1,374 @@
+"""The world: one PyBullet client with one home, its movable objects and their physics.
+
+Only the object that is being put down is dynamic; all others are frozen (mass 0) where they stand.
+So nothing drifts, a settle touches one body, and its result is the same after any history.
+"""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from chmarl_pb import catalog
+from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.space import Size, grip_point
+
+TIME_STEP = 1 / 240  # seconds
+_PARKING = (0.0, 0.0, 50.0)  # metres: objects that a task does not use wait here, unseen and untouched
+_DROP = 0.004  # metres above a surface from which an object is let go
+_STILL = 2e-3  # m/s and rad/s below which an object counts as at rest
+_LONGEST_SETTLE = 240  # simulation steps
+_GAP = 0.01  # metres kept free between two objects
+_UPRIGHT = np.cos(np.radians(15))
+
+Vector = tuple[float, ...]
+Pose = tuple[Vector, Vector]
+UPRIGHT: Vector = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Support:
+    """What carries an object.
+
+    Attributes:
+        receptacle: name of the thing of the home.
+        height: z of the surface, metres.
+    """
+
+    receptacle: str
+    height: float
+
+
+@dataclass(frozen=True)
+class Graspable:
+    """What physics knows of a graspable object: body, mass, size, and its frame.
+
+    Attributes:
+        body: PyBullet body id.
+        mass: kilograms.
+        size: extents x, y, z of its collision shape, metres; its origin is the bottom's centre.
+        inertial: position of its inertial frame in its own frame, metres.
+    """
+
+    body: int
+    mass: float
+    size: Size
+    inertial: Vector
+
+
+class World:
+    """One physics client with one home, all graspable objects and the robots.
+
+    Attributes:
+        home: the home.
+        client: PyBullet client id.
+        bodies: name -> body id of the home, the robots and the objects present.
+        robots: name -> robot, filled by :meth:`add_robot`.
+        held: name of the object in the gripper, or None.
+        supports: object -> what carries it; the held object is not in it.
+        links: name of a thing of the home -> PyBullet link index.
+    """
+
+    def __init__(self, home: Home):
+        """Load a home and one object of every graspable class.
+
+        Raises:
+            HomeError: PyBullet cannot load the home.
+        """
+        self.home = home
+        self.client = pybullet.connect(pybullet.DIRECT)
+        if self.client < 0:
+            raise HomeError(f"{home.path}: PyBullet has no free client; close some environments")
+        pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self.client
+        )
+        self.robots: dict[str, Any] = {}
+        self.held: str | None = None
+        self._constraint: int | None = None
+        self.supports: dict[str, Support] = {}
+        self._poses: dict[str, Pose] = {}
+        self._home_body = self._load(home)
+        self.links = {name: number for number, name in enumerate(_link_names(self.client, self._home_body))}
+        self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
+        self.bodies: dict[str, int] = {"home": self._home_body}
+
+    def _load(self, home: Home) -> int:
+        try:
+            with quiet():
+                return load_home_body(self.client, home)
+        except HomeError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Disconnect the client; closing twice is allowed."""
+        if self.client >= 0:
+            pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+    def add_robot(self, name: str, robot: Any, body: int) -> None:
+        """Register a robot and its body."""
+        self.robots[name] = robot
+        self.bodies[name] = body
+
+    # Objects
+
+    @property
+    def objects(self) -> list[str]:
+        """Names of the objects present, in the catalogue's order."""
+        return [name for name in self._objects if name in self._poses]
+
+    def size(self, name: str) -> Size:
+        """Return an object's extents x, y, z in metres."""
+        return self._objects[name].size
+
+    def clear(self) -> None:
+        """Take all objects out of the home."""
+        self.release()
+        for name in list(self._poses):
+            self._park(name)
+
+    def _park(self, name: str) -> None:
+        x, y, z = _PARKING
+        self._move(name, (x, y, z + 0.5 * list(self._objects).index(name)), UPRIGHT)
+        self.supports.pop(name, None)
+        del self._poses[name], self.bodies[name]
+
+    def place(self, name: str, position: Vector, quaternion: Vector, receptacle: str | None = None) -> None:
+        """Set an object's pose, without physics.
+
+        Args:
+            name: the object.
+            position: of its bottom centre, metres.
+            quaternion: its orientation (x, y, z, w).
+            receptacle: name of what carries it there; None in the gripper.
+        """
+        self._move(name, position, quaternion)
+        self.bodies[name] = self._objects[name].body
+        self.supports.pop(name, None)
+        if receptacle is not None:
+            self.supports[name] = Support(receptacle, position[2])
+
+    def _move(self, name: str, position: Vector, quaternion: Vector) -> None:
+        self._poses[name] = (tuple(position), tuple(quaternion))
+        thing = self._objects[name]
+        centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
+        pybullet.resetBasePositionAndOrientation(thing.body, centre, quaternion, physicsClientId=self.client)
+
+    def pose(self, name: str) -> Pose:
+        """Return an object's bottom centre (metres) and its orientation (x, y, z, w)."""
+        return self._poses[name]
+
+    def grip(self, name: str) -> tuple[float, float, float]:
+        """Return the point where an object that stands is gripped."""
+        x, y, z = self._poses[name][0]
+        return grip_point((x, y, z), self._objects[name].size)
+
+    def read_pose(self, name: str) -> Pose:
+        """Return an object's pose as physics has it now; :meth:`pose` is what was last set or settled."""
+        thing = self._objects[name]
+        centre, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.client)
+        back = tuple(-value for value in thing.inertial)
+        position, _ = pybullet.multiplyTransforms(centre, quaternion, back, UPRIGHT)
+        return position, quaternion
+
+    def taken(self, places: NDArray[np.float64], size: Size, ignoring: str | None = None) -> NDArray[np.bool_]:
+        """Return at which places an object of this size would touch another object.
+
+        Args:
+            places: (n, 4) x, y, z and yaw of its bottom centre.
+            size: extents along its own axes, metres.
+            ignoring: name of the object itself.
+        """
+        taken = np.zeros(len(places), dtype=bool)
+        half = np.array(size[:2]) / 2
+        cosine, sine = np.cos(places[:, 3]), np.sin(places[:, 3])
+        for name, (position, quaternion) in self._poses.items():
+            other = self._objects[name].size
+            if name in (ignoring, self.held):
+                continue
+            apart = (places[:, 2] > position[2] + other[2]) | (places[:, 2] + size[2] < position[2])
+            turn = 2 * np.arctan2(quaternion[2], quaternion[3]) - places[:, 3]
+            c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+            dx, dy = position[0] - places[:, 0], position[1] - places[:, 1]
+            along = np.abs(cosine * dx + sine * dy) > half[0] + (c * other[0] + s * other[1]) / 2 + _GAP
+            across = np.abs(cosine * dy - sine * dx) > half[1] + (s * other[0] + c * other[1]) / 2 + _GAP
+            taken |= ~(apart | along | across)
+        return taken
+
+    # Holding
+
+    def attach(self, name: str, body: int, link: int, grasp: Pose) -> None:
+        """Hold an object: a fixed constraint between a robot's link and the object.
+
+        Args:
+            name: the object.
+            body: the robot's body id.
+            link: the robot's link index.
+            grasp: pose of the grasp frame in the world now.
+        """
+        self.release()
+        self.held = name
+        thing = self._objects[name]
+        position, quaternion = self._poses[name]
+        centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
+        inverse = pybullet.invertTransform(centre, quaternion)
+        pivot, turn = pybullet.multiplyTransforms(*inverse, *grasp)
+        self._constraint = pybullet.createConstraint(
+            body, link, thing.body, -1, pybullet.JOINT_FIXED, (0, 0, 0), (0, 0, 0), pivot, UPRIGHT, turn,
+            physicsClientId=self.client,
+        )  # fmt: skip
+        pybullet.changeConstraint(self._constraint, maxForce=200, physicsClientId=self.client)
+
+    def level(self, grasp: Pose, pose: Pose) -> None:
+        """Turn the held object in the gripper towards a pose, when the gripper is at a grasp pose in the world."""
+        assert self.held is not None and self._constraint is not None
+        centre, turn = pybullet.multiplyTransforms(*pose, self._objects[self.held].inertial, UPRIGHT)
+        pivot, orientation = pybullet.multiplyTransforms(*pybullet.invertTransform(centre, turn), *grasp)
+        pybullet.changeConstraint(
+            self._constraint,
+            jointChildPivot=pivot,
+            jointChildFrameOrientation=orientation,
+            maxForce=200,
+            physicsClientId=self.client,
+        )
+
+    def collide(self, name: str, on: bool) -> None:
+        """Let an object touch other things, or pass through them while it is carried."""
+        mask = -1 if on else 0
+        pybullet.setCollisionFilterGroupMask(
+            self._objects[name].body, -1, int(on), mask, physicsClientId=self.client
+        )
+
+    def release(self) -> None:
+        """Open the gripper: remove the constraint."""
+        if self._constraint is not None:
+            pybullet.removeConstraint(self._constraint, physicsClientId=self.client)
+        self._constraint, self.held = None, None
+
+    def thaw(self, name: str) -> None:
+        """Make an object dynamic, at rest."""
+        thing = self._objects[name]
+        pybullet.changeDynamics(thing.body, -1, mass=thing.mass, physicsClientId=self.client)
+        pybullet.resetBaseVelocity(thing.body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
+
+    def freeze(self, name: str) -> None:
+        """Make an object immovable where it is."""
+        body = self._objects[name].body
+        pybullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
+        pybullet.changeDynamics(body, -1, mass=0, physicsClientId=self.client)
+
+    # Physics
+
+    def step(self) -> None:
+        """Advance physics by ``TIME_STEP``."""
+        pybullet.stepSimulation(physicsClientId=self.client)
+
+    def set_down(self, name: str, position: Vector, yaw: float, receptacle: str) -> bool:
+        """Let an object go just above a place and let physics settle it.
+
+        Returns:
+            Whether it came to rest upright and the receptacle carries it, by contact. If not, the
+            object is where it was before.
+        """
+        before = self._poses[name]
+        x, y, z = position
+        self._move(name, (x, y, z + _DROP), yaw_quaternion(yaw))
+        self.thaw(name)
+        still = self._settle(name)
+        settled = self.read_pose(name)
+        carried = still and _tilt_cosine(settled[1]) > _UPRIGHT and self.rests_on(name, receptacle)
+        self.freeze(name)
+        self._move(name, *(settled if carried else before))
+        if carried:
+            self.supports[name] = Support(receptacle, z)
+        return carried
+
+    def _settle(self, name: str) -> bool:
+        body, quiet_steps = self._objects[name].body, 0
+        for _ in range(_LONGEST_SETTLE):
+            self.step()
+            velocity = np.abs(pybullet.getBaseVelocity(body, physicsClientId=self.client)).max()
+            quiet_steps = quiet_steps + 1 if velocity < _STILL else 0
+            if quiet_steps == 5:
+                return True
+        return False
+
+    def rests_on(self, name: str, receptacle: str) -> bool:
+        """Return whether a thing of the home carries an object: a contact that pushes it upwards."""
+        contacts = pybullet.getContactPoints(
+            self._objects[name].body, self._home_body, -1, self.links[receptacle], physicsClientId=self.client
+        )
+        # Index 7 is the normal on the home's body towards the object.
+        return any(contact[7][2] > 0.7 for contact in contacts)
+
+
+def yaw_quaternion(yaw: float) -> Vector:
+    """Return the orientation (x, y, z, w) of a turn by ``yaw`` radians about z."""
+    return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
+
+
+def load_home_body(client: int, home: Home) -> int:
+    """Load a home's URDF into a client and return the body id.
+
+    Raises:
+        HomeError: PyBullet cannot load it.
+    """
+    try:
+        return int(pybullet.loadURDF(str(home.path), useFixedBase=True, physicsClientId=client))
+    except pybullet.error as error:
+        raise HomeError(f"{home.path}: PyBullet cannot load this URDF; open it in `chmarl-pb homes check`") from error
+
+
+def load_graspable(client: int, class_name: str) -> Graspable:
+    """Load one object of a class, parked and frozen.
+
+    Raises:
+        AssetError: its URDF is missing or is not one link with one collision shape.
+    """
+    path = catalog.graspable_urdf(class_name)
+    number = list(catalog.GRASPABLES).index(class_name)
+    x, y, z = _PARKING
+    body = pybullet.loadURDF(str(path), (x, y, z + 0.5 * number), physicsClientId=client)
+    dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
+    shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)
+    if len(shapes) != 1 or pybullet.getNumJoints(body, physicsClientId=client):
+        raise AssetError(f"{path}: a graspable has one link with one collision shape, a box or a cylinder")
+    _, _, kind, size, *_ = shapes[0]
+    if kind == pybullet.GEOM_CYLINDER:
+        size = (2 * size[1], 2 * size[1], size[0])  # PyBullet gives height, radius
+    pybullet.changeDynamics(body, -1, mass=0, physicsClientId=client)
+    return Graspable(body, dynamics[0], (size[0], size[1], size[2]), dynamics[3])
+
+
+def _link_names(client: int, body: int) -> Iterable[str]:
+    """Yield the child link's name of every joint, in PyBullet's order of link indices."""
+    for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
+        yield pybullet.getJointInfo(body, joint, physicsClientId=client)[12].decode()
+
+
+def _tilt_cosine(quaternion: Vector) -> float:
+    x, y, _, _ = quaternion
+    return 1 - 2 * (x * x + y * y)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Silence what the Bullet library prints from C while loading."""
+    sys.stdout.flush()
+    saved, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 1)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+        os.close(sink)
