@@ -8,6 +8,7 @@ from pathlib import Path
 
 from urdf.build import (
     furniture_bathroom,
+    furniture_counters,
     furniture_decor,
     furniture_kitchen,
     furniture_lamps,
@@ -24,6 +25,7 @@ GROUPS = (
     furniture_storage,
     furniture_seats,
     furniture_soft,
+    furniture_counters,
     furniture_kitchen,
     furniture_bathroom,
     furniture_livingroom,

@@ -1,18 +1,26 @@
-"""Bathroom: counters, towel racks, bathtub, shower, toilet, washing machine and laundry basket."""
+"""Bathroom: towel racks, bathtub, shower, toilet, washing machine and laundry basket."""
 
 import numpy as np
 
-from urdf.build.furniture_kitchen import tap, worktop_with_hole
-from urdf.build.furniture_model import Model, ellipse, facing, tray
-from urdf.build.furniture_storage import FRONT, HANDLE, fronts
-from urdf.build.meshes import cylinder, lathe, loft, rounded_box, rounded_rectangle, tube
+from urdf.build.furniture_counters import tap_mesh
+from urdf.build.furniture_model import Model, ellipse, facing, leg, tray
+from urdf.build.meshes import (
+    box,
+    cylinder,
+    extrude,
+    lathe,
+    loft,
+    rectangle,
+    rounded_box,
+    rounded_rectangle,
+    shaded,
+    tube,
+)
 
 
 def models() -> list[Model]:
     """Return the models of this group."""
     return [
-        _bathroom_counter("bathroom_counter_single", (0.5, 0.9, 0.85), basin_y=0.22, colour="white", top="oak"),
-        _bathroom_counter("bathroom_counter_double", (0.52, 1.4, 0.85), basin_y=0.42, colour="oak", top="marble"),
         towel_rack_shelf(),
         towel_rack_ladder(),
         bathtub_plain(),
@@ -21,30 +29,6 @@ def models() -> list[Model]:
         washing_machine_front(),
         laundry_basket_round(),
     ]
-
-
-def _bathroom_counter(
-    name: str, size: tuple[float, float, float], basin_y: float, colour: str, top: str
-) -> Model:
-    """Return a vanity: doors below, a sunk basin with a tap on the left, free top on the right."""
-    model = Model(name, primary=colour, secondary=top)
-    depth, width, height = size
-    body, x, floor = depth - FRONT - HANDLE, -(FRONT + HANDLE) / 2, height - 0.14
-    model.block("gap", (body - 0.05, width - 0.06, 0.1), (x - 0.025, 0, 0), solid=False)
-    model.block("primary", (body, width, height - 0.24), (x, 0, 0.1), solid=False)
-    model.solid((depth, width, floor))
-    columns = 2 if width < 1.2 else 3
-    fronts(model, x + body / 2, (-width / 2, width / 2), (0.1, height - 0.035), columns, 1, "door")
-    walls = [((0.02, width, 0.105), (x + s * (body - 0.02) / 2, 0, floor)) for s in (-1, 1)]
-    walls += [((body, 0.02, 0.105), (x, s * (width - 0.02) / 2, floor)) for s in (-1, 1)]
-    model.blocks("walls", "primary", walls)
-    worktop_with_hole(model, (depth, width), height, 0.035, (0.32, 0.4), (0.04, basin_y), floor)
-    outer = rounded_rectangle(0.36, 0.44, 0.08, 1)
-    inner = rounded_rectangle(0.3, 0.38, 0.07, 1)
-    model.shape("basin", "ceramic", tray(outer, inner, 0.145, 0.01, 0.75).moved(0.04, basin_y, floor))
-    model.shape("tap", "dark_steel", tap(0.17, 0.13).moved(0.06 - depth / 2, basin_y, height))
-    model.solid((0.05, 0.05, 0.17), (0.06 - depth / 2, basin_y, height))
-    return model
 
 
 def towel_rack_shelf() -> Model:
@@ -69,19 +53,21 @@ def towel_rack_shelf() -> Model:
 def towel_rack_ladder() -> Model:
     """Return a wooden ladder rack with a shelf on top and two hanging towels."""
     model = Model("towel_rack_ladder", primary="birch", secondary="rose")
-    depth, width = 0.36, 0.55
-    model.block("primary", (depth, width, 0.03), (0, 0, 0.97))
-    rails = []
+    depth, width, shelf = 0.36, 0.55, 0.97
+    model.block("primary", (depth, width, 0.03), (0, 0, shelf))
+    slope = np.array([0.155, -0.03])  # x of the front rails at the floor and at the shelf
+    front = [leg((slope[0], y), (slope[1], y), (0, shelf), 0.04) for y in (-0.25, 0.25)]
+    back = [box(0.035, 0.035, shelf).moved(-0.155, y) for y in (-0.25, 0.25)]
+    heights = (0.2, 0.46, 0.76)
+    spots = [float(np.interp(z, (0, shelf), slope)) for z in heights]
+    rungs = [box(0.025, 0.5, 0.03).moved(x, 0, z) for x, z in zip(spots, heights, strict=True)]
+    model.shape("rails", "primary", *front, *back, *rungs)
     for y in (-0.25, 0.25):
-        rails += [tube([(0.15, y, 0), (-0.02, y, 0.97)], 0.022, 4), tube([(-0.155, y, 0), (-0.155, y, 0.97)], 0.02, 4)]
-    model.shape("rails", "primary", *rails)
-    rungs = [tube([(x, -0.25, z), (x, 0.25, z)], 0.014, 5) for x, z in ((0.107, 0.22), (0.062, 0.48), (0.016, 0.74))]
-    model.shape("rungs", "primary", *rungs)
-    for y in (-0.25, 0.25):
-        model.solid((0.05, 0.04, 0.97), (-0.15, y, 0))
-        model.solid((0.1, 0.04, 0.97), (0.06, y, 0))
-    model.shape("towel", "secondary", rounded_box(0.05, 0.3, 0.36, 0.015).moved(0.02, -0.06, 0.4))
-    model.shape("towel_low", "cream", rounded_box(0.05, 0.26, 0.3, 0.015).moved(0.11, 0.08, 0.2 - 0.26 + 0.0 + 0.0 + 0.0 + 0.0 + 0.0 + 0.0 + 0.0 + 0.0 + 0.12))
+        model.solid((0.04, 0.04, shelf), (-0.155, y, 0))
+        model.solid((0.12, 0.04, shelf), (0.06, y, 0))
+    model.shape("towel", "secondary", rounded_box(0.07, 0.3, 0.33, 0.02).moved(spots[2], -0.06, 0.48))
+    model.shape("towel_low", "cream", rounded_box(0.07, 0.26, 0.26, 0.02).moved(spots[1], 0.07, 0.235))
+    model.solid((0.1, 0.44, 0.4), (0.06, 0, 0.4))
     return model
 
 
@@ -90,43 +76,46 @@ def bathtub_plain() -> Model:
     model = Model("bathtub_plain", primary="ceramic", secondary="water")
     outer, inner = rounded_rectangle(0.75, 1.6, 0.06, 1), rounded_rectangle(0.6, 1.42, 0.14, 1)
     model.shape("tub", "primary", tray(outer, inner, 0.55, 0.15, 0.85))
-    model.shape("water", "secondary", cylinder(1, 0.001, 4).scaled(0.01, 0.01, 1).moved(z=0.15))
-    model.shape("tap", "dark_steel", tap(0.16, 0.14).turned("z", -np.pi / 2).moved(0, 0.76, 0.55))
-    model.solid((0.75, 1.6, 0.16))
+    model.shape("water", "secondary", extrude(0.94 * inner, 0.01).moved(z=0.36))
+    model.shape("tap", "dark_steel", tap_mesh(0.18, 0.16).turned("z", -np.pi / 2).moved(0, 0.75, 0.55))
+    model.solid((0.75, 1.6, 0.37))
     for side in (-1, 1):
-        model.solid((0.075, 1.6, 0.55), (side * 0.3375, 0, 0))
-        model.solid((0.75, 0.09, 0.55), (0, side * 0.755, 0))
+        model.solid((0.075, 1.6, 0.18), (side * 0.3375, 0, 0.37))
+        model.solid((0.75, 0.09, 0.18), (0, side * 0.755, 0.37))
     return model
 
 
 def shower_glass() -> Model:
-    """Return a corner shower with a tray, glass frames and a shower head."""
+    """Return a corner shower: a tray with a drain, two glass walls, an open front and a shower head."""
     model = Model("shower_glass", primary="ceramic", secondary="dark_steel")
-    model.block("primary", (0.9, 0.9, 0.08))
-    model.block("glass", (0.02, 0.9, 1.9), (-0.44, 0, 0.08))
-    posts = [((0.03, 0.03, 1.92), (x, y, 0.08)) for x in (-0.435, 0.435) for y in (-0.435, 0.435)]
+    model.shape("tray", "primary", tray(rectangle(0.9, 0.9), rectangle(0.8, 0.8), 0.1, 0.06, 0.97))
+    model.solid((0.9, 0.9, 0.1))
+    model.shape("drain", "secondary", cylinder(0.05, 0.006, 8).moved(z=0.06))
+    model.block("glass", (0.02, 0.87, 1.87), (-0.44, 0, 0.1))
+    model.block("glass", (0.87, 0.02, 1.87), (0, 0.44, 0.1))
+    posts = [((0.03, 0.03, 1.87), (x, y, 0.1)) for x in (-0.435, 0.435) for y in (-0.435, 0.435)]
     rails = [((0.9, 0.03, 0.03), (0, y, 1.97)) for y in (-0.435, 0.435)]
-    rails += [((0.03, 0.9, 0.03), (x, 0, 1.97)) for x in (-0.435, 0.435)]
+    rails += [((0.03, 0.84, 0.03), (x, 0, 1.97)) for x in (-0.435, 0.435)]
     model.blocks("frame", "secondary", posts + rails, solid=True)
-    pipe = tube([(-0.4, 0, 1.0), (-0.4, 0, 1.85), (-0.36, 0, 1.9), (-0.2, 0, 1.9)], 0.014, 5)
-    head = lathe([(0, 0), (0.1, 0), (0.1, 0.02), (0.02, 0.04)], 10).moved(-0.18, 0, 1.86)
-    model.shape("pipe", "dark_steel", pipe, head)
+    pipe = tube([(-0.4, 0, 0.95), (-0.4, 0, 1.82), (-0.34, 0, 1.88), (-0.15, 0, 1.88)], 0.016, 5)
+    head = lathe([(0, 0), (0.13, 0), (0.13, 0.02), (0.02, 0.06)], 10).moved(-0.13, 0, 1.81)
+    model.shape("pipe", "charcoal", pipe, head, box(0.05, 0.24, 0.05).moved(-0.4, 0, 1.0))
     return model
 
 
 def toilet_white() -> Model:
     """Return a toilet: bowl on a foot, seat ring, raised lid and cistern."""
     model = Model("toilet_white", primary="ceramic", secondary="white")
-    rings = [(0.3, 0.24, -0.02, 0.0), (0.28, 0.2, -0.02, 0.12), (0.44, 0.34, 0.0, 0.32), (0.48, 0.38, 0.0, 0.4)]
+    rings = [(0.34, 0.26, -0.04, 0.0), (0.32, 0.24, -0.04, 0.12), (0.44, 0.34, 0.0, 0.32), (0.48, 0.38, 0.0, 0.4)]
     hollow = [(0.34, 0.24, 0.0, 0.4), (0.2, 0.14, 0.0, 0.26)]
-    bowl = [np.column_stack([ellipse(x, y) + [cx, 0], np.full(12, z)]) for x, y, cx, z in rings + hollow]
+    bowl = [np.column_stack([ellipse(x, y) + np.array([cx, 0]), np.full(12, z)]) for x, y, cx, z in rings + hollow]
     model.shape("bowl", "primary", loft(bowl).moved(0.1))
     seat = [np.column_stack([ellipse(x, y), np.full(12, z)]) for x, y, z in SEAT]
     model.shape("seat", "secondary", loft(seat, caps=False).moved(0.1))
     lid = rounded_box(0.38, 0.36, 0.025, 0.1, bevel=0.005).turned("y", -np.pi / 2)
     model.shape("lid", "secondary", lid.moved(-0.13, 0, 0.6))
     model.shape("tank", "primary", rounded_box(0.18, 0.38, 0.36, 0.03, bevel=0.015).moved(-0.25, 0, 0.4))
-    model.block("primary", (0.2, 0.2, 0.4), (-0.22, 0, 0), solid=False)
+    model.block("primary", (0.2, 0.26, 0.4), (-0.22, 0, 0), solid=False)
     model.block("secondary", (0.19, 0.39, 0.025), (-0.245, 0, 0.745), solid=False)
     model.block("steel", (0.05, 0.08, 0.01), (-0.25, 0, 0.77), solid=False)
     model.solid((0.18, 0.38, 0.78), (-0.25, 0, 0))
@@ -156,13 +145,23 @@ def washing_machine_front() -> Model:
 
 
 def laundry_basket_round() -> Model:
-    """Return a wicker basket with laundry looking out."""
+    """Return a woven basket of two straws with laundry looking out."""
     model = Model("laundry_basket_round", primary="pine", secondary="cream")
-    profile = [(0.15, 0), (0.2, 0.5), (0.2, 0.53), (0.185, 0.53), (0.17, 0.4)]
-    model.shape("basket", "primary", lathe(profile, 12))
-    bands = [lathe([(r, z), (r + 0.004, z + 0.02), (r, z + 0.04)], 12) for r, z in ((0.164, 0.12), (0.18, 0.28), (0.194, 0.42))]
-    model.shape("bands", "oak", *bands)
-    model.shape("laundry", "secondary", lathe([(0.17, 0.46), (0.15, 0.52), (0.08, 0.545), (0, 0.55)], 8))
-    model.shape("sock", "blue", rounded_box(0.16, 0.12, 0.05, 0.02).moved(0.04, 0.05, 0.5))
+    rings = [[(0.155 + 0.07 * z) * np.array([np.cos(a), np.sin(a), 0]) + [0, 0, z] for a in WEAVE] for z in LAYERS]
+    wall = loft(rings, caps=False).triangles.reshape(2, len(LAYERS) - 1, len(WEAVE), 3, 3)
+    odd = np.add.outer(np.arange(len(LAYERS) - 1), np.arange(len(WEAVE))) % 2 == 1
+    faces = wall.transpose(1, 2, 0, 3, 4)
+    model.shape("straw", "primary", shaded(faces[~odd].reshape(-1, 3, 3)))
+    model.shape("dark_straw", "oak", shaded(faces[odd].reshape(-1, 3, 3)))
+    model.shape("rim", "oak", lathe([(0.188, 0.44), (0.2, 0.45), (0.2, 0.48), (0.17, 0.48), (0.16, 0.42)], 12))
+    heap = lathe([(0.168, 0.44), (0.15, 0.5), (0.08, 0.54), (0, 0.55)], 8)
+    model.shape("laundry", "secondary", heap)
+    model.shape("shirt", "blue", rounded_box(0.2, 0.14, 0.06, 0.02).moved(0.05, 0.04, 0.483))
+    model.shape("sock", "red", rounded_box(0.07, 0.2, 0.05, 0.02).turned("z", 0.5).moved(-0.08, -0.05, 0.48))
     model.solid_round(0.2, 0.55)
     return model
+
+
+#: Angles and heights of the laundry basket's weave.
+WEAVE = np.arange(14) * np.pi / 7
+LAYERS = (0.0, 0.09, 0.18, 0.27, 0.36, 0.45)

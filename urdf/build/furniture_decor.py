@@ -34,7 +34,8 @@ def _framed(name: str, width: float, height: float, frame: str, ground: str) -> 
     return model
 
 
-def _disc(radius: float, y: float, z: float, x: float = 0.008) -> Mesh:
+def _disc(radius: float, x: float, y: float, z: float) -> Mesh:
+    """Return a painted disc with its back at ``x``."""
     return facing(extrude(ngon(radius, 10), 0.003), x, y, z)
 
 
@@ -45,7 +46,7 @@ def picture_landscape() -> Model:
     model.shape("hills", "blue", panel(far, 0.002, 0.006))
     near = [(-0.37, 0.035), (0.37, 0.035), (0.37, 0.14), (0.1, 0.2), (-0.15, 0.17), (-0.37, 0.12)]
     model.shape("meadow", "leaf", panel(near, 0.005, 0.006))
-    model.shape("sun", "yellow", _disc(0.05, 0.22, 0.42, 0.005))
+    model.shape("sun", "yellow", _disc(0.05, 0.005, 0.22, 0.42))
     model.shape("roof", "red", panel([(-0.2, 0.2), (-0.04, 0.2), (-0.12, 0.27)], 0.008, 0.006))
     model.block("cream", (0.006, 0.12, 0.09), (0.011, -0.12, 0.11), solid=False)
     return model
@@ -67,24 +68,27 @@ def picture_portrait() -> Model:
 def picture_abstract() -> Model:
     """Return a grid of primary colours."""
     model = _framed("picture_abstract", 0.9, 0.6, "black", "white")
-    for colour, width, height, y, z in (
-        ("red", 0.34, 0.3, -0.22, 0.24),
-        ("blue", 0.22, 0.2, 0.28, 0.05),
-        ("yellow", 0.22, 0.16, 0.28, 0.39),
-        ("mustard", 0.34, 0.15, -0.22, 0.05),
-        ("teal", 0.16, 0.22, 0.06, 0.3),
-    ):
-        model.block(colour, (0.006, width, height), (0.008, y, z), solid=False)
-    lines = [((0.006, 0.02, 0.53), (0.0115, y, 0.035)) for y in (-0.04, 0.16)]
-    lines += [((0.006, 0.83, 0.02), (0.0115, 0, z)) for z in (0.21, 0.36)]
+    columns, rows = (-0.415, -0.03, 0.17, 0.415), (0.035, 0.2, 0.36, 0.565)
+    fields = (("red", 0, 1), ("red", 0, 2), ("mustard", 0, 0), ("blue", 2, 0), ("yellow", 2, 2), ("teal", 1, 1))
+    for colour in dict.fromkeys(colour for colour, _, _ in fields):
+        cells = [(c, r) for name, c, r in fields if name == colour]
+        model.shape(colour, colour, *(_field(columns[c : c + 2], rows[r : r + 2]) for c, r in cells))
+    lines = [((0.006, 0.022, 0.53), (0.0115, y, 0.035)) for y in columns[1:3]]
+    lines += [((0.006, 0.83, 0.022), (0.0115, 0, z - 0.011)) for z in rows[1:2]]
+    lines += [((0.006, 0.445, 0.022), (0.0115, 0.1925, rows[2] - 0.011))]
     model.blocks("lines", "black", lines)
     return model
+
+
+def _field(y: tuple[float, float], z: tuple[float, float]) -> Mesh:
+    """Return a painted rectangle between two y and two z."""
+    return panel([(y[0], z[0]), (y[1], z[0]), (y[1], z[1]), (y[0], z[1])], 0.004, 0.006)
 
 
 def mirror_wall() -> Model:
     """Return a framed mirror for a wall."""
     model = _framed("mirror_wall", 0.6, 0.9, "dark_steel", "mirror")
-    _shine(model, 0.005, 0.25, 0.35)
+    _shine(model, 0.005, 0.45, 0.7)
     return model
 
 
@@ -105,8 +109,9 @@ def mirror_standing() -> Model:
     def lean(mesh: Mesh) -> Mesh:
         return mesh.turned("y", tilt).moved(0.09, 0, 0.04)
 
-    model.shape("frame", "primary", lean(rounded_box(0.035, 0.55, 1.66, 0.01)))
-    model.shape("pane", "secondary", lean(panel([(-0.23, 0.05), (0.23, 0.05), (0.23, 1.6), (-0.23, 1.6)], 0.016, 0.004)))
+    model.shape("frame", "primary", lean(rounded_box(0.035, 0.55, 1.66, 0.01, bevel=0)))
+    pane = panel([(-0.23, 0.05), (0.23, 0.05), (0.23, 1.6), (-0.23, 1.6)], 0.016, 0.004)
+    model.shape("pane", "secondary", lean(pane))
     streak = panel([(-0.15, 0.7), (-0.07, 0.7), (0.1, 1.1), (0.02, 1.1)], 0.02, 0.003)
     model.shape("shine", "ceramic", lean(streak))
     model.blocks("feet", "primary", [((0.35, 0.04, 0.05), (0, y, 0)) for y in (-0.22, 0.22)])
@@ -120,15 +125,18 @@ def _window(name: str, width: float, height: float, panes: int) -> Model:
     model = Model(name, primary="white", secondary="linen")
     depth, bar = 0.06, 0.05
     model.block("sky", (0.02, width - bar, height - bar), (-0.01, 0, bar / 2), solid=False)
-    trees = [(-width / 2 + bar, bar), (width / 2 - bar, bar), (width / 2 - bar, 0.3 * height), (0.2 * width, 0.36 * height)]
-    trees += [(0.0, 0.27 * height), (-0.25 * width, 0.33 * height), (-width / 2 + bar, 0.24 * height)]
+    side = width / 2 - bar
+    trees = [(-side, bar), (side, bar), (side, 0.3 * height), (0.2 * width, 0.36 * height), (0.0, 0.27 * height)]
+    trees += [(-0.25 * width, 0.33 * height), (-side, 0.24 * height)]
     model.shape("trees", "leaf", panel(trees, -0.002, 0.005))
     bars = [((depth, width, bar), (0, 0, z)) for z in (0, height - bar)]
     bars += [((depth, bar, height), (0, s * (width - bar) / 2, 0)) for s in (-1, 1)]
     cross = [((0.03, 0.035, height), (0.0, width * (i / panes - 0.5), 0)) for i in range(1, panes)]
     cross.append(((0.03, width, 0.03), (0.0, 0, 0.62 * height)))
     model.blocks("frame", "primary", bars + cross)
-    curtains = [((0.025, 0.14 * width, height - 0.06), (0.016, s * 0.42 * width, 0.03)) for s in (-1, 1)]
+    pleats = ((0.455, 0.026), (0.405, 0.018), (0.355, 0.026))
+    pleat = 0.05 * width
+    curtains = [((x, pleat, height - 0.06), (x / 2, s * y * width, 0.03)) for s in (-1, 1) for y, x in pleats]
     model.blocks("curtains", "secondary", curtains)
     model.solid((depth, width, height))
     return model
@@ -149,10 +157,14 @@ def rug_rect() -> Model:
     return model
 
 
+#: Part, colour, radius and layer of the round rug's discs.
+RINGS = (("edge", "primary", 0.8, 0), ("ring", "secondary", 0.66, 1), ("field", "primary", 0.5, 2))
+
+
 def rug_round() -> Model:
     """Return a round rug with rings."""
     model = Model("rug_round", primary="teal", secondary="cream")
-    for part, colour, radius, z in (("edge", "primary", 0.8, 0), ("ring", "secondary", 0.66, 1), ("field", "primary", 0.5, 2)):
+    for part, colour, radius, z in RINGS:
         model.shape(part, colour, cylinder(radius, 0.006, 24).moved(z=0.003 * z))
     model.shape("centre", "secondary", cylinder(0.2, 0.006, 12).moved(z=0.009))
     return model

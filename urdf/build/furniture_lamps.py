@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from urdf.build.furniture_model import Model
-from urdf.build.meshes import Mesh, cylinder, flipped, join, lathe, rounded_box, shaded, sphere, tube
+from urdf.build.furniture_model import Model, leg, panel
+from urdf.build.meshes import Mesh, cylinder, flipped, join, lathe, shaded, sphere, tube
 
 
 def models() -> list[Model]:
@@ -33,13 +33,11 @@ def floor_lamp_arc() -> Model:
     model = Model("floor_lamp_arc", primary="brass", secondary="charcoal")
     model.shape("foot", "secondary", cylinder(0.12, 0.03, 12).moved(-0.08))
     angles = np.linspace(np.pi, 0.1, 7)
-    bow = [(0.02 + 0.12 * np.cos(a) - 0.0, 0, 1.46 + 0.13 * np.sin(a)) for a in angles]
+    bow = [(0.02 + 0.12 * np.cos(a), 0, 1.46 + 0.13 * np.sin(a)) for a in angles]
     model.shape("pole", "secondary", tube([(-0.1, 0, 0.02), *bow], 0.014, 6))
-    dome = lathe([(0.06, 0.12), (0.02, 0.14), (0.02, 0.12)], 12)
     bell = lathe([(0.0, 0.02), (0.1, 0), (0.09, 0.06), (0.03, 0.13), (0, 0.14)], 12)
     model.shape("shade", "primary", bell.moved(0.1, 0, 1.32))
     model.shape("bulb", "lampshade", sphere(0.05, 8, 4).moved(0.1, 0, 1.29))
-    del dome
     model.solid_round(0.12, 0.03, (-0.08, 0, 0))
     model.solid_round(0.02, 1.5, (-0.1, 0, 0.03))
     model.solid((0.3, 0.2, 0.3), (0.05, 0, 1.3))
@@ -63,20 +61,22 @@ def _leaf(length: float, width: float, lift: float, droop: float, angle: float) 
     Args:
         length: reach sideways.
         width: greatest width.
-        lift: height of its middle over its base.
-        droop: height of its tip under its middle.
+        lift: greatest height over its base.
+        droop: height of its tip under that.
         angle: direction about z.
     """
-    base, tip = np.zeros(3), np.array([length, 0, lift - droop])
-    left, right = np.array([0.55 * length, width / 2, lift]), np.array([0.55 * length, -width / 2, lift])
-    spine = np.array([0.55 * length, 0, lift - 0.25 * width])
-    triangles = np.array([[base, right, spine], [base, spine, left], [spine, right, tip], [left, spine, tip]])
-    upper = shaded(triangles)
+    near, far = (0.32 * length, width / 2, 0.65 * lift), (0.72 * length, 0.42 * width, lift)
+    base, tip = (0.0, 0.0, 0.0), (length, 0.0, lift - droop)
+    near_right, far_right = (near[0], -near[1], near[2]), (far[0], -far[1], far[2])
+    faces = [(base, near_right, near), (near, near_right, far_right), (near, far_right, far), (far, far_right, tip)]
+    upper = shaded(np.array(faces))
     return join(upper, flipped(upper)).turned("z", angle)
 
 
 def _pot(radius: float, height: float) -> Mesh:
-    return lathe([(0, 0), (0.72 * radius, 0), (radius, height), (0.88 * radius, height), (0.85 * radius, 0.85 * height)], 12)
+    """Return a flower pot, open at the top."""
+    rim = [(radius, height), (0.88 * radius, height), (0.85 * radius, 0.85 * height)]
+    return lathe([(0, 0), (0.72 * radius, 0), *rim], 12)
 
 
 def plant_tall() -> Model:
@@ -85,11 +85,12 @@ def plant_tall() -> Model:
     model.shape("pot", "primary", _pot(0.18, 0.34))
     model.shape("soil", "soil", cylinder(0.15, 0.02, 12).moved(z=0.29))
     model.shape("stem", "walnut", tube([(0, 0, 0.3), (0.02, 0.01, 0.7), (0, 0, 1.15)], 0.018, 5))
-    lower = [_leaf(0.25, 0.17, 0.14, 0.1, 0.2 + i * 1.2566).moved(z=0.6) for i in range(5)]
-    middle = [_leaf(0.25, 0.17, 0.17, 0.08, 0.8 + i * 1.2566).moved(z=0.82) for i in range(5)]
-    upper = [_leaf(0.2, 0.14, 0.24, 0.0, 0.2 + i * 1.5708).moved(z=1.1) for i in range(4)]
-    model.shape("leaves", "secondary", *lower, *upper)
-    model.shape("inner_leaves", "dark_leaf", *middle, _leaf(0.1, 0.1, 0.2, -0.1, 0.5).moved(z=1.1))
+    leaves = [
+        _leaf(0.25 - 0.008 * i, 0.19, 0.11 + 0.008 * i, 0.03, 2.4 * i).moved(z=0.45 + 0.05 * i) for i in range(15)
+    ]
+    crown = [_leaf(0.08, 0.12, 0.17, -0.08, i * 2.1).moved(z=1.15) for i in range(3)]
+    model.shape("leaves", "secondary", *leaves[::2], *crown)
+    model.shape("inner_leaves", "dark_leaf", *leaves[1::2])
     model.solid_round(0.18, 0.34)
     model.solid_round(0.22, 0.8, (0, 0, 0.55))
     return model
@@ -110,19 +111,38 @@ def plant_small() -> Model:
 
 
 def coat_rack_pole() -> Model:
-    """Return a coat stand with a coat and a hat."""
-    model = Model("coat_rack_pole", primary="walnut", secondary="navy")
-    model.shape("pole", "primary", cylinder(0.022, 1.66, 6).moved(z=0.04))
-    angles = np.pi / 4 + np.arange(4) * np.pi / 2
-    feet = [tube([(0, 0, 0.12), (0.2 * np.cos(a), 0.2 * np.sin(a), 0.02)], 0.02, 4) for a in angles]
-    hooks = [
-        tube([(0, 0, 1.5), (0.1 * np.cos(a), 0.1 * np.sin(a), 1.5), (0.16 * np.cos(a), 0.16 * np.sin(a), 1.62)], 0.014, 4)
-        for a in angles
-    ]
-    model.shape("arms", "primary", *feet, *hooks)
-    model.shape("coat", "secondary", rounded_box(0.16, 0.3, 0.85, 0.06, bevel=0.04).moved(0.08, 0.06, 0.68))
-    model.shape("hat", "mustard", lathe([(0.14, 0), (0.14, 0.015), (0.08, 0.02), (0.07, 0.1), (0, 0.11)], 10).moved(-0.1, -0.1, 1.55))
-    model.solid_round(0.2, 0.12)
-    model.solid_round(0.16, 1.02, (0, 0, 0.68))
-    model.solid_round(0.04, 0.56, (0, 0, 0.12))
+    """Return a coat stand with a coat and a hat on its hooks."""
+    model = Model("coat_rack_pole", primary="walnut", secondary="burgundy")
+    around = [(np.cos(a), np.sin(a)) for a in np.pi / 4 + np.arange(4) * np.pi / 2]
+    feet = [leg((0.18 * x, 0.18 * y), (0, 0), (0, 0.16), 0.036) for x, y in around]
+    hooks = [leg((0.01 * x, 0.01 * y), (0.15 * x, 0.15 * y), (1.42, 1.6), 0.028) for x, y in around]
+    model.shape("pole", "primary", cylinder(0.024, 1.66, 6).moved(z=0.04), *feet, *hooks)
+    coat = panel(COAT, 0.05, 0.12)
+    model.shape("coat", "secondary", coat)
+    model.block("charcoal", (0.004, 0.012, 0.62), (0.172, 0, 0.66), solid=False)
+    model.blocks("buttons", "brass", [((0.008, 0.025, 0.025), (0.174, -0.03, z)) for z in (0.85, 1.0, 1.15)])
+    model.shape("scarf", "cream", panel([(-0.06, 1.34), (0, 1.27), (0.06, 1.34), (0, 1.4)], 0.165, 0.012))
+    hat = lathe([(0, 0), (0.13, 0), (0.13, 0.015), (0.08, 0.02), (0.07, 0.1), (0, 0.11)], 10)
+    model.shape("hat", "mustard", hat.moved(-0.06, -0.03, 1.59))
+    model.solid((0.396, 0.396, 0.1))
+    model.solid((0.14, 0.4, 0.85), (0.11, 0, 0.6))
+    model.solid_round(0.13, 0.3, (-0.06, -0.03, 1.4))
+    model.solid_round(0.04, 1.3, (0, 0, 0.1))
     return model
+
+
+#: Outline (y, z) of a hanging coat, counterclockwise from its hem.
+COAT = (
+    (-0.15, 0.62),
+    (0.15, 0.62),
+    (0.11, 1.14),
+    (0.15, 0.85),
+    (0.2, 0.87),
+    (0.17, 1.3),
+    (0.06, 1.4),
+    (-0.06, 1.4),
+    (-0.17, 1.3),
+    (-0.2, 0.87),
+    (-0.15, 0.85),
+    (-0.11, 1.14),
+)

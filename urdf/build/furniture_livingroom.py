@@ -1,9 +1,7 @@
 """Large scenery of the living room: television, piano, fireplace and radiator."""
 
-import numpy as np
-
 from urdf.build.furniture_model import Model, panel
-from urdf.build.meshes import lathe, rounded_box, tube
+from urdf.build.meshes import box, lathe, tube
 
 
 def models() -> list[Model]:
@@ -32,16 +30,15 @@ def piano_upright() -> Model:
     model.block("primary", (0.3, 1.5, 0.1), (0.15, 0, 0.58))
     model.blocks("arms", "primary", [((0.3, 0.08, 0.09), (0.15, y, 0.68)) for y in (-0.71, 0.71)], solid=True)
     model.blocks("legs", "primary", [((0.07, 0.08, 0.58), (0.25, y, 0)) for y in (-0.71, 0.71)], solid=True)
-    keys = [((0.15, 0.0375, 0.022), (0.195, 0.0395 * (i - 16.5), 0.68)) for i in range(34)]
     model.block("gap", (0.18, 1.34, 0.006), (0.18, 0, 0.68), solid=False)
     model.block("secondary", (0.15, 1.33, 0.024), (0.195, 0, 0.68), solid=False)
-    blacks = [i for i in range(33) if i % 7 not in (2, 6)]
-    model.blocks("sharps", "black", [((0.09, 0.02, 0.014), (0.165, 0.0395 * (i - 16), 0.704)) for i in blacks])
+    steps = [i for i in range(21) if i % 7 not in (2, 6)]
+    sharps = [box(0.09, 0.03, 0.02).moved(0.165, 0.0605 * (i - 10), 0.702) for i in steps]
+    model.shape("sharps", "black", *sharps)
     model.block("brass", (0.01, 1.2, 0.012), (0.005, 0, 0.84), solid=False)
     model.block("secondary", (0.012, 0.42, 0.28), (0.01, 0, 0.852), solid=False)
-    model.blocks("notes", "charcoal", [((0.003, 0.34, 0.01), (0.0175, 0, 0.89 + 0.05 * i)) for i in range(5)])
+    model.blocks("notes", "charcoal", [((0.003, 0.34, 0.01), (0.0175, 0, 0.9 + 0.07 * i)) for i in range(3)])
     model.blocks("pedals", "brass", [((0.08, 0.03, 0.015), (0.03, y, 0.04)) for y in (-0.08, 0, 0.08)])
-    del keys
     return model
 
 
@@ -53,10 +50,11 @@ def fireplace_stone() -> Model:
     model.block("secondary", (0.4, 1.3, 0.07), (0, 0, 1.03))
     model.block("black", (0.04, 0.58, 0.67), (-0.18, 0, 0))
     model.block("dark_stone", (0.36, 0.58, 0.04), (0.02, 0, 0))
-    logs = [tube([(0.0, -0.2, 0.08), (0.04, 0.2, 0.08)], 0.04, 6), tube([(-0.06, -0.18, 0.12), (0.05, 0.15, 0.14)], 0.04, 6)]
-    model.shape("logs", "walnut", *logs)
-    flame = [(0.06, 0.0), (0.09, 0.08), (0.05, 0.2), (0, 0.34)]
-    model.shape("fire", "fire", *(lathe(flame, 6).scaled(0.7, 1, s).moved(0, y, 0.12) for y, s in ((-0.1, 0.8), (0.04, 1), (0.14, 0.6))))
+    logs = ([(0.0, -0.2, 0.08), (0.04, 0.2, 0.08)], [(-0.06, -0.18, 0.12), (0.05, 0.15, 0.14)])
+    model.shape("logs", "walnut", *(tube(ends, 0.04, 6) for ends in logs))
+    flame = lathe([(0.06, 0.0), (0.09, 0.08), (0.05, 0.2), (0, 0.34)], 6)
+    flames = ((-0.1, 0.8), (0.04, 1.0), (0.14, 0.6))
+    model.shape("fire", "fire", *(flame.scaled(0.7, 1, size).moved(0, y, 0.12) for y, size in flames))
     seams = [((0.006, 0.32, 0.014), (0.143, y, z)) for y in (-0.45, 0.45) for z in (0.24, 0.48, 0.72)]
     model.blocks("seams", "dark_stone", seams)
     return model
@@ -66,7 +64,7 @@ def radiator_white() -> Model:
     """Return a panel radiator with upright ribs."""
     model = Model("radiator_white", primary="white", secondary="grey")
     model.block("secondary", (0.06, 0.86, 0.5), (-0.02, 0, 0.07), solid=False)
-    ribs = [((0.1, 0.05, 0.54), (0.01, 0.0775 * (i - 5.5) , 0.05)) for i in range(12)]
+    ribs = [((0.1, 0.05, 0.54), (0.01, 0.077 * (i - 5.5), 0.05)) for i in range(12)]
     model.blocks("ribs", "primary", ribs)
     model.blocks("feet", "secondary", [((0.06, 0.03, 0.06), (0, y, 0)) for y in (-0.3, 0.3)])
     model.block("primary", (0.12, 0.9, 0.02), (0, 0, 0.58), solid=False)

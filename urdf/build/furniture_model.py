@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from urdf.build.meshes import Mesh, box, extrude, join, loft, write_obj
+from urdf.build.meshes import Mesh, box, extrude, join, loft, rectangle, write_obj
 
 Vector = tuple[float, float, float]
 
@@ -167,6 +167,20 @@ def ellipse(x: float, y: float, corners: int = 12) -> np.ndarray:
     """Return the corners (x, y) of a centred ellipse of full size (x, y), counterclockwise."""
     angles = np.arange(corners) * (2 * np.pi / corners)
     return np.column_stack([x / 2 * np.cos(angles), y / 2 * np.sin(angles)])
+
+
+def leg(foot: tuple[float, float], head: tuple[float, float], z: tuple[float, float], width: float) -> Mesh:
+    """Return a slanted square leg from (x, y) at the lower height to (x, y) at the upper one, cut level at both."""
+    square = rectangle(width, width)
+    ends = [np.column_stack([square + end, np.full(4, height)]) for end, height in zip((foot, head), z, strict=True)]
+    return loft(ends)
+
+
+def soft_box(x: float, y: float, z: float, bevel: float = 0.03) -> Mesh:
+    """Return a box whose upper edges are bevelled, for upholstery."""
+    wide, narrow = rectangle(x, y), rectangle(x - 2 * bevel, y - 2 * bevel)
+    levels = [(wide, 0.0), (wide, z - bevel), (narrow, z)]
+    return loft([np.column_stack([outline, np.full(4, height)]) for outline, height in levels])
 
 
 def corners_of(x: float, y: float, size: float, inset: float = 0.0) -> list[tuple[float, float]]:

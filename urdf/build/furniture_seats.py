@@ -3,7 +3,7 @@
 import numpy as np
 
 from urdf.build.furniture_model import Model
-from urdf.build.meshes import cylinder, rounded_box, tube
+from urdf.build.meshes import box, cylinder, rounded_box, tube
 
 
 def models() -> list[Model]:
@@ -37,7 +37,7 @@ def chair_office() -> Model:
     feet = []
     for angle in np.arange(5) * 2 * np.pi / 5:
         end = np.array([0.25 * np.cos(angle), 0.25 * np.sin(angle), 0.05])
-        feet += [tube([(0, 0, 0.1), end], 0.02, 4), cylinder(0.025, 0.05, 6).moved(end[0], end[1])]
+        feet += [tube([(0, 0, 0.1), end], 0.02, 4), box(0.04, 0.04, 0.05).moved(end[0], end[1])]
     stem = cylinder(0.03, 0.32, 6).moved(z=0.08)
     model.shape("foot", "secondary", *feet, stem)
     model.block("secondary", (0.03, 0.08, 0.3), (-0.255, 0, 0.36), solid=False)

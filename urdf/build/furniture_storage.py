@@ -11,6 +11,15 @@ Handles = Literal["drawer", "door", "none"]
 FRONT = 0.018
 HANDLE = 0.022
 
+#: Colour, thickness and height of a row of books.
+BOOKS = (
+    ("red", 0.04, 0.24),
+    ("navy", 0.03, 0.21),
+    ("mustard", 0.035, 0.23),
+    ("teal", 0.045, 0.2),
+    ("cream", 0.03, 0.25),
+)
+
 
 def models() -> list[Model]:
     """Return the models of this group."""
@@ -59,9 +68,10 @@ def fronts(
         colour: colour of the fronts.
         part: prefix of the mesh names, for a second area on one model.
     """
-    width, height, gap = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows, 0.012
+    width, height, gap = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows, 0.014
     cells = [(c, y[0] + (c + 0.5) * width, z[0] + r * height) for c in range(columns) for r in range(rows)]
-    model.block("gap", (0.006, y[1] - y[0], z[1] - z[0]), (x + 0.003, sum(y) / 2, z[0]), solid=False)
+    plate = (0.006, y[1] - y[0] - 2 * gap, z[1] - z[0] - 2 * gap)
+    model.block("gap", plate, (x + 0.003, sum(y) / 2, z[0] + gap), solid=False)
     panel = (FRONT, width - gap, height - gap)
     model.blocks(f"{part}fronts", colour, [(panel, (x + FRONT / 2, cy, cz + gap / 2)) for _, cy, cz in cells])
     handle_x = x + FRONT + HANDLE / 2
@@ -136,7 +146,8 @@ def shoe_rack_wood() -> Model:
     boards = [((0.3, 0.74, 0.02), (0, 0, z)) for z in (0.06, 0.27)]
     model.blocks("boards", "primary", boards, solid=True)
     model.block("primary", (0.32, 0.8, 0.025), (0, 0, 0.475))
-    for colour, y, z in (("navy", -0.22, 0.29), ("burgundy", 0.2, 0.08), ("charcoal", 0.1, 0.29), ("mustard", -0.2, 0.08)):
+    pairs = (("navy", -0.22, 0.29), ("burgundy", 0.2, 0.08), ("charcoal", 0.1, 0.29), ("mustard", -0.2, 0.08))
+    for colour, y, z in pairs:
         shoes: list[Block] = []
         for offset in (-0.06, 0.06):
             shoes.append(((0.26, 0.09, 0.05), (0, y + offset, z)))
@@ -166,18 +177,14 @@ def _bookshelf(name: str, width: float, height: float, boards: tuple[float, ...]
 
 def _books(model: Model, row: int, z: float, edge: float, side: int) -> None:
     """Add a row of upright books from a shelf's inner ``edge`` inwards, as visuals and one solid box."""
-    spines = [("red", 0.04, 0.24), ("navy", 0.03, 0.21), ("mustard", 0.035, 0.23), ("teal", 0.045, 0.2), ("cream", 0.03, 0.25)]
-    spines = spines[row:] + spines[:row]
     y = edge
-    for colour, thickness, tall in spines:
+    for colour, thickness, tall in BOOKS[row:] + BOOKS[:row]:
         model.block(colour, (0.18, thickness, tall), (-0.02, y - side * thickness / 2, z), solid=False)
         y -= side * (thickness + 0.002)
     model.solid((0.18, abs(edge - y), 0.23), (-0.02, (edge + y) / 2, z))
 
 
-def _chest(
-    name: str, size: Vector, primary: str, secondary: str, columns: int, rows: int, handles: Handles
-) -> Model:
+def _chest(name: str, size: Vector, primary: str, secondary: str, columns: int, rows: int, handles: Handles) -> Model:
     """Return a closed chest with a grid of doors or drawers."""
     model = Model(name, primary=primary, secondary=secondary)
     x = carcass(model, size)

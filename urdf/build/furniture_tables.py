@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from urdf.build.furniture_model import Model, corners_of
+from urdf.build.furniture_model import Model, corners_of, leg
 from urdf.build.furniture_storage import fronts
-from urdf.build.meshes import cylinder, tube
+from urdf.build.meshes import cylinder
 
 
 def models() -> list[Model]:
@@ -76,9 +76,10 @@ def stool_wood() -> Model:
     model.shape("seat", "primary", cylinder(0.18, 0.035, 12).moved(z=0.415))
     model.solid_round(0.18, 0.035, (0, 0, 0.415))
     angles = np.pi / 4 + np.arange(4) * np.pi / 2
-    ends = [(np.array([0.15 * np.cos(a), 0.15 * np.sin(a), 0]), np.array([0.1, 0.1, 1])) for a in angles]
-    legs = [tube([foot, foot * [0.7, 0.7, 0] + [0, 0, 0.42]], 0.018, 5) for foot, _ in ends]
+    spots = [(np.cos(a), np.sin(a)) for a in angles]
+    legs = [leg((0.15 * x, 0.15 * y), (0.1 * x, 0.1 * y), (0, 0.42), 0.032) for x, y in spots]
     model.shape("legs", "secondary", *legs)
+    model.blocks("rungs", "secondary", [((0.2, 0.02, 0.02), (0, 0, 0.15)), ((0.02, 0.2, 0.02), (0, 0, 0.15))])
     model.solid((0.24, 0.24, 0.415))
     return model
 
