@@ -38,7 +38,7 @@ def candle() -> Paint:
 def clock() -> Paint:
     """Twin-bell alarm clock, 15 cm high, its face towards -y."""
     centre = 0.068
-    bell = lathe([(0.024, 0), (0.020, 0.012), (0, 0.020)], 8, crease=np.radians(60))
+    bell = lathe([(0, 0.002), (0.024, 0), (0.020, 0.012), (0, 0.020)], 8, crease=np.radians(60))
     bells = [bell.turned("y", side * 0.6).moved(side * 0.034, 0, centre + 0.046) for side in (-1, 1)]
     foot = cylinder(0.005, 0.034, 5, top=0.009)
     feet = [foot.turned("y", -side * 0.5).moved(side * 0.046) for side in (-1, 1)]
@@ -87,20 +87,20 @@ def teddy_bear() -> Paint:
     def pair(mesh: Mesh) -> Mesh:
         return join(mesh, mesh.scaled(x=-1))
 
-    ear = upright(lathe([(0.034, -0.012), (0.024, 0.014)], 7)).moved(0.054, 0, 0.242)
+    ear = upright(lathe([(0, -0.012), (0.034, -0.012), (0.024, 0.014)], 6)).moved(0.054, 0, 0.242)
     arms = pair(ellipsoid(0.056, 0.056, 0.110, 6, 3).turned("y", -0.55).moved(0.060, -0.030, 0.070))
     legs = pair(ellipsoid(0.074, 0.120, 0.072, 6, 3).turned("z", 0.35).moved(0.060, -0.060))
     body = ellipsoid(0.160, 0.140, 0.165, 7, 4)
     head = ellipsoid(0.140, 0.125, 0.125, 8, 5).moved(0, -0.005, 0.137)
     soles = pair(upright(disc(0.026, 6)).turned("z", 0.35).moved(0.082, -0.120, 0.038))
     bow = patch([(0, -0.006), (0.036, -0.022), (0.036, 0.016), (0, 0.006)])
-    eye = upright(lathe([(0.010, 0), (0, 0.007)], 6)).moved(0.030, -0.057, 0.219)
+    eye = upright(lathe([(0.010, 0), (0, 0.007)], 5)).moved(0.030, -0.057, 0.219)
     return {
         "fur": join(body, head, pair(ear), arms, legs),
         "tan": join(
             ellipsoid(0.072, 0.055, 0.054, 6, 3).moved(0, -0.060, 0.155),
             soles,
-            pair(upright(disc(0.024, 7)).moved(0.054, -0.014, 0.242)),
+            pair(upright(disc(0.024, 6)).moved(0.054, -0.014, 0.242)),
         ),
         "black": join(ellipsoid(0.028, 0.020, 0.018, 4, 2).moved(0, -0.086, 0.186), pair(eye)),
         "red": pair(upright(bow).moved(0, -0.072, 0.138)),

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pybullet as p
 from numpy.typing import NDArray
+from yourdfpy import URDF
 
 URDF_DIR = Path(__file__).parents[1]
 GROUPS = ("graspables", "furniture", "robots")
@@ -36,11 +37,11 @@ def picture(urdf: Path, size: int) -> Image:
     """
     client = p.connect(p.DIRECT)
     try:
-        body = p.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client)
+        p.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client)
         _, _, colour, _, mask = p.getCameraImage(
             size,
             size,
-            *_camera(_visible_bounds(body, client), np.array(VIEWS[urdf.parent.name])),
+            *_camera(_visible_bounds(urdf), np.array(VIEWS[urdf.parent.name])),
             lightDirection=LIGHTS[urdf.parent.name],
             shadow=1,
             renderer=p.ER_TINY_RENDERER,
@@ -62,11 +63,9 @@ def sheet(files: list[Path], columns: int, size: int) -> Image:
     return np.concatenate(rows)
 
 
-def _visible_bounds(body: int, client: int) -> NDArray[np.float64]:
-    """Return the lowest and highest corner over all links' bounds, in metres."""
-    links = range(-1, p.getNumJoints(body, physicsClientId=client))
-    bounds = np.array([p.getAABB(body, link, physicsClientId=client) for link in links])
-    return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+def _visible_bounds(urdf: Path) -> NDArray[np.float64]:
+    """Return the lowest and highest corner of all that is seen of a model, in metres."""
+    return URDF.load(str(urdf)).scene.bounds
 
 
 def _camera(bounds: NDArray[np.float64], view: NDArray[np.float64]) -> tuple[list[float], list[float]]:
@@ -95,7 +94,7 @@ def main() -> None:
     """Write the contact sheet."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/assets.png"), help="PNG file to write")
-    parser.add_argument("--columns", type=int, default=9, help="models in a row")
+    parser.add_argument("--columns", type=int, default=11, help="models in a row")
     parser.add_argument("--size", type=int, default=224, help="side of a picture in pixels")
     parser.add_argument("--models", nargs="*", help="only these models, by name")
     only = parser.add_mutually_exclusive_group()
@@ -110,7 +109,7 @@ def main() -> None:
         parser.error("no such models")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     image = sheet(files, min(arguments.columns, len(files)), arguments.size)
-    cv2.imwrite(str(arguments.out), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    cv2.imwrite(str(arguments.out), cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(f"{arguments.out}: {len(files)} models")
 
 
