@@ -12,13 +12,12 @@ from urdf.build import graspables_desk as desk
 from urdf.build import graspables_food as food
 from urdf.build import graspables_home as home
 from urdf.build import graspables_kitchen as kitchen
-from urdf.build.meshes import Mesh
-from urdf.build.model import Model, write_model
+from urdf.build.model import Model, Paint, write_model
 
 FOLDER = Path(__file__).parents[1] / "graspables"
 
 #: Builder, named after its class, and mass in kilograms.
-ROWS: tuple[tuple[Callable[[], dict[str, Mesh]], float], ...] = (
+ROWS: tuple[tuple[Callable[[], Paint], float], ...] = (
     (food.apple, 0.18),
     (food.banana, 0.15),
     (desk.board_game, 0.9),

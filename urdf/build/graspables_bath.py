@@ -4,7 +4,6 @@ import numpy as np
 
 from urdf.build.decals import GAP, bent, both, climbing, front, lettering, panel, patch, twice, upright
 from urdf.build.meshes import (
-    Mesh,
     arc,
     at_height,
     box,
@@ -17,8 +16,7 @@ from urdf.build.meshes import (
     rounded_box,
     tube,
 )
-
-Paint = dict[str, Mesh]
+from urdf.build.model import Paint
 
 
 def face_cream() -> Paint:

@@ -16,8 +16,7 @@ from urdf.build.meshes import (
     rounded_box,
     tube,
 )
-
-Paint = dict[str, Mesh]
+from urdf.build.model import Paint
 
 
 def board_game() -> Paint:

@@ -18,8 +18,7 @@ from urdf.build.meshes import (
     sphere,
     tube,
 )
-
-Paint = dict[str, Mesh]
+from urdf.build.model import Paint
 
 
 def leaf(length: float, width: float) -> Mesh:

@@ -17,8 +17,7 @@ from urdf.build.meshes import (
     ngon,
     tube,
 )
-
-Paint = dict[str, Mesh]
+from urdf.build.model import Paint
 
 
 def candle() -> Paint:
@@ -55,14 +54,14 @@ def clock() -> Paint:
 
 
 def cushion() -> Paint:
-    """Plump square cushion, 34 cm, striped."""
+    """Plump square cushion, 34 cm, yellow above and teal below, with piping and a button."""
     corner = np.array([(t, -1 + 0.12 * (1 - t * t)) for t in (-1, -0.5, 0, 0.5)])
     quarter = np.array([[0, -1], [1, 0]])
     outline = np.concatenate([corner @ np.linalg.matrix_power(quarter, n).T for n in range(4)])
-    round_ = ngon(1.0, 16)[(np.arange(16) - 6) % 16]
+    circle = ngon(1.0, 16)[(np.arange(16) - 6) % 16]
 
     def side(levels: tuple[tuple[float, float, float], ...]) -> Mesh:
-        rings = [at_height(size * (square * outline + (1 - square) * round_), z) for size, square, z in levels]
+        rings = [at_height(size * (square * outline + (1 - square) * circle), z) for size, square, z in levels]
         return loft(rings, caps=False, crease=np.radians(70))
 
     low = side(((0, 0, 0), (0.08, 0.2, 0.0), (0.135, 0.7, 0.020), (0.166, 1, 0.058)))

@@ -14,8 +14,7 @@ from urdf.build.meshes import (
     rounded_box,
     tube,
 )
-
-Paint = dict[str, Mesh]
+from urdf.build.model import Paint
 
 
 def handle(reach: float, height: float, thickness: float) -> Mesh:

@@ -8,6 +8,9 @@ import numpy as np
 from urdf.build.colours import COLOURS
 from urdf.build.meshes import Array, Mesh, join, write_obj
 
+#: Colour name to the mesh of that colour.
+Paint = dict[str, Mesh]
+
 #: Lowest collision box, in metres: thinner ones fall through or jitter in physics.
 LEAST_HEIGHT = 0.02
 
@@ -47,12 +50,12 @@ class Model:
     Attributes:
         name: class name, and the URDF's robot name.
         mass: kilograms.
-        paint: colour name to the mesh of that colour.
+        paint: what is seen.
     """
 
     name: str
     mass: float
-    paint: dict[str, Mesh]
+    paint: Paint
 
     def centred(self) -> "Model":
         """Return the model with its bounds standing on z = 0, centred on the z axis."""
