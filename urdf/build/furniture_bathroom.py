@@ -79,6 +79,7 @@ def bathtub_plain() -> Model:
     model.shape("water", "secondary", extrude(0.94 * inner, 0.01).moved(z=0.36))
     model.shape("tap", "dark_steel", tap_mesh(0.18, 0.16).turned("z", -np.pi / 2).moved(0, 0.75, 0.55))
     model.solid((0.75, 1.6, 0.37))
+    model.solid((0.05, 0.05, 0.18), (0, 0.75, 0.55))
     for side in (-1, 1):
         model.solid((0.075, 1.6, 0.18), (side * 0.3375, 0, 0.37))
         model.solid((0.75, 0.09, 0.18), (0, side * 0.755, 0.37))

@@ -92,7 +92,7 @@ def plant_tall() -> Model:
     model.shape("leaves", "secondary", *leaves[::2], *crown)
     model.shape("inner_leaves", "dark_leaf", *leaves[1::2])
     model.solid_round(0.18, 0.34)
-    model.solid_round(0.22, 0.8, (0, 0, 0.55))
+    model.solid_round(0.22, 0.92, (0, 0, 0.48))
     return model
 
 
