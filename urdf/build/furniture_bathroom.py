@@ -3,7 +3,7 @@
 import numpy as np
 
 from urdf.build.furniture_counters import tap_mesh
-from urdf.build.furniture_model import Model, ellipse, facing, leg, tray
+from urdf.build.furniture_model import Block, Model, ellipse, facing, leg, tray
 from urdf.build.meshes import (
     box,
     cylinder,
@@ -38,8 +38,8 @@ def towel_rack_shelf() -> Model:
     slats = [((0.045, width, 0.025), (-0.1275 + 0.051 * i, 0, height - 0.025)) for i in range(6)]
     model.blocks("slats", "primary", slats)
     model.solid((depth, width, 0.025), (0, 0, height - 0.025))
-    posts = [((0.03, 0.03, height - 0.025), (x, y, 0)) for x in (-0.13, 0.13) for y in (-0.31, 0.31)]
-    feet = [((0.23, 0.03, 0.03), (0, y, z)) for y in (-0.31, 0.31) for z in (0.1, 0.99)]
+    posts: list[Block] = [((0.03, 0.03, height - 0.025), (x, y, 0)) for x in (-0.13, 0.13) for y in (-0.31, 0.31)]
+    feet: list[Block] = [((0.23, 0.03, 0.03), (0, y, z)) for y in (-0.31, 0.31) for z in (0.1, 0.99)]
     model.blocks("posts", "primary", posts + feet)
     for y in (-0.31, 0.31):
         model.solid((0.29, 0.03, height - 0.025), (0, y, 0))
@@ -94,8 +94,8 @@ def shower_glass() -> Model:
     model.shape("drain", "secondary", cylinder(0.05, 0.006, 8).moved(z=0.06))
     model.block("glass", (0.02, 0.87, 1.87), (-0.44, 0, 0.1))
     model.block("glass", (0.87, 0.02, 1.87), (0, 0.44, 0.1))
-    posts = [((0.03, 0.03, 1.87), (x, y, 0.1)) for x in (-0.435, 0.435) for y in (-0.435, 0.435)]
-    rails = [((0.9, 0.03, 0.03), (0, y, 1.97)) for y in (-0.435, 0.435)]
+    posts: list[Block] = [((0.03, 0.03, 1.87), (x, y, 0.1)) for x in (-0.435, 0.435) for y in (-0.435, 0.435)]
+    rails: list[Block] = [((0.9, 0.03, 0.03), (0, y, 1.97)) for y in (-0.435, 0.435)]
     rails += [((0.03, 0.84, 0.03), (x, 0, 1.97)) for x in (-0.435, 0.435)]
     model.blocks("frame", "secondary", posts + rails, solid=True)
     pipe = tube([(-0.4, 0, 0.95), (-0.4, 0, 1.82), (-0.34, 0, 1.88), (-0.15, 0, 1.88)], 0.016, 5)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from urdf.build.furniture_model import Model, Vector, tray
+from urdf.build.furniture_model import Block, Model, Vector, tray
 from urdf.build.furniture_storage import FRONT, HANDLE, Span, carcass, fronts
 from urdf.build.meshes import Mesh, box, join, rectangle, rounded_rectangle, tube
 
@@ -74,7 +74,7 @@ def _open_carcass(model: Model, size: Vector, plinth: float, floor: float) -> fl
     model.block("gap", (body - 0.05, width - 0.06, plinth), (x - 0.025, 0, 0), solid=False)
     model.block("primary", (body, width, floor - 0.01 - plinth), (x, 0, plinth), solid=False)
     model.solid((depth, width, floor))
-    walls = [((0.02, width, wall + 0.01), (x - (body - 0.02) / 2, 0, floor - 0.01))]
+    walls: list[Block] = [((0.02, width, wall + 0.01), (x - (body - 0.02) / 2, 0, floor - 0.01))]
     walls += [((body, 0.02, wall + 0.01), (x, side * (width - 0.02) / 2, floor - 0.01)) for side in (-1, 1)]
     model.blocks("walls", "primary", walls)
     return x + body / 2

@@ -1,8 +1,10 @@
 """Flat things: pictures, mirrors, windows and rugs."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from urdf.build.furniture_model import Model, ellipse, facing, panel
+from urdf.build.furniture_model import Block, Model, ellipse, facing, panel
 from urdf.build.meshes import Mesh, cylinder, extrude, ngon, rounded_box
 
 
@@ -26,7 +28,7 @@ def _framed(name: str, width: float, height: float, frame: str, ground: str) -> 
     """Return a framed canvas; z = 0 is the frame's lower edge and paint starts at x = 0.01."""
     model = Model(name, primary=frame, secondary=ground)
     bar = 0.035
-    bars = [((0.04, width, bar), (0, 0, z)) for z in (0, height - bar)]
+    bars: list[Block] = [((0.04, width, bar), (0, 0, z)) for z in (0, height - bar)]
     bars += [((0.04, bar, height - 2 * bar), (0, s * (width - bar) / 2, bar)) for s in (-1, 1)]
     model.blocks("frame", "primary", bars)
     model.block("secondary", (0.02, width - bar, height - bar), (-0.005, 0, bar / 2), solid=False)
@@ -73,14 +75,14 @@ def picture_abstract() -> Model:
     for colour in dict.fromkeys(colour for colour, _, _ in fields):
         cells = [(c, r) for name, c, r in fields if name == colour]
         model.shape(colour, colour, *(_field(columns[c : c + 2], rows[r : r + 2]) for c, r in cells))
-    lines = [((0.006, 0.022, 0.53), (0.0115, y, 0.035)) for y in columns[1:3]]
+    lines: list[Block] = [((0.006, 0.022, 0.53), (0.0115, y, 0.035)) for y in columns[1:3]]
     lines += [((0.006, 0.83, 0.022), (0.0115, 0, z - 0.011)) for z in rows[1:2]]
     lines += [((0.006, 0.445, 0.022), (0.0115, 0.1925, rows[2] - 0.011))]
     model.blocks("lines", "black", lines)
     return model
 
 
-def _field(y: tuple[float, float], z: tuple[float, float]) -> Mesh:
+def _field(y: Sequence[float], z: Sequence[float]) -> Mesh:
     """Return a painted rectangle between two y and two z."""
     return panel([(y[0], z[0]), (y[1], z[0]), (y[1], z[1]), (y[0], z[1])], 0.004, 0.006)
 
@@ -129,14 +131,16 @@ def _window(name: str, width: float, height: float, panes: int) -> Model:
     trees = [(-side, bar), (side, bar), (side, 0.3 * height), (0.2 * width, 0.36 * height), (0.0, 0.27 * height)]
     trees += [(-0.25 * width, 0.33 * height), (-side, 0.24 * height)]
     model.shape("trees", "leaf", panel(trees, -0.002, 0.005))
-    bars = [((depth, width, bar), (0, 0, z)) for z in (0, height - bar)]
+    bars: list[Block] = [((depth, width, bar), (0, 0, z)) for z in (0, height - bar)]
     bars += [((depth, bar, height), (0, s * (width - bar) / 2, 0)) for s in (-1, 1)]
-    cross = [((0.03, 0.035, height), (0.0, width * (i / panes - 0.5), 0)) for i in range(1, panes)]
+    cross: list[Block] = [((0.03, 0.035, height), (0.0, width * (i / panes - 0.5), 0)) for i in range(1, panes)]
     cross.append(((0.03, width, 0.03), (0.0, 0, 0.62 * height)))
     model.blocks("frame", "primary", bars + cross)
     pleats = ((0.455, 0.026), (0.405, 0.018), (0.355, 0.026))
     pleat = 0.05 * width
-    curtains = [((x, pleat, height - 0.06), (x / 2, s * y * width, 0.03)) for s in (-1, 1) for y, x in pleats]
+    curtains: list[Block] = [
+        ((x, pleat, height - 0.06), (x / 2, s * y * width, 0.03)) for s in (-1, 1) for y, x in pleats
+    ]
     model.blocks("curtains", "secondary", curtains)
     model.solid((depth, width, height))
     return model

@@ -59,7 +59,7 @@ def stove_gas() -> Model:
 def stove_electric() -> Model:
     """Return an electric cooker: a black glass top with four marked hotplates."""
     model = _stove("stove_electric", "black", "charcoal")
-    ring = lathe([(1.0, 0.002), (0.82, 0.002)], 12)
+    ring = lathe([(1.0, 0.005), (0.82, 0.005)], 12)
     model.shape("rings", "red", *(ring.scaled(r, r, 1).moved(x, y, 0.9) for x, y, r in BURNERS))
     return model
 

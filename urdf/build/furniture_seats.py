@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from urdf.build.furniture_model import Model
+from urdf.build.furniture_model import Block, Model
 from urdf.build.meshes import box, cylinder, rounded_box, tube
 
 
@@ -37,7 +37,7 @@ def chair_office() -> Model:
     feet = []
     for angle in np.arange(5) * 2 * np.pi / 5:
         end = np.array([0.25 * np.cos(angle), 0.25 * np.sin(angle), 0.05])
-        feet += [tube([(0, 0, 0.1), end], 0.02, 4), box(0.04, 0.04, 0.05).moved(end[0], end[1])]
+        feet += [tube(np.array([[0, 0, 0.1], end]), 0.02, 4), box(0.04, 0.04, 0.05).moved(end[0], end[1])]
     stem = cylinder(0.03, 0.32, 6).moved(z=0.08)
     model.shape("foot", "secondary", *feet, stem)
     model.block("secondary", (0.03, 0.08, 0.3), (-0.255, 0, 0.36), solid=False)
@@ -65,7 +65,7 @@ def bench_upholstered() -> Model:
     model = Model("bench_upholstered", primary="teal", secondary="brass")
     model.shape("seat", "primary", rounded_box(0.45, 1.1, 0.13, 0.04, bevel=0.025).moved(z=0.34))
     model.solid((0.45, 1.1, 0.13), (0, 0, 0.34))
-    legs = [((0.035, 0.035, 0.34), (x, y, 0)) for x in (-0.17, 0.17) for y in (-0.47, 0.47)]
+    legs: list[Block] = [((0.035, 0.035, 0.34), (x, y, 0)) for x in (-0.17, 0.17) for y in (-0.47, 0.47)]
     rails = [((0.34, 0.03, 0.03), (0, y, 0.05)) for y in (-0.47, 0.47)]
     model.blocks("legs", "secondary", legs + rails)
     for y in (-0.47, 0.47):

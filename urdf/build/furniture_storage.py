@@ -51,7 +51,6 @@ def fronts(
     rows: int,
     handles: Handles,
     metal: str = "dark_steel",
-    colour: str = "primary",
     part: str = "",
 ) -> None:
     """Cover a carcass's front with doors or drawers, divided by dark gaps.
@@ -65,7 +64,6 @@ def fronts(
         rows: fronts above each other.
         handles: horizontal bars (drawer), upright bars at the edge (door) or none.
         metal: colour of the handles.
-        colour: colour of the fronts.
         part: prefix of the mesh names, for a second area on one model.
     """
     width, height, gap = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows, 0.014
@@ -73,7 +71,7 @@ def fronts(
     plate = (0.006, y[1] - y[0] - 2 * gap, z[1] - z[0] - 2 * gap)
     model.block("gap", plate, (x + 0.003, sum(y) / 2, z[0] + gap), solid=False)
     panel = (FRONT, width - gap, height - gap)
-    model.blocks(f"{part}fronts", colour, [(panel, (x + FRONT / 2, cy, cz + gap / 2)) for _, cy, cz in cells])
+    model.blocks(f"{part}fronts", "primary", [(panel, (x + FRONT / 2, cy, cz + gap / 2)) for _, cy, cz in cells])
     handle_x = x + FRONT + HANDLE / 2
     bars: list[Block] = []
     if handles == "drawer":
