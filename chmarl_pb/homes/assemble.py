@@ -22,6 +22,9 @@ FLOOR_THICKNESS = 0.1
 JAMB = (0.03, 0.02)
 """Door trim: its width along the wall and how far it stands out on both sides, in metres."""
 
+SKIRTING = (0.012, 0.08)
+"""Depth and height of the boards along the foot of walls, in metres."""
+
 TRIM: Colour = (0.93, 0.91, 0.86)
 MESHES = "meshes"
 DIGITS = 6
@@ -137,19 +140,23 @@ def _wall_pose(wall: Wall) -> Array:
 
 
 def _wall(wall: Wall, layout: Layout) -> yourdfpy.Link:
-    """Return a wall: one solid, each face in the colour of its room, trim at doorways."""
+    """Return a wall: one solid, each face in the colour of its room, with skirting and trim at doorways."""
     colours = {room.name: room.wall for room in layout.rooms}
     length, thickness, height = wall.end - wall.start, layout.wall_thickness, layout.wall_height
-    left, right = (wall.above, wall.below) if wall.axis == "x" else (wall.below, wall.above)
+    # The wall's frame has x along the wall: its +y side is the room above, or the room below when it runs along y.
+    rooms = (wall.above, wall.below) if wall.axis == "x" else (wall.below, wall.above)
+    faces = [(side, room) for side, room in zip((1, -1), rooms, strict=True) if room]
     whole = _box((length, thickness, height), _pose(0, 0, height / 2), colours[wall.owner])
     visuals = [whole]
-    if left and right:
+    if len(faces) == 2:
         half = (length, thickness / 2, height)
-        sides = ((thickness / 4, left), (-thickness / 4, right))
-        visuals = [_box(half, _pose(0, side, height / 2), colours[room]) for side, room in sides]
+        visuals = [_box(half, _pose(0, side * thickness / 4, height / 2), colours[room]) for side, room in faces]
+    for side, _ in faces:
+        middle = _pose(0, side * (thickness + SKIRTING[0]) / 2, SKIRTING[1] / 2)
+        visuals.append(_box((length, *SKIRTING), middle, TRIM))
     for jamb, end in zip(wall.jambs, (-1, 1), strict=True):
         if jamb:
-            x = end * (length - JAMB[0]) / 2 + end * 0.001
+            x = end * ((length - JAMB[0]) / 2 + 0.001)
             visuals.append(_box((JAMB[0], thickness + 2 * JAMB[1], height + 0.001), _pose(x, 0, height / 2), TRIM))
     return _link("", visuals, [_solid(whole)])
 
