@@ -66,7 +66,7 @@ def bench_upholstered() -> Model:
     model.shape("seat", "primary", rounded_box(0.45, 1.1, 0.13, 0.04, bevel=0.025).moved(z=0.34))
     model.solid((0.45, 1.1, 0.13), (0, 0, 0.34))
     legs: list[Block] = [((0.035, 0.035, 0.34), (x, y, 0)) for x in (-0.17, 0.17) for y in (-0.47, 0.47)]
-    rails = [((0.34, 0.03, 0.03), (0, y, 0.05)) for y in (-0.47, 0.47)]
+    rails: list[Block] = [((0.34, 0.03, 0.03), (0, y, 0.05)) for y in (-0.47, 0.47)]
     model.blocks("legs", "secondary", legs + rails)
     for y in (-0.47, 0.47):
         model.solid((0.375, 0.035, 0.34), (0, y, 0))

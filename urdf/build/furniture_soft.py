@@ -37,7 +37,8 @@ def _bed(name: str, width: float, pillows: int, duvet: str, wood: str) -> Model:
     spots = [0.0] if pillows == 1 else [-0.37, 0.37]
     model.shape("pillows", "ceramic", *(_pillow(0.4, 0.6, 0.13).moved(-0.72, y, 0.47) for y in spots))
     for y in spots:
-        model.solid((0.4, 0.6, 0.1), (-0.72, y, 0.5))
+        model.solid((0.2, 0.6, 0.09), (-0.82, y, 0.5))  # two heights: no level top wide enough to use
+        model.solid((0.2, 0.6, 0.1), (-0.62, y, 0.5))
     return model
 
 

@@ -72,16 +72,19 @@ def fronts(
     model.block("gap", plate, (x + 0.003, sum(y) / 2, z[0] + gap), solid=False)
     panel = (FRONT, width - gap, height - gap)
     model.blocks(f"{part}fronts", "primary", [(panel, (x + FRONT / 2, cy, cz + gap / 2)) for _, cy, cz in cells])
-    handle_x = x + FRONT + HANDLE / 2
-    bars: list[Block] = []
-    if handles == "drawer":
-        bars = [((HANDLE, 0.4 * width, 0.018), (handle_x, cy, cz + 0.6 * height)) for _, cy, cz in cells]
-    elif handles == "door":
-        for column, cy, cz in cells:
-            side = (0.5 * width - 0.05) * (1 if column % 2 == 0 else -1)
-            bars.append(((HANDLE, 0.018, 0.16), (handle_x, cy + side, cz + max(0.5 * height - 0.08, 0.3 * height))))
-    if bars:
-        model.blocks(f"{part}handles", metal, bars)
+    if handles != "none":
+        bars = (_handle(handles, c % 2 == 0, width, height) for c, _, _ in cells)
+        at = x + FRONT + HANDLE / 2
+        places = [(size, (at, cy + dy, cz + dz)) for (size, (dy, dz)), (_, cy, cz) in zip(bars, cells, strict=True)]
+        model.blocks(f"{part}handles", metal, places)
+
+
+def _handle(kind: Handles, hinged_right: bool, width: float, height: float) -> tuple[Vector, Span]:
+    """Return the size of a front's handle and its place (y, z) from the middle of the front's lower edge."""
+    if kind == "drawer":
+        return (HANDLE, 0.4 * width, 0.018), (0.0, 0.6 * height)
+    side = 0.5 * width - 0.05
+    return (HANDLE, 0.018, 0.16), (side if hinged_right else -side, max(0.5 * height - 0.08, 0.3 * height))
 
 
 def carcass(model: Model, size: Vector, top: float = 0.03, plinth: float = 0.06) -> float:
