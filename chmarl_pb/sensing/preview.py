@@ -25,7 +25,8 @@ _LIGHT = {
     "lightDiffuseCoeff": 0.42,
     "lightSpecularCoeff": 0.0,
 }
-_PLATE = (250, 250, 250)
+_BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an inner wall
+_PLATE = 250
 _INK = (45, 45, 45)
 
 
@@ -60,8 +61,10 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
         low, high = _bounds(client, home)
         half = size[0] // 2
         plan = _camera(low, high, azimuth=-90.0, elevation=90.0, distance=12.0, size=(half, size[1]))
-        house = _camera(low, high, azimuth=-125.0, elevation=52.0, distance=2.2, size=(size[0] - half, size[1]))
-        panels = [_render(client, camera) for camera in (plan, house)]
+        house = _camera(low, high, azimuth=-118.0, elevation=54.0, distance=2.2, size=(size[0] - half, size[1]))
+        panels = [_render(client, plan)]
+        _open_front(client, home)
+        panels.append(_render(client, house))
         for room, centre in _room_centres(client, home).items():
             _label(panels[0], room, plan.pixels(centre))
     picture = np.hstack(panels)[:, :, ::-1]
@@ -100,6 +103,17 @@ def _bounds(client: int, home: int) -> tuple[Array, Array]:
     if not boxes:
         raise HomeError("the home has no link <room>/floor_<n> or <room>/wall_<n> to draw")
     return np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+
+
+def _open_front(client: int, home: int) -> None:
+    """Make the outer walls on the south and west invisible, so that a view from there looks into the rooms."""
+    boxes = _boxes(client, home)
+    floors = [box[:, :2] for name, box in boxes.items() if class_of(name) == "floor"]
+    for link, (name, box) in enumerate(boxes.items()):
+        size, foot = (box[1] - box[0])[:2], box.mean(axis=0)[:2]
+        before = foot - ([0, _BEFORE] if size[0] > size[1] else [_BEFORE, 0])
+        if class_of(name) == "wall" and not any((f[0] < before).all() and (before < f[1]).all() for f in floors):
+            pybullet.changeVisualShape(home, link, rgbaColor=(1, 1, 1, 0), physicsClientId=client)
 
 
 def _room_centres(client: int, home: int) -> dict[str, Array]:
@@ -153,7 +167,7 @@ def _render(client: int, camera: _Camera) -> Array:
         height,
         camera.view.T.ravel().tolist(),
         camera.projection.T.ravel().tolist(),
-        shadow=1,
+        shadow=0,
         renderer=pybullet.ER_TINY_RENDERER,
         flags=pybullet.ER_NO_SEGMENTATION_MASK,
         physicsClientId=client,
@@ -164,10 +178,10 @@ def _render(client: int, camera: _Camera) -> Array:
 
 
 def _label(picture: Array, text: str, centre: tuple[int, int]) -> None:
-    """Write a name on a light plate around a pixel."""
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, picture.shape[0] / 1500
+    """Write a name on a light, half transparent plate around a pixel."""
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, picture.shape[0] / 1700
     (width, height), _ = cv2.getTextSize(text, font, scale, 1)
-    left, base = centre[0] - width // 2, centre[1] + height // 2
-    pad = height // 2
-    cv2.rectangle(picture, (left - pad, base - height - pad), (left + width + pad, base + pad), _PLATE, cv2.FILLED)
+    left, base, pad = centre[0] - width // 2, centre[1] + height // 2, height // 2
+    plate = picture[max(base - height - pad, 0) : base + pad, max(left - pad, 0) : left + width + pad]
+    plate[:] = (plate + 3.0 * _PLATE) / 4
     cv2.putText(picture, text, (left, base), font, scale, _INK, 1, cv2.LINE_AA)
