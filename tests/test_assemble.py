@@ -1,7 +1,7 @@
 """Layout files, walls, and the URDFs that the assembler builds from them."""
 
 import re
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,6 +13,7 @@ from chmarl_pb.assets import SCENES_DIR, URDF_DIR
 from chmarl_pb.catalog import RECEPTACLES, ROOM_KINDS, class_of, room_kind, room_of
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.assemble import build_home
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import load_layout
 from chmarl_pb.homes.walls import boundary, pieces
 from chmarl_pb.sensing.preview import preview
@@ -55,6 +56,14 @@ def receptacle_classes(home: str) -> set[str]:
     return {class_of(name) for name in things(home)} & set(RECEPTACLES)
 
 
+def depth(one: np.ndarray, two: np.ndarray) -> float:
+    """How far two convex polygons overlap, in metres: the least over the normals of their edges."""
+    edges = np.concatenate([np.roll(polygon, -1, axis=0) - polygon for polygon in (one, two)])
+    normals = edges[:, ::-1] * [1, -1] / np.linalg.norm(edges, axis=1, keepdims=True)
+    first, second = one @ normals.T, two @ normals.T
+    return float(np.minimum(first.max(0) - second.min(0), second.max(0) - first.min(0)).min())
+
+
 @pytest.mark.parametrize("home", HOMES)
 def test_committed_home_is_what_its_layout_builds(home, tmp_path):
     built = build_home(SCENES_DIR / f"{home}.toml", tmp_path / f"{home}.urdf")
@@ -88,6 +97,26 @@ def test_meshes_lie_in_the_homes_folder(home):
     for mesh in ElementTree.parse(SCENES_DIR / f"{home}.urdf").getroot().iter("mesh"):
         assert re.fullmatch(r"meshes/[a-z0-9_]+\.obj", mesh.attrib["filename"])
         assert (SCENES_DIR / mesh.attrib["filename"]).is_file()
+
+
+def test_no_mesh_is_left_over():
+    named = {
+        mesh.attrib["filename"]
+        for home in HOMES
+        for mesh in ElementTree.parse(SCENES_DIR / f"{home}.urdf").iter("mesh")
+    }
+    assert {f"meshes/{file.name}" for file in (SCENES_DIR / "meshes").iterdir()} == named
+
+
+@pytest.mark.parametrize("home", HOMES)
+def test_nothing_overlaps(home):
+    loaded = load_home(SCENES_DIR / f"{home}.urdf")
+    for one, two in combinations((*loaded.things, *loaded.structure), 2):
+        if {one.class_name, two.class_name} <= {"floor", "wall"}:
+            continue
+        for a, b in product(one.solids, two.solids):
+            height = min(a.top, b.top) - max(a.bottom, b.bottom)
+            assert height < 0.005 or depth(a.polygon, b.polygon) < 0.005, (one.name, two.name)
 
 
 @pytest.mark.parametrize("home", HOMES)
