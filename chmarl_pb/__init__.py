@@ -1,0 +1,62 @@
+"""Cooperative, heterogeneous multi-robot reinforcement learning in homes, on PyBullet.
+
+import gymnasium as gym, chmarl_pb
+gym.make("CHMARL/SceneGraph-v0")
+chmarl_pb.parallel_env(observation="visual", split="val-unseen")
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
+    from chmarl_pb.errors import ChmarlError as ChmarlError
+    from chmarl_pb.rollout import Episode as Episode
+    from chmarl_pb.rollout import make_policy as make_policy
+    from chmarl_pb.rollout import rollout as rollout
+    from chmarl_pb.tasks.splits import load_tasks as load_tasks
+    from chmarl_pb.tasks.task import Task as Task
+
+__version__ = "0.1.0"
+
+#: Public name -> module that defines it; loaded at first use, so that importing the package is quick.
+_PUBLIC = {
+    "ChmarlError": "chmarl_pb.errors",
+    "Episode": "chmarl_pb.rollout",
+    "HouseholdEnv": "chmarl_pb.envs.parallel",
+    "Task": "chmarl_pb.tasks.task",
+    "load_tasks": "chmarl_pb.tasks.splits",
+    "make_policy": "chmarl_pb.rollout",
+    "rollout": "chmarl_pb.rollout",
+}
+__all__ = ["__version__", "env", "parallel_env", *_PUBLIC]
+
+
+def parallel_env(observation: str = "scene_graph", **options: Any) -> "HouseholdEnv":
+    """Return the PettingZoo ParallelEnv of the agents "humanoid" and "drone".
+
+    Args:
+        observation: "scene_graph" or "visual".
+        **options: split, home, messages, feedback, max_steps, image_size, execution, render_mode;
+            see :class:`chmarl_pb.envs.options.Options`.
+
+    Raises:
+        OptionError: an option has a value that it does not know.
+        HomeError: a home cannot be used.
+    """
+    from chmarl_pb.envs.parallel import HouseholdEnv
+
+    return HouseholdEnv(observation, **options)
+
+
+def env(observation: str = "scene_graph", **options: Any) -> Any:
+    """Return the same environment as PettingZoo AEC: the robots act one after the other; see :func:`parallel_env`."""
+    from chmarl_pb.envs.aec import aec_env
+
+    return aec_env(observation, **options)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'chmarl_pb' has no attribute {name!r}")

@@ -69,6 +69,16 @@ class Lattice:
     obstacles: tuple[Solid, ...]
 
     @cached_property
+    def moves(self) -> NDArray[np.int32]:
+        """The pose (poses, rooms + 3) after each Goto, Move Forward, Turn Left and Turn Right; -1 where blocked."""
+        position, heading = np.divmod(np.arange(len(self.points) * HEADINGS), HEADINGS)
+        ahead = self.forward[position, heading]
+        gotos = [np.full(len(position), pose) for pose in self.anchors.values()]
+        forward = np.where(ahead < 0, -1, ahead * HEADINGS + heading)
+        turns = [position * HEADINGS + (heading + turn) % HEADINGS for turn in (1, -1)]
+        return np.stack([*gotos, forward, *turns], axis=1).astype(np.int32)
+
+    @cached_property
     def _rows(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]]:
         return {}
 
@@ -137,7 +147,7 @@ def build_lattice(home: Home) -> Lattice:
     here = cells * SPACING
     free = ~_blocked(obstacles, here, here)
     cells, rooms = cells[free], rooms[free]
-    starts, ends = _links(cells, _DRIVE_CELLS, obstacles)
+    starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles)
     count, part = connected_components(_graph(cells, starts, ends), directed=False)
     kept = part == np.bincount(part, minlength=count).argmax() if len(cells) else np.zeros(0, dtype=bool)
     for number, name in enumerate(home.rooms):
@@ -147,7 +157,7 @@ def build_lattice(home: Home) -> Lattice:
                 "and a free way of 0.5 m beside the furniture"
             )
     cells, rooms = cells[kept], rooms[kept]
-    starts, ends = _links(cells, _DRIVE_CELLS, obstacles)
+    starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles)
     points = cells * SPACING
     forward = _forward(cells, obstacles)
     anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}
@@ -186,18 +196,18 @@ def _index(cells: NDArray[np.int64]) -> dict[tuple[int, int], int]:
 
 def _links(
     cells: NDArray[np.int64], offsets: NDArray[np.int64], obstacles: list[Solid]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return start and end indices of the moves by any offset that stay free all the way."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return start, end and number of the offset of all moves by an offset that stay free all the way."""
     index = _index(cells)
-    pairs = [
-        (start, index[x + i, y + j])
+    moves = [
+        (start, index[x + i, y + j], number)
+        for number, (i, j) in enumerate(offsets.tolist())
         for start, (x, y) in enumerate(cells.tolist())
-        for i, j in offsets.tolist()
         if (x + i, y + j) in index
     ]
-    starts, ends = np.array(pairs, dtype=int).reshape(-1, 2).T
+    starts, ends, numbers = np.array(moves, dtype=int).reshape(-1, 3).T
     free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING)
-    return starts[free], ends[free]
+    return starts[free], ends[free], numbers[free]
 
 
 def _blocked(obstacles: list[Solid], starts: Points, ends: Points) -> NDArray[np.bool_]:
@@ -218,9 +228,8 @@ def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np
 
 def _forward(cells: NDArray[np.int64], obstacles: list[Solid]) -> NDArray[np.int32]:
     forward = np.full((len(cells), HEADINGS), -1, dtype=np.int32)
-    for heading, offset in enumerate(FORWARD_CELLS):
-        starts, ends = _links(cells, offset[None], obstacles)
-        forward[starts, heading] = ends
+    starts, ends, headings = _links(cells, FORWARD_CELLS, obstacles)
+    forward[starts, headings] = ends
     return forward
 
 

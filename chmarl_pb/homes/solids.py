@@ -4,6 +4,7 @@ All functions are vectorised NumPy on world coordinates (metres, z up). A mesh c
 hull, which is also what PyBullet makes of a collision mesh.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,38 @@ def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.b
     return ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
 
 
+class Outlines:
+    """Many convex polygons at once, as half-planes, for tests of lines of sight."""
+
+    def __init__(self, polygons: Sequence[Points]):
+        """Stack polygons (k, 2), counter-clockwise; shorter ones repeat their last edge."""
+        most = max((len(polygon) for polygon in polygons), default=3)
+        shape = (len(polygons), most)
+        self._normals, self._offsets = np.zeros((*shape, 2)), np.zeros(shape)
+        for row, polygon in enumerate(polygons):
+            edges = np.roll(polygon, -1, axis=0) - polygon
+            normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+            offsets = (normals * polygon).sum(axis=1)
+            order = np.minimum(np.arange(most), len(polygon) - 1)
+            self._normals[row], self._offsets[row] = normals[order], offsets[order]
+
+    def crossed(self, starts: Points, ends: Points) -> NDArray[np.bool_]:
+        """Return (n, polygons) which polygons each segment crosses, by clipping (Cyrus and Beck 1978).
+
+        Args:
+            starts: (n, 2) first ends of the segments.
+            ends: (n, 2) their last ends.
+        """
+        before = starts @ self._normals.reshape(-1, 2).T - self._offsets.ravel()
+        after = ends @ self._normals.reshape(-1, 2).T - self._offsets.ravel()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = before / (before - after)
+        entry = np.where(before > 0, np.where(after > 0, np.inf, at), 0.0)
+        leave = np.where((before <= 0) & (after > 0), at, 1.0)
+        shape = (len(starts), *self._offsets.shape)
+        return entry.reshape(shape).max(axis=2, initial=0.0) <= leave.reshape(shape).min(axis=2, initial=1.0)
+
+
 def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
     """Return whether a disc swept along each segment touches a convex polygon.
 
@@ -85,21 +118,19 @@ def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -
         ends: (n, 2) their last ends; a segment may be a point.
         radius: of the disc, metres.
     """
-    hit = inside(polygon, starts) | inside(polygon, ends)
-    corners, following = polygon, np.roll(polygon, -1, axis=0)
-    for a, b in zip(corners, following, strict=True):
-        hit |= _segment_distance(a, b, starts, ends) < radius
-    return hit
+    corners, following = polygon[:, None], np.roll(polygon, -1, axis=0)[:, None]
+    near = (_segment_distance(corners, following, starts, ends) < radius).any(axis=0)
+    return near | inside(polygon, starts) | inside(polygon, ends)
 
 
 def _segment_distance(a: Points, b: Points, starts: Points, ends: Points) -> NDArray[np.float64]:
-    """Return the distance (n,) between the segment a-b and each of n segments."""
+    """Return the distance between segments a-b and start-end, broadcast against each other."""
     d, e = b - a, ends - starts
-    cross = d[0] * e[:, 1] - d[1] * e[:, 0]
+    cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
     offset = starts - a
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = (offset[:, 0] * e[:, 1] - offset[:, 1] * e[:, 0]) / cross
-        u = (offset[:, 0] * d[1] - offset[:, 1] * d[0]) / cross
+        t = (offset[..., 0] * e[..., 1] - offset[..., 1] * e[..., 0]) / cross
+        u = (offset[..., 0] * d[..., 1] - offset[..., 1] * d[..., 0]) / cross
     crossing = (np.abs(cross) > 1e-12) & (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
     nearest = np.minimum.reduce(
         [
@@ -115,6 +146,7 @@ def _segment_distance(a: Points, b: Points, starts: Points, ends: Points) -> NDA
 def _point_distance(points: Points, starts: Points, ends: Points) -> NDArray[np.float64]:
     """Return the distance between points and segments, broadcast against each other."""
     along = ends - starts
-    length = np.maximum((along * along).sum(axis=-1), 1e-18)
-    t = np.clip(((points - starts) * along).sum(axis=-1) / length, 0.0, 1.0)
-    return np.linalg.norm(points - starts - t[..., None] * along, axis=-1)
+    away = points - starts
+    length = np.maximum(along[..., 0] ** 2 + along[..., 1] ** 2, 1e-18)
+    t = np.clip((away[..., 0] * along[..., 0] + away[..., 1] * along[..., 1]) / length, 0.0, 1.0)
+    return np.hypot(away[..., 0] - t * along[..., 0], away[..., 1] - t * along[..., 1])

@@ -8,7 +8,7 @@ import numpy as np
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import HEADINGS, DroneLattice, Lattice, build_drone_lattice, build_lattice, heading_angle
 from chmarl_pb.homes.reach import REACH
-from chmarl_pb.homes.solids import Points, segments_hit
+from chmarl_pb.homes.solids import Outlines, Points
 from chmarl_pb.homes.surfaces import Surface, find_surfaces
 
 #: Share of an object's height at which it is gripped.
@@ -69,15 +69,19 @@ class Space:
                 return int(position * HEADINGS + heading[choice] % HEADINGS)
         return None
 
-    def _arm_is_free(self, base: np.ndarray, x: float, y: float, z: float) -> bool:
+    def _arm_is_free(self, base: Points, x: float, y: float, z: float) -> bool:
         """Return whether nothing stands between the base and the point at the arm's height."""
-        start, end = base[None], np.array([[x, y]])
-        low, high = np.minimum(start, end)[0], np.maximum(start, end)[0]
-        return not any(
-            segments_hit(solid.polygon, start, end, 1e-6)[0]
-            for solid in self.home.solids
-            if solid.spans(z, z + _ARM_THICKNESS) and (low <= solid.high).all() and (high >= solid.low).all()
-        )
+        tall = (self._heights[:, 1] > z) & (self._heights[:, 0] < z + _ARM_THICKNESS)
+        return not (self._outlines.crossed(base[None], np.array([[x, y]]))[0] & tall).any()
+
+    @cached_property
+    def _heights(self) -> Points:
+        """Bottom and top (n, 2) of the home's solids."""
+        return np.array([[solid.bottom, solid.top] for solid in self.home.solids]).reshape(-1, 2)
+
+    @cached_property
+    def _outlines(self) -> Outlines:
+        return Outlines([solid.polygon for solid in self.home.solids])
 
     def places(self, receptacle: str, size: Size) -> Points:
         """Return x, y, z and yaw (n, 4) of every place on a receptacle where an object fits.

@@ -1,0 +1,1 @@
+"""What the benchmark fixes in files: its tasks."""

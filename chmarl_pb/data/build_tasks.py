@@ -1,0 +1,96 @@
+"""Make the benchmark's task files: drawn uniformly over what fits, solved once by the planner.
+
+Each task is drawn from its own seed (version, split, number, attempt), so the files do not depend
+on the number of processes that make them.
+"""
+
+import csv
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.errors import TaskError
+from chmarl_pb.tasks.sampling import sample_task
+from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLITS
+from chmarl_pb.tasks.task import Task
+
+VERSION = 1  # of the draw; a change of homes, assets or planner that changes the files raises it
+_MOST_ATTEMPTS = 1000
+
+Slot = tuple[str, int, int]  # split, number, first attempt
+Kind = tuple[str, str, str, str]
+
+
+def build_split(
+    split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]
+) -> list[Task]:
+    """Return a split's tasks; no two of them, and none in ``taken``, share home, object, source and target.
+
+    Args:
+        split: name of the split.
+        size: number of tasks.
+        taken: kinds of tasks that other splits have; the new ones are added.
+        workers: number of processes.
+        progress: called with the number of tasks that have been solved since its last call.
+    """
+    chosen: dict[int, Task] = {}
+    slots: list[Slot] = [(split, number, 0) for number in range(size)]
+    while slots:
+        again: list[Slot] = []
+        for (_, number, _), (attempt, task) in zip(slots, _solved(slots, workers), strict=True):
+            kind = (task.home, task.graspable, task.source, task.target)
+            if kind in taken:
+                again.append((split, number, attempt + 1))
+                continue
+            taken.add(kind)
+            chosen[number] = task
+            progress(1)
+        slots = again
+    return [chosen[number] for number in range(size)]
+
+
+def write_tasks(path: Path, tasks: list[Task]) -> None:
+    """Write a task file, whole or not at all."""
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    with temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(task) for task in tasks)
+    temporary.replace(path)
+
+
+def _solved(slots: list[Slot], workers: int) -> Iterator[tuple[int, Task]]:
+    """Yield attempt and task of each slot, in order."""
+    if workers == 1:
+        yield from map(_solve_slot, slots)
+        return
+    # Forked children would share PyBullet's clients; spawned ones have their own.
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap(_solve_slot, slots, chunksize=4)
+
+
+def _solve_slot(slot: Slot) -> tuple[int, Task]:
+    """Return the first attempt of a slot that gives a solvable task, with its L*."""
+    split, number, first = slot
+    homes = SPLIT_HOMES[split]
+    home = homes[number % len(homes)]
+    stage = _stage(home)
+    for attempt in range(first, first + _MOST_ATTEMPTS):
+        rng = np.random.default_rng([VERSION, SPLITS.index(split), number, attempt])
+        task = sample_task(stage.space, home, rng, f"{split}-{number:0{4 if split == 'train' else 3}d}")
+        try:
+            return attempt, replace(task, optimal_steps=len(stage.solve(task)))
+        except TaskError:
+            continue
+    raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; mend the home")
+
+
+@cache
+def _stage(home: str) -> Stage:
+    return Stage(home)

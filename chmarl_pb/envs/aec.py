@@ -1,0 +1,13 @@
+"""The AEC view: the robots act one after the other, the world moves after the second."""
+
+from typing import Any
+
+from pettingzoo import AECEnv
+from pettingzoo.utils import parallel_to_aec
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+
+
+def aec_env(observation: str = "scene_graph", **options: Any) -> AECEnv:
+    """Return the AEC view of the core environment; see :class:`HouseholdEnv` for the options."""
+    return parallel_to_aec(HouseholdEnv(observation, **options))

@@ -1,0 +1,151 @@
+"""Gymnasium views of the core: one policy for both robots, or for the humanoid alone."""
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.errors import ActionError
+from chmarl_pb.planner.search import DroneSearch
+from chmarl_pb.world import World
+
+Info = dict[str, Any]
+Step = tuple[dict[str, np.ndarray], float, bool, bool, Info]
+
+
+class JointEnv(gymnasium.Env):
+    """Both robots as one agent.
+
+    Observation: the keys of both robots with the prefixes ``humanoid_`` and ``drone_``. Action:
+    ``MultiDiscrete([10, 9])``, or with ``flat_actions`` one number ``humanoid * 9 + drone``. Info:
+    ``info["humanoid"]``, ``info["drone"]``, and ``is_success`` as Stable-Baselines3 reads it.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}
+
+    def __init__(self, flat_actions: bool = False, **options: Any):
+        """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
+        self.parallel = HouseholdEnv(**options)
+        self.render_mode = self.parallel.render_mode
+        self.flat_actions = flat_actions
+        counts = [len(self.parallel.action_names[name]) for name in AGENTS]
+        self._counts = counts
+        self.action_space = spaces.Discrete(counts[0] * counts[1]) if flat_actions else spaces.MultiDiscrete(counts)
+        self.observation_space = spaces.Dict(
+            {
+                f"{name}_{key}": space
+                for name in AGENTS
+                for key, space in self.parallel.observation_space(name).spaces.items()
+            }
+        )
+
+    @property
+    def world(self) -> World:
+        """The world of the home that the present episode is played in."""
+        return self.parallel.world
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], Info]:
+        """Start an episode; see :meth:`HouseholdEnv.reset`."""
+        super().reset(seed=seed)
+        observations, infos = self.parallel.reset(seed=seed, options=options)
+        return _joined(observations), _info(infos)
+
+    def step(self, action: Any) -> Step:
+        """Let both robots act once.
+
+        Raises:
+            ActionError: the action does not lie in the action space.
+            NotResetError: there is no episode to go on with.
+        """
+        observations, rewards, terminated, truncated, infos = self.parallel.step(self._split(action))
+        robot = AGENTS[0]
+        return _joined(observations), rewards[robot], terminated[robot], truncated[robot], _info(infos)
+
+    def _split(self, action: Any) -> dict[str, int]:
+        numbers = np.asarray(action)
+        if self.flat_actions:
+            if numbers.size != 1 or numbers.dtype.kind not in "iu" or not 0 <= numbers.item() < np.prod(self._counts):
+                raise ActionError(f"action {action!r} is not a whole number from 0 to {np.prod(self._counts) - 1}")
+            return dict(zip(AGENTS, (int(n) for n in divmod(numbers.item(), self._counts[1])), strict=True))
+        if numbers.shape != (2,):
+            raise ActionError(f"action {action!r} is not a pair of numbers, one for each of {list(AGENTS)}")
+        return {name: numbers[index] for index, name in enumerate(AGENTS)}
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
+        return self.parallel.render()
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.parallel.close()
+
+
+class HumanoidEnv(gymnasium.Env):
+    """The humanoid as the only agent; the drone follows the search policy.
+
+    Observation: the humanoid's keys without a prefix. Action: ``Discrete(10)``. Info: the
+    humanoid's, with ``is_success``.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}
+
+    def __init__(self, **options: Any):
+        """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
+        self.parallel = HouseholdEnv(**options)
+        self.render_mode = self.parallel.render_mode
+        self.action_space = self.parallel.action_space("humanoid")
+        self.observation_space = self.parallel.observation_space("humanoid")
+        self._drone = DroneSearch(self.parallel.action_names["drone"], self.parallel.rooms)
+
+    @property
+    def world(self) -> World:
+        """The world of the home that the present episode is played in."""
+        return self.parallel.world
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], Info]:
+        """Start an episode; see :meth:`HouseholdEnv.reset`."""
+        super().reset(seed=seed)
+        observations, infos = self.parallel.reset(seed=seed, options=options)
+        self._drone.reset(seed)
+        self._seen_by_drone = observations["drone"], infos["drone"]
+        return observations["humanoid"], _alone(infos)
+
+    def step(self, action: Any) -> Step:
+        """Let the humanoid act once, and the drone by itself.
+
+        Raises:
+            ActionError: the action does not lie in the action space.
+            NotResetError: there is no episode to go on with.
+        """
+        drone = self._drone.act(*self._seen_by_drone) if self.parallel.agents else 0
+        results = self.parallel.step({"humanoid": action, "drone": drone})
+        observations, rewards, terminated, truncated, infos = results
+        self._seen_by_drone = observations["drone"], infos["drone"]
+        robot = "humanoid"
+        return observations[robot], rewards[robot], terminated[robot], truncated[robot], _alone(infos)
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
+        return self.parallel.render()
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.parallel.close()
+
+
+def _joined(observations: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    return {f"{name}_{key}": value for name in AGENTS for key, value in observations[name].items()}
+
+
+def _info(infos: dict[str, Info]) -> Info:
+    return {**infos, "is_success": infos[AGENTS[0]]["success"]}
+
+
+def _alone(infos: dict[str, Info]) -> Info:
+    return {**infos["humanoid"], "is_success": infos["humanoid"]["success"]}

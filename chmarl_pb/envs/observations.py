@@ -1,0 +1,83 @@
+"""Observation spaces and observations: a flat Dict of fixed-shape arrays for each robot."""
+
+import numpy as np
+from gymnasium import spaces
+
+from chmarl_pb import catalog
+from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.homes.lattice import HEADINGS, heading_angle
+from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, scene_graph
+from chmarl_pb.tasks import language
+from chmarl_pb.tasks.messages import Messages
+from chmarl_pb.tasks.outcome import Outcome
+from chmarl_pb.tasks.setting import Setting
+
+Observation = dict[str, np.ndarray]
+
+
+def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
+    """Return one robot's observation space; both robots have the same.
+
+    ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
+    and 1 if the humanoid holds something.
+    """
+    tokens = language.vocabulary_size() - 1
+    parts: dict[str, spaces.Space] = {}
+    if options.observation == "visual":
+        parts["image"] = spaces.Box(0, 255, (options.image_size, options.image_size, 3), np.uint8)
+    else:
+        parts["node_class"] = spaces.Box(0, len(catalog.CLASSES), (MAX_NODES,), np.int16)
+        parts["node_state"] = spaces.Box(0, len(catalog.STATES), (MAX_NODES,), np.int16)
+        parts["edges"] = spaces.Box(0, MAX_NODES, (MAX_EDGES, 3), np.int16)
+    parts["instruction"] = spaces.Box(0, tokens, (language.INSTRUCTION_LENGTH,), np.int16)
+    parts["feedback"] = spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16)
+    parts["messages"] = spaces.Box(0, 1, (2, len(rooms)), np.int8)
+    parts["self"] = spaces.Box(-1, 1, (len(rooms) + 4,), np.float32)
+    return spaces.Dict(parts)
+
+
+def observe(
+    options: Options,
+    stage: Stage,
+    robot: str,
+    outcome: Outcome,
+    setting: Setting,
+    messages: Messages,
+    instruction: np.ndarray,
+    feedback: str,
+) -> Observation:
+    """Return what one robot observes.
+
+    Args:
+        options: of the environment.
+        stage: where the episode is played.
+        robot: its name.
+        outcome: of the last step.
+        setting: of the episode.
+        messages: what is known; observed as zeros if messages are off.
+        instruction: token ids.
+        feedback: what it was told about its last action.
+    """
+    observation: Observation
+    if options.observation == "visual":
+        pose = stage.world.robots[robot].pose
+        observation = {"image": stage.sight.picture(robot, pose, options.image_size).rgb}
+    else:
+        graph = scene_graph(stage.world, stage.space, outcome.seen[robot], setting.states)
+        observation = dict(graph.arrays())
+    return observation | {
+        "instruction": instruction.copy(),
+        "feedback": language.tokenize(feedback, language.FEEDBACK_LENGTH),
+        "messages": messages.copy() if options.messages else np.zeros_like(messages),
+        "self": _self(stage, robot),
+    }
+
+
+def _self(stage: Stage, robot: str) -> np.ndarray:
+    room = list(stage.home.rooms)[stage.world.robots[robot].room]
+    vector = np.zeros(len(stage.rooms) + 4, dtype=np.float32)
+    vector[stage.rooms.index(room) if room in stage.rooms else len(stage.rooms)] = 1
+    angle = heading_angle(stage.humanoid.heading) if robot == "humanoid" else heading_angle(HEADINGS // 4)
+    vector[-3:] = np.cos(angle), np.sin(angle), robot == "humanoid" and stage.world.held is not None
+    return vector

@@ -1,0 +1,69 @@
+"""The keyword arguments that all environments share, checked once."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from chmarl_pb.errors import OptionError
+from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
+
+OBSERVATIONS = ("scene_graph", "visual")
+EXECUTIONS = ("instant", "simulated")
+RENDER_MODES = (None, "rgb_array", "human")
+MAX_STEPS = 50  # joint steps
+
+
+@dataclass(frozen=True)
+class Options:
+    """What an environment can be asked for.
+
+    Attributes:
+        observation: "scene_graph" or "visual".
+        split: split of the benchmark that tasks are drawn from.
+        home: name or path of a home to play in instead of the split's homes.
+        messages: whether the robots' messages are observed; if not, they read as zeros.
+        feedback: whether language feedback is given; if not, it is empty.
+        max_steps: joint steps after which an episode is truncated.
+        image_size: width and height of camera images in pixels.
+        execution: "instant" or "simulated".
+        render_mode: None, "rgb_array" or "human".
+    """
+
+    observation: str = "scene_graph"
+    split: str = "train"
+    home: str | Path | None = None
+    messages: bool = True
+    feedback: bool = True
+    max_steps: int = MAX_STEPS
+    image_size: int = 128
+    execution: str = "instant"
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            OptionError: an option has a value that it does not know.
+        """
+        _one_of("observation", self.observation, OBSERVATIONS)
+        _one_of("split", self.split, SPLITS)
+        _one_of("execution", self.execution, EXECUTIONS)
+        _one_of("render_mode", self.render_mode, RENDER_MODES)
+        for name in ("messages", "feedback"):
+            _one_of(name, getattr(self, name), (True, False))
+        _whole("max_steps", self.max_steps, 1, 1_000_000)
+        _whole("image_size", self.image_size, 16, 1024)
+
+    @property
+    def homes(self) -> tuple[str, ...]:
+        """The homes that episodes are played in."""
+        return SPLIT_HOMES[self.split] if self.home is None else (str(self.home),)
+
+
+def _one_of(name: str, value: object, known: tuple[object, ...]) -> None:
+    if value not in known:
+        raise OptionError(f"{name}={value!r} is not known; use one of: {', '.join(repr(item) for item in known)}")
+
+
+def _whole(name: str, value: object, low: int, high: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+        raise OptionError(f"{name}={value!r} is not a whole number from {low} to {high}")

@@ -1,0 +1,278 @@
+"""The core environment: a PettingZoo ParallelEnv of the humanoid and the drone in one home."""
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from chmarl_pb.envs.observations import Observation, observation_space, observe
+from chmarl_pb.envs.options import MAX_STEPS, Options
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.envs.state import global_state, state_size
+from chmarl_pb.envs.task_source import TaskSource
+from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
+from chmarl_pb.robots.execution import Snapshot, execute
+from chmarl_pb.robots.motion import Motion
+from chmarl_pb.sensing.window import show, side_by_side
+from chmarl_pb.tasks import language
+from chmarl_pb.tasks.feedback import feedback
+from chmarl_pb.tasks.messages import no_messages, update
+from chmarl_pb.tasks.outcome import Outcome, judge, reward
+from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import World
+
+AGENTS = ("humanoid", "drone")
+
+Results = tuple[
+    dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+]  # fmt: skip
+
+
+class HouseholdEnv(ParallelEnv):
+    """A humanoid and a drone search a home together; the humanoid brings X to Y.
+
+    **Task**: an instruction names an object X and a receptacle Y ("Put the mug on the desk").
+    **Observation**: what each robot sees (scene graph or picture), the instruction, its feedback,
+    the messages, and its own room, heading and hand.
+    **Actions**: one number for each robot, see ``action_names``; actions that cannot be done change nothing.
+    **Reward**: shared, phi(s') - phi(s), see :func:`chmarl_pb.tasks.outcome.potential`.
+    **End**: success terminates both robots, ``max_steps`` truncates both.
+
+    Attributes:
+        task: the task of the present episode.
+        outcome: the facts after the last step.
+        snapshots: how the last step's motion went at 30 Hz; empty unless ``execution="simulated"``.
+        steps: joint steps taken in this episode.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "chmarl_v0",
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 4,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        observation: str = "scene_graph",
+        split: str = "train",
+        home: str | Path | None = None,
+        messages: bool = True,
+        feedback: bool = True,
+        max_steps: int = MAX_STEPS,
+        image_size: int = 128,
+        execution: str = "instant",
+        render_mode: str | None = None,
+    ):
+        """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the arguments.
+
+        Raises:
+            OptionError: an argument has a value that it does not know.
+            HomeError: a home cannot be used.
+        """
+        self.options = Options(
+            observation, split, home, messages, feedback, max_steps, image_size, execution, render_mode
+        )
+        self.render_mode = render_mode
+        self.possible_agents = list(AGENTS)
+        self.agents: list[str] = []
+        self._stages: dict[str, Stage] = {}
+        self.stage = self._enter(self.options.homes[0])
+        self.rooms, self.action_names = self.stage.rooms, self.stage.actions
+        self._tasks = TaskSource(self.options.split, self.options.home, self._enter)
+        self._observation_space = observation_space(self.options, self.rooms)
+        self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
+        self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
+        self.action_spaces = {name: self.action_space(name) for name in AGENTS}
+        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self.rooms)),), np.float32)
+        self._rng = np.random.default_rng()
+        self.snapshots: tuple[Snapshot, ...] = ()
+        self.steps = 0
+
+    def observation_space(self, agent: str) -> spaces.Dict:
+        """Return an agent's observation space."""
+        return self._observation_space
+
+    def action_space(self, agent: str) -> spaces.Discrete:
+        """Return an agent's action space."""
+        return self._action_spaces[agent]
+
+    @property
+    def unwrapped(self) -> "HouseholdEnv":
+        """The environment itself."""
+        return self
+
+    @property
+    def world(self) -> World:
+        """The world of the home that the present episode is played in."""
+        return self.stage.world
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Start an episode.
+
+        Args:
+            seed: fixes which task is drawn now and by later resets without a seed.
+            options: ``{"task": Task or its id}`` plays that task.
+
+        Raises:
+            OptionError: an option is unknown.
+            TaskError: the task is unknown or cannot be set up.
+        """
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self.task = self._choose_task(options or {})
+        self.stage = self._enter(self.task.home)
+        self.setting: Setting = self.stage.begin(self.task)
+        self.outcome = self._look()
+        self.messages = update(no_messages(self.rooms), self.outcome, self.setting.goal, self.rooms)
+        self.instruction = language.instruction(self.task)
+        self._instruction_tokens = language.tokenize(self.instruction, language.INSTRUCTION_LENGTH)
+        self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
+        told = dict.fromkeys(AGENTS, "")
+        return self._observe(told), self._infos(told, dict.fromkeys(AGENTS, True))
+
+    def step(self, actions: dict[str, int]) -> Results:
+        """Let both robots act once.
+
+        Args:
+            actions: robot -> number of its action.
+
+        Raises:
+            NotResetError: there is no episode to go on with.
+            ActionError: an action is missing, not a whole number, or out of range.
+        """
+        names = self._check(actions)
+        succeeded, self.snapshots = execute(self.world, self._plan(names), self.options.execution == "simulated")
+        previous, self.outcome = self.outcome, self._look()
+        self.messages = update(self.messages, self.outcome, self.setting.goal, self.rooms)
+        gained = reward(previous, self.outcome)
+        told = {name: self._tell(previous, name, action) for name, action in names.items()}
+        self.steps += 1
+        terminated = self.outcome.success
+        truncated = not terminated and self.steps >= self.options.max_steps
+        if terminated or truncated:
+            self.agents = []
+        if self.render_mode == "human":
+            self.render()
+        return (
+            self._observe(told),
+            dict.fromkeys(AGENTS, gained),
+            dict.fromkeys(AGENTS, terminated),
+            dict.fromkeys(AGENTS, truncated),
+            self._infos(told, succeeded),
+        )
+
+    def state(self) -> np.ndarray:
+        """Return the global state for centralized training, see :func:`chmarl_pb.envs.state.global_state`.
+
+        Raises:
+            NotResetError: there is no episode yet.
+        """
+        if not hasattr(self, "outcome"):
+            raise NotResetError("state() before reset(); call reset() first")
+        elapsed = self.steps / self.options.max_steps
+        return global_state(self.stage, self.setting, self.outcome, self.messages, elapsed)
+
+    def render(self) -> np.ndarray | None:
+        """Return both robots' pictures side by side (H, 2 H, 3); with "human", show them in a window."""
+        if self.render_mode is None:
+            raise OptionError("render() needs render_mode='rgb_array' or 'human'; give it when making the environment")
+        if not hasattr(self, "outcome"):
+            raise NotResetError("render() before reset(); call reset() first")
+        picture = side_by_side(self.stage.sight, max(self.options.image_size, 256))
+        if self.render_mode == "rgb_array":
+            return picture
+        show(picture, self.instruction)
+        return None
+
+    def close(self) -> None:
+        """Disconnect from physics; closing twice is allowed."""
+        for stage in self._stages.values():
+            stage.close()
+        self._stages = {}
+        self.agents = []
+
+    def _choose_task(self, options: dict[str, Any]) -> Task:
+        unknown = set(options) - {"task"}
+        if unknown:
+            raise OptionError(f"reset(options=...) does not know {sorted(unknown)}; it knows 'task'")
+        if "task" in options:
+            return self._tasks.named(options["task"])
+        return self._tasks.draw(self._rng)
+
+    def _enter(self, home: str) -> Stage:
+        """Return the stage of a home, loaded at its first use."""
+        if home not in self._stages:
+            stage = Stage(home)
+            first = next(iter(self._stages.values()), stage)
+            if stage.rooms != first.rooms:
+                stage.close()
+                raise HomeError(
+                    f"{stage.home.path}: its rooms {stage.rooms} differ from {first.rooms}, so its actions would "
+                    "too; play it in an environment of its own with home=..."
+                )
+            self._stages[home] = stage
+        return self._stages[home]
+
+    def _check(self, actions: dict[str, int]) -> dict[str, str]:
+        """Return robot -> name of its action."""
+        if not self.agents:
+            raise NotResetError("step() without a running episode; call reset() first")
+        if set(actions) != set(AGENTS):
+            raise ActionError(f"actions are for {sorted(actions)}, but each of {list(AGENTS)} needs one")
+        return {name: self._action_name(name, actions[name]) for name in AGENTS}
+
+    def _action_name(self, robot: str, action: Any) -> str:
+        names = self.action_names[robot]
+        number = np.asarray(action)
+        if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < len(names):
+            raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {len(names) - 1}")
+        return names[int(number.item())]
+
+    def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
+        seen = self.outcome.seen["humanoid"]
+        return {
+            "humanoid": self.stage.humanoid.plan(names["humanoid"], self.setting.goal, seen),
+            "drone": self.stage.drone.plan(names["drone"]),
+        }
+
+    def _look(self) -> Outcome:
+        stage = self.stage
+        seen = {name: stage.sight.visible(name) for name in AGENTS}
+        room = list(stage.home.rooms)[stage.humanoid.room]
+        return judge(stage.world, self.setting.goal, seen, room)
+
+    def _tell(self, previous: Outcome, robot: str, action: str) -> str:
+        if not self.options.feedback:
+            return ""
+        return feedback(self.task, self.setting.goal, previous, robot, action)
+
+    def _observe(self, told: dict[str, str]) -> dict[str, Observation]:
+        return {
+            name: observe(
+                self.options, self.stage, name, self.outcome, self.setting, self.messages,
+                self._instruction_tokens, told[name],
+            )
+            for name in AGENTS
+        }  # fmt: skip
+
+    def _infos(self, told: dict[str, str], succeeded: dict[str, bool]) -> dict[str, dict[str, Any]]:
+        return {
+            name: {
+                "instruction": self.instruction,
+                "feedback": told[name],
+                "action_success": succeeded[name],
+                "success": self.outcome.success,
+                "potential": self.outcome.potential,
+                "visible": self.outcome.seen[name],
+                # Every action may be tried: one that cannot be done just changes nothing.
+                "action_mask": np.ones(len(self.action_names[name]), dtype=np.int8),
+                "task_id": self.task.id,
+            }
+            for name in AGENTS
+        }

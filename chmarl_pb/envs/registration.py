@@ -1,0 +1,18 @@
+"""The four Gymnasium ids; ``gym.make`` finds them through the ``gymnasium.envs`` entry point."""
+
+import gymnasium
+
+_ENTRY_POINTS = {
+    "CHMARL/SceneGraph-v0": ("JointEnv", "scene_graph"),
+    "CHMARL/Visual-v0": ("JointEnv", "visual"),
+    "CHMARL/SceneGraphHumanoid-v0": ("HumanoidEnv", "scene_graph"),
+    "CHMARL/VisualHumanoid-v0": ("HumanoidEnv", "visual"),
+}
+ENV_IDS = tuple(_ENTRY_POINTS)
+
+
+def register_envs() -> None:
+    """Register the four ids; registering again changes nothing."""
+    for env_id, (view, observation) in _ENTRY_POINTS.items():
+        if env_id not in gymnasium.registry:
+            gymnasium.register(env_id, f"chmarl_pb.envs.joint:{view}", kwargs={"observation": observation})

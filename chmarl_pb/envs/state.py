@@ -1,0 +1,52 @@
+"""The global state: what a centralized critic or a mixer may know in training, never the policies."""
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.homes.lattice import DRONE_HEADING, heading_angle
+from chmarl_pb.tasks.messages import Messages
+from chmarl_pb.tasks.outcome import Outcome
+from chmarl_pb.tasks.setting import Setting
+
+_NEAREST_TARGETS = 3
+
+
+def state_size(rooms: int) -> int:
+    """Return the length of the state vector for a number of rooms."""
+    return 2 * 4 + 3 + 3 * _NEAREST_TARGETS + 2 * rooms + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
+
+
+def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Messages, elapsed: float) -> np.ndarray:
+    """Return the state vector, float32, all entries about in [-1, 1].
+
+    In order: x, y, cosine and sine of the heading of the humanoid and of the drone; x, y, z of X; x,
+    y, z of the three targets nearest to the humanoid (zeros where there are fewer); messages; holding,
+    success, potential / 10, share of the steps that are gone; one-hot classes of X and Y. Positions
+    are relative to the home's middle, over half its larger side.
+    """
+    low, high = stage.home.bounds
+    middle, scale = (low + high) / 2, float((high - low).max()) / 2
+
+    def point(x: float, y: float, z: float) -> list[float]:
+        return [(x - middle[0]) / scale, (y - middle[1]) / scale, z / scale]
+
+    x, y, yaw = stage.humanoid.lattice.pose(stage.humanoid.pose)
+    drone_x, drone_y = stage.drone.lattice.points[stage.drone.pose]
+    angle = heading_angle(stage.humanoid.heading)
+    parts = [*point(x, y, 0)[:2], np.cos(angle), np.sin(angle)]
+    parts += [*point(drone_x, drone_y, 0)[:2], np.cos(DRONE_HEADING), np.sin(DRONE_HEADING)]
+    parts += point(*stage.world.pose(setting.goal.item)[0])
+    centres = np.array([stage.home.receptacles[name].centre for name in setting.goal.receptacles])
+    nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]
+    for number in nearest:
+        name = setting.goal.receptacles[number]
+        top = max(solid.top for solid in stage.home.receptacles[name].solids)
+        parts += point(*centres[number], top)
+    parts += [0.0] * (3 * (_NEAREST_TARGETS - len(nearest)))
+    parts += messages.ravel().tolist()
+    parts += [outcome.held is not None, outcome.success, outcome.potential / 10, elapsed]
+    classes = [catalog.class_of(name) for name in (setting.goal.item, setting.goal.receptacles[0])]
+    for known, wanted in zip((catalog.GRASPABLES, catalog.RECEPTACLES), classes, strict=True):
+        parts += [name == wanted for name in known]
+    return np.array(parts, dtype=np.float32)

@@ -1,0 +1,135 @@
+"""The unprivileged search policy: it knows only what the robots see and what they told each other.
+
+The drone sweeps room after room; the humanoid goes where a message says that the thing it needs has
+been seen, looks around there, and otherwise searches the rooms itself, in the opposite order.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.planner.policy import Actions, Infos, Observations
+from chmarl_pb.tasks.language import parse_instruction
+
+_TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
+_PACES = 3  # forward moves before it looks around again
+#: Moves that show the drone the surroundings of a room's centre: one round of eight places.
+_SWEEP = (
+    "move_forward", "move_left", "move_backward", "move_backward",
+    "move_right", "move_right", "move_forward", "move_forward",
+)  # fmt: skip
+
+
+class HumanoidSearch:
+    """Searches, picks and places with the humanoid alone."""
+
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
+        """Remember the names of actions and rooms, in the order of their numbers."""
+        self.actions, self.rooms = actions, rooms
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._rng = np.random.default_rng(seed)
+        self._looks: list[str] = []
+        self._searched: set[str] = set()
+        self._wanted, self._tried = "", ""
+
+    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the next action."""
+        return self.actions.index(self._choose(observation, info))
+
+    def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
+        graspable, receptacle = parse_instruction(info["instruction"])
+        holding = bool(observation["self"][-1])
+        wanted, verb, row = (receptacle, "place", 1) if holding else (graspable, "pick", 0)
+        if wanted != self._wanted:
+            self._wanted, self._looks, self._searched = wanted, [], set()
+        here = room_of(observation, self.rooms)
+        failed, self._tried = self._tried == verb, ""  # it is still wanted, so the last attempt failed
+        if wanted in {catalog.class_of(name) for name in info["visible"]} and not failed:
+            self._tried = verb
+            return verb
+        told = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
+        return self._look_around(here, told)
+
+    def _look_around(self, here: str | None, told: list[str]) -> str:
+        """Go to a room that was told of, else to the next one, and look around there."""
+        if told and here not in told:
+            self._looks = self._round()
+            return f"goto_{told[0]}"
+        if not self._looks:
+            if not told:
+                return self._next_room(here)
+            self._looks = ["move_forward"] * _PACES + self._round()
+        return self._looks.pop()
+
+    def _next_room(self, here: str | None) -> str:
+        if here is not None:
+            self._searched.add(here)
+        left = [room for room in self.rooms if room not in self._searched]
+        if not left:
+            self._searched = set() if here is None else {here}
+            left = [room for room in self.rooms if room not in self._searched] or list(self.rooms)
+        self._looks = self._round()
+        return f"goto_{left[-1]}"
+
+    def _round(self) -> list[str]:
+        """Return a look around: all turns to one side, drawn at random."""
+        return [str(self._rng.choice(["turn_left", "turn_right"]))] * _TURNS
+
+
+class DroneSearch:
+    """Sweeps the rooms with the drone until X and Y have been seen, then waits where X was."""
+
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
+        """Remember the names of actions and rooms, in the order of their numbers."""
+        self.actions, self.rooms = actions, rooms
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._moves: list[str] = []
+        self._left = list(self.rooms)
+        self._seen: set[str] = set()
+
+    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the next action."""
+        wanted = parse_instruction(info["instruction"])
+        self._seen |= {catalog.class_of(name) for name in info["visible"]}
+        self._seen |= {name for name, bits in zip(wanted, observation["messages"], strict=True) if bits.any()}
+        return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
+
+    def _sweep(self) -> str:
+        if not self._moves:
+            self._left = self._left or list(self.rooms)
+            self._moves = list(_SWEEP[::-1])
+            return f"goto_{self._left.pop(0)}"
+        return self._moves.pop()
+
+
+class SearchPolicy:
+    """Both searches together."""
+
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
+        """Remember the names of each robot's actions and of the rooms."""
+        self.searches = {
+            "humanoid": HumanoidSearch(actions["humanoid"], rooms),
+            "drone": DroneSearch(actions["drone"], rooms),
+        }
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        for search in self.searches.values():
+            search.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return robot -> number of its action, each from its own observation and info alone."""
+        return {name: search.act(observations[name], infos[name]) for name, search in self.searches.items()}
+
+
+def room_of(observation: dict[str, np.ndarray], rooms: tuple[str, ...]) -> str | None:
+    """Return the room that a robot's ``self`` observation tells, or None between rooms."""
+    number = int(np.argmax(observation["self"][: len(rooms) + 1]))
+    return rooms[number] if number < len(rooms) else None

@@ -1,0 +1,119 @@
+"""The one loop: a policy drives an environment through an episode."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.errors import OptionError
+from chmarl_pb.planner.policy import Infos, Observations, Policy, RandomPolicy
+from chmarl_pb.planner.search import SearchPolicy
+from chmarl_pb.tasks.task import Task
+
+POLICIES = ("random", "planner", "search")
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One played episode; T is its number of joint steps.
+
+    Attributes:
+        task: the task.
+        observations: T + 1 times robot -> observation.
+        actions: T times robot -> number of its action.
+        rewards: (T,) shared rewards.
+        infos: T + 1 times robot -> info.
+        success: whether X stands on Y.
+    """
+
+    task: Task
+    observations: tuple[Observations, ...]
+    actions: tuple[dict[str, int], ...]
+    rewards: np.ndarray
+    infos: tuple[Infos, ...]
+    success: bool
+
+    def __len__(self) -> int:
+        """Return the number of joint steps."""
+        return len(self.actions)
+
+
+class PlannerPolicy:
+    """Drives both robots by the privileged planner: the humanoid optimally, the drone to where it can tell."""
+
+    def __init__(self, env: HouseholdEnv):
+        """Plan for the episodes of an environment."""
+        self.env = env
+        self._plans: dict[str, list[str]] = {}
+        self._holding = False
+
+    def reset(self, seed: int | None) -> None:
+        """Plan the episode that has just begun."""
+        oracle, goal = self.env.stage.oracle, self.env.setting.goal
+        self._plans = {"humanoid": oracle.plan(goal), "drone": oracle.plan_drone(goal)}
+        self._holding = False
+
+    def act(self, observations: Observations, infos: Infos) -> dict[str, int]:
+        """Return the next planned action of each robot; the drone plans anew once X is in the gripper."""
+        if (self.env.world.held is not None) != self._holding:
+            self._holding = not self._holding
+            self._plans["drone"] = self.env.stage.oracle.plan_drone(self.env.setting.goal)
+        chosen = {name: plan.pop(0) if plan else "stay" for name, plan in self._plans.items()}
+        return {name: self.env.action_names[name].index(action) for name, action in chosen.items()}
+
+
+def make_policy(name: str, env: Any) -> Policy:
+    """Return a policy that comes with the benchmark.
+
+    Args:
+        name: "random", "planner" (privileged, optimal) or "search" (unprivileged).
+        env: the ParallelEnv, or a view of it, that the policy is to drive.
+
+    Raises:
+        OptionError: there is no such policy.
+    """
+    parallel = core_of(env)
+    if name == "random":
+        return RandomPolicy({robot: len(names) for robot, names in parallel.action_names.items()})
+    if name == "planner":
+        return PlannerPolicy(parallel)
+    if name == "search":
+        return SearchPolicy(parallel.action_names, parallel.rooms)
+    raise OptionError(f"unknown policy {name!r}; use one of: {', '.join(POLICIES)}")
+
+
+def core_of(env: Any) -> HouseholdEnv:
+    """Return the ParallelEnv behind an environment or a view of it.
+
+    Raises:
+        OptionError: it is none of this package's.
+    """
+    inner = env.unwrapped
+    inner = getattr(inner, "parallel", inner)
+    if not isinstance(inner, HouseholdEnv):
+        raise OptionError(f"{type(env).__name__} is not an environment of chmarl_pb; make one by parallel_env()")
+    return inner
+
+
+def rollout(env: HouseholdEnv, policy: Policy, seed: int | None = None, task: Task | str | None = None) -> Episode:
+    """Play one episode.
+
+    Args:
+        env: a ParallelEnv of this package.
+        policy: drives both robots.
+        seed: of the environment's reset and of the policy.
+        task: the task to play, or its id; drawn by the environment if None.
+    """
+    observations, infos = env.reset(seed=seed, options=None if task is None else {"task": task})
+    policy.reset(seed)
+    seen, told, actions, rewards = [observations], [infos], [], []
+    while env.agents:
+        chosen = policy.act(observations, infos)
+        observations, gained, _, _, infos = env.step(chosen)
+        actions.append({name: int(chosen[name]) for name in AGENTS})
+        rewards.append(gained[AGENTS[0]])
+        seen.append(observations)
+        told.append(infos)
+    success = bool(infos[AGENTS[0]]["success"])
+    return Episode(env.task, tuple(seen), tuple(actions), np.array(rewards), tuple(told), success)

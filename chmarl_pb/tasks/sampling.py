@@ -1,0 +1,25 @@
+"""Draw tasks: uniformly over what fits in a home, with no idea of where things usually lie."""
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.homes.space import Space
+from chmarl_pb.tasks.task import Task
+
+_SEEDS = 2**31 - 1
+
+
+def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> Task:
+    """Draw a graspable, a source and a target class, and a seed; whether it can be solved is not asked.
+
+    Args:
+        space: of the home.
+        home: the home's name or path, as the task is to name it.
+        rng: source of randomness.
+        task_id: the task's id; made of the home's name and the task's seed if None.
+    """
+    classes = sorted({thing.class_name for thing in space.home.receptacles.values()})
+    source, target = rng.choice(classes, size=2, replace=False)
+    graspable = rng.choice(list(catalog.GRASPABLES))
+    seed = int(rng.integers(_SEEDS))
+    return Task(task_id or f"{space.home.name}-{seed}", home, str(graspable), str(source), str(target), seed)
