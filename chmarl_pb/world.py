@@ -241,23 +241,19 @@ class World:
             physicsClientId=self.client,
         )
 
-    def collide(self, name: str, on: bool) -> None:
-        """Let an object touch other things, or pass through them while it is carried."""
-        mask = -1 if on else 0
-        pybullet.setCollisionFilterGroupMask(
-            self._objects[name].body, -1, int(on), mask, physicsClientId=self.client
-        )
-
     def release(self) -> None:
         """Open the gripper: remove the constraint."""
         if self._constraint is not None:
             pybullet.removeConstraint(self._constraint, physicsClientId=self.client)
         self._constraint, self.held = None, None
 
-    def thaw(self, name: str) -> None:
-        """Make an object dynamic, at rest."""
+    def thaw(self, name: str, solid: bool = True) -> None:
+        """Make an object dynamic, at rest; one that is not solid passes through other things until frozen."""
         thing = self._objects[name]
         pybullet.changeDynamics(thing.body, -1, mass=thing.mass, physicsClientId=self.client)
+        # After changeDynamics, which sets PyBullet's default filter whenever it changes the mass.
+        mask = -1 if solid else 0
+        pybullet.setCollisionFilterGroupMask(thing.body, -1, int(solid), mask, physicsClientId=self.client)
         pybullet.resetBaseVelocity(thing.body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
 
     def freeze(self, name: str) -> None:

@@ -149,7 +149,7 @@ def test_motors_follow_a_motion_with_a_load(arm: Arm) -> None:
         arm.drive(tuple(np.array(start) + part * (np.array(arm.carry) - start)))
         p.stepSimulation(physicsClientId=arm.client)
         carried = p.getBasePositionAndOrientation(load, physicsClientId=arm.client)[0]
-        lag.append(np.linalg.norm(arm.grasp_pose()[0] - carried))
+        lag.append(np.linalg.norm(np.subtract(arm.grasp_pose()[0], carried)))
     p.removeBody(load, physicsClientId=arm.client)
     assert max(lag) < 0.005
     assert np.allclose(arm.configuration(), arm.carry, atol=0.03)

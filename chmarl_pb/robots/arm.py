@@ -13,6 +13,7 @@ import pybullet as p
 from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.homes.reach import REACH
+from chmarl_pb.world import Pose
 
 __all__ = ["JOINTS", "REACH", "Arm", "Configuration"]
 
@@ -35,6 +36,8 @@ JOINTS = (
 
 #: How far an open finger is from the closing plane.
 OPEN = 0.05
+
+_AT_REST = (0.0,) * len(JOINTS)
 
 #: Gripper pitch (down is positive) that a solution prefers.
 BEST_PITCH = np.radians(45)
@@ -63,6 +66,7 @@ class Arm:
         grasp_link: PyBullet link index of the point between the fingertips.
         lower: lower joint limits.
         upper: upper joint limits.
+        speeds: highest joint speeds.
     """
 
     rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
@@ -82,7 +86,8 @@ class Arm:
         links = {info[12].decode(): info[0] for info in infos}
         self.indices = tuple(joints[name][0] for name in JOINTS)
         self.grasp_link = links["grasp"]
-        self.lower, self.upper, self._effort, self._speed = np.array([joints[name][8:12] for name in JOINTS]).T
+        self.lower, self.upper, efforts, self.speeds = np.array([joints[name][8:12] for name in JOINTS]).T
+        self._efforts = efforts.tolist()
         self._measure(links)
 
     def set(self, configuration: Configuration) -> None:
@@ -90,28 +95,27 @@ class Arm:
         for index, value in zip(self.indices, configuration, strict=True):
             p.resetJointState(self.body, index, value, physicsClientId=self.client)
 
-    def drive(self, configuration: Configuration) -> None:
-        """Command the joints' motors towards a configuration, with the URDF's efforts and speeds."""
-        for index, value, effort, speed in zip(self.indices, configuration, self._effort, self._speed, strict=True):
-            p.setJointMotorControl2(
-                self.body,
-                index,
-                p.POSITION_CONTROL,
-                targetPosition=value,
-                force=effort,
-                maxVelocity=speed,
-                physicsClientId=self.client,
-            )
+    def drive(self, configuration: ArrayLike, velocities: ArrayLike = _AT_REST) -> None:
+        """Command the joints' motors, with the URDF's efforts, to a configuration that moves at some velocities."""
+        p.setJointMotorControlArray(
+            self.body,
+            self.indices,
+            p.POSITION_CONTROL,
+            targetPositions=np.asarray(configuration, dtype=float).tolist(),
+            targetVelocities=np.asarray(velocities, dtype=float).tolist(),
+            forces=self._efforts,
+            physicsClientId=self.client,
+        )
 
     def configuration(self) -> Configuration:
         """Return the joints' present positions."""
         states = p.getJointStates(self.body, self.indices, physicsClientId=self.client)
         return tuple(state[0] for state in states)
 
-    def grasp_pose(self) -> tuple[Array, Array]:
+    def grasp_pose(self) -> Pose:
         """Return position and quaternion of the grasp point in the world; its x axis points out of the gripper."""
         state = p.getLinkState(self.body, self.grasp_link, computeForwardKinematics=True, physicsClientId=self.client)
-        return np.array(state[4]), np.array(state[5])
+        return state[4], state[5]
 
     def solve(self, target: ArrayLike) -> Configuration | None:
         """Find a configuration that brings the grasp point to a target, with the fingers open.
