@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
     from chmarl_pb.errors import ChmarlError as ChmarlError
-    from chmarl_pb.rollout import Episode as Episode
-    from chmarl_pb.rollout import make_policy as make_policy
-    from chmarl_pb.rollout import rollout as rollout
+    from chmarl_pb.envs.rollout import Episode as Episode
+    from chmarl_pb.envs.rollout import make_policy as make_policy
+    from chmarl_pb.envs.rollout import rollout as rollout
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 
@@ -22,12 +22,12 @@ __version__ = "0.1.0"
 #: Public name -> module that defines it; loaded at first use, so that importing the package is quick.
 _PUBLIC = {
     "ChmarlError": "chmarl_pb.errors",
-    "Episode": "chmarl_pb.rollout",
+    "Episode": "chmarl_pb.envs.rollout",
     "HouseholdEnv": "chmarl_pb.envs.parallel",
     "Task": "chmarl_pb.tasks.task",
     "load_tasks": "chmarl_pb.tasks.splits",
-    "make_policy": "chmarl_pb.rollout",
-    "rollout": "chmarl_pb.rollout",
+    "make_policy": "chmarl_pb.envs.rollout",
+    "rollout": "chmarl_pb.envs.rollout",
 }
 __all__ = ["__version__", "env", "parallel_env", *_PUBLIC]
 

@@ -51,14 +51,19 @@ class Picture:
     """What a camera sees.
 
     Attributes:
-        rgb: (size, size, 3) uint8.
+        colour: (size, size) uint32, the four bytes of each pixel's RGBA as one number.
         depth: (size, size) float32, TinyRenderer's depth buffer in [0, 1].
         segmentation: (size, size) int32; meaning as the maker of the picture says.
     """
 
-    rgb: NDArray[np.uint8]
+    colour: NDArray[np.uint32]
     depth: NDArray[np.float32]
     segmentation: NDArray[np.int32]
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """The colours as (size, size, 3) uint8."""
+        return np.ascontiguousarray(self.colour.view(np.uint8).reshape(*self.colour.shape, 4)[..., :3])
 
 
 def view_matrix(eye: Pose) -> Vector:
@@ -82,6 +87,10 @@ def render(client: int, camera: Camera, view: Vector, size: int) -> Picture:
         size, size, view, camera.projection, renderer=pybullet.ER_TINY_RENDERER, flags=_FLAGS,
         physicsClientId=client, **_LIGHT,
     )  # fmt: skip
-    rgb = np.ascontiguousarray(np.reshape(rgba, (size, size, 4))[..., :3], dtype=np.uint8)
     shape = (size, size)
-    return Picture(rgb, np.reshape(depth, shape).astype(np.float32), np.reshape(segmentation, shape).astype(np.int32))
+    colour = np.ascontiguousarray(rgba, dtype=np.uint8).reshape(-1).view(np.uint32).reshape(shape)
+    return Picture(
+        colour,
+        np.asarray(depth, dtype=np.float32).reshape(shape),
+        np.asarray(segmentation, dtype=np.int32).reshape(shape),
+    )

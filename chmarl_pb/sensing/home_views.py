@@ -36,7 +36,12 @@ class HomeView:
     @cached_property
     def pixels(self) -> NDArray[np.int64]:
         """Number of pixels of each link, by link index; shorter than the list of links at its end."""
-        return np.bincount(self.picture.segmentation.ravel() + 1)[1:]
+        return count_pixels(self.picture.segmentation, 0)
+
+
+def count_pixels(segmentation: NDArray[np.int32], length: int) -> NDArray[np.int64]:
+    """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
+    return np.bincount(segmentation.ravel() + 1, minlength=length + 1)[1:]
 
 
 class HomeViews:
@@ -66,7 +71,7 @@ class HomeViews:
         view = view_matrix(eye(self.space, robot, pose))
         drawn = render(self.client, CAMERAS[robot], view, size)
         links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1)
-        kept = HomeView(view, Picture(drawn.rgb, drawn.depth, links))
+        kept = HomeView(view, Picture(drawn.colour, drawn.depth, links))
         self._keep(key, kept)
         return kept
 
@@ -79,7 +84,7 @@ class HomeViews:
 
 def _size(view: HomeView) -> int:
     picture = view.picture
-    return picture.rgb.nbytes + picture.depth.nbytes + picture.segmentation.nbytes
+    return picture.colour.nbytes + picture.depth.nbytes + picture.segmentation.nbytes
 
 
 @lru_cache(maxsize=16)

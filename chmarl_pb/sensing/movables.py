@@ -1,7 +1,7 @@
 """Draws what moves: one client per process with every graspable object and both robots, all hidden.
 
-A view shows just the bodies in its frustum at their poses, draws, and hides them again: TinyRenderer
-skips shapes whose alpha is 0, and merging by depth with the empty home gives the full picture.
+A view shows just the bodies in its frustum, at their poses, and hides the others: TinyRenderer skips
+shapes whose alpha is 0. Merging by depth with the empty home gives the full picture.
 """
 
 from dataclasses import dataclass
@@ -46,6 +46,7 @@ class Movables:
         self._index = np.full(max(bodies.values()) + 2, -1, dtype=np.int32)
         self._index[list(bodies.values())] = np.arange(len(bodies))
         self._radii = {name: body.radius for name, body in self._bodies.items()}
+        self._shown: set[str] = set()
         for kept in self._bodies.values():
             self._show(kept, 0.0)
 
@@ -89,21 +90,24 @@ class Movables:
         Returns:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
+        for name in self._shown - poses.keys():
+            self._show(self._bodies[name], 0.0)
         for name, pose in poses.items():
-            kept = self._bodies[name]
-            position, quaternion = pose
-            centre, _ = pybullet.multiplyTransforms(position, quaternion, kept.inertial, UPRIGHT)
-            pybullet.resetBasePositionAndOrientation(kept.body, centre, quaternion, physicsClientId=self.client)
-            self._show(kept, 1.0)
+            self._put(self._bodies[name], *pose)
+            if name not in self._shown:
+                self._show(self._bodies[name], 1.0)
+        self._shown = set(poses)
         if configuration != self._configuration:
             self.arm.set(configuration)
             self._configuration = configuration
         drawn = render(self.client, camera, view, size)
-        for name in poses:
-            self._show(self._bodies[name], 0.0)
         # -1 (nothing) indexes the last entry, which is -1 as well.
         bodies = np.where(drawn.segmentation < 0, -1, drawn.segmentation & 0xFFFFFF)
-        return Picture(drawn.rgb, drawn.depth, self._index[bodies])
+        return Picture(drawn.colour, drawn.depth, self._index[bodies])
+
+    def _put(self, kept: _Body, position: Vector, quaternion: Vector) -> None:
+        centre, _ = pybullet.multiplyTransforms(position, quaternion, kept.inertial, UPRIGHT)
+        pybullet.resetBasePositionAndOrientation(kept.body, centre, quaternion, physicsClientId=self.client)
 
     def _show(self, kept: _Body, alpha: float) -> None:
         for link, shape, colour in kept.shapes:
@@ -122,10 +126,8 @@ def movables() -> Movables:
     return Movables()
 
 
-def merge(
-    home: Picture, moving: Picture, first: int
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
-    """Return colour, depth and segmentation of two pictures merged by depth.
+def merge(home: Picture, moving: Picture, first: int) -> Picture:
+    """Return two pictures merged by depth.
 
     Args:
         home: the empty home; its segmentation is kept as it is.
@@ -133,7 +135,8 @@ def merge(
         first: segmentation value of the first moving body.
     """
     nearer = moving.depth < home.depth
-    rgb = np.where(nearer[..., None], moving.rgb, home.rgb)
-    depth = np.where(nearer, moving.depth, home.depth)
-    segmentation = np.where(nearer, moving.segmentation + first, home.segmentation)
-    return rgb, depth, segmentation
+    return Picture(
+        np.where(nearer, moving.colour, home.colour),
+        np.where(nearer, moving.depth, home.depth),
+        np.where(nearer, moving.segmentation + np.int32(first), home.segmentation),
+    )

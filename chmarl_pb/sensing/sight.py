@@ -11,9 +11,9 @@ from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.eyes import CAMERAS
-from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.home_views import HomeView, count_pixels, home_views
 from chmarl_pb.sensing.movables import merge, movables
-from chmarl_pb.world import Pose, World
+from chmarl_pb.world import Pose, Vector, World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
@@ -35,48 +35,64 @@ class Sight:
         self._first = len(world.links)
         self.numbers = {name: number for number, name in enumerate(self.names)}
         self._nodes = np.array([_is_node(name) for name in self.names])
+        self._drawn: dict[tuple[str, int], tuple[tuple[object, ...], Picture]] = {}
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
-        """Return what a robot's camera shows from a lattice pose, the rest of the world as it is now.
+        """Return what a robot's camera shows.
 
         Args:
             robot: "humanoid" or "drone".
-            pose: lattice pose of that robot; where the camera is.
+            pose: its pose on its lattice, where the robot must be now.
             size: width and height in pixels.
 
         Returns:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
         home = self._views.look(robot, pose, size)
-        poses = self._poses_in_view(robot, home.view)
-        if not poses:
-            return home.picture
-        drawn = self._moving.draw(CAMERAS[robot], home.view, size, poses, self._configuration())
-        return Picture(*merge(home.picture, drawn, self._first))
+        moving = self._moving_in(robot, pose, home, size)
+        return home.picture if moving is None else merge(home.picture, moving, self._first)
 
-    def pixels(self, robot: str, pose: int) -> NDArray[np.int64]:
-        """Return the number of pixels of each of ``names`` at ``SIGHT_SIZE``."""
-        segmentation = self.picture(robot, pose, SIGHT_SIZE).segmentation
-        return np.bincount(segmentation.ravel() + 1, minlength=len(self.names) + 1)[1:]
+    def pixels(self, robot: str) -> NDArray[np.int64]:
+        """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
+        pose = self.world.robots[robot].pose
+        home = self._views.look(robot, pose, SIGHT_SIZE)
+        counts = np.zeros(len(self.names), dtype=np.int64)
+        counts[: len(home.pixels)] = home.pixels
+        moving = self._moving_in(robot, pose, home, SIGHT_SIZE)
+        if moving is not None:
+            nearer = moving.depth < home.picture.depth
+            counts[: self._first] -= count_pixels(home.picture.segmentation[nearer], self._first)
+            counts[self._first :] += count_pixels(moving.segmentation[nearer], len(counts) - self._first)
+        return counts
 
-    def visible(self, robot: str, pose: int | None = None) -> tuple[str, ...]:
-        """Return the names of the things that a robot sees, in the order of ``names``.
-
-        Args:
-            robot: "humanoid" or "drone".
-            pose: look from this lattice pose instead of the present one.
-        """
-        counts = self.pixels(robot, self.world.robots[robot].pose if pose is None else pose)
-        seen = (counts >= VISIBLE_PIXELS) & self._nodes
+    def visible(self, robot: str) -> tuple[str, ...]:
+        """Return the names of the things that a robot sees, in the order of ``names``."""
+        seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._nodes
         seen[self.numbers[robot]] = False
         return tuple(self.names[number] for number in np.flatnonzero(seen))
 
-    def _configuration(self) -> tuple[float, ...]:
-        return Arm.carry if self.world.held else Arm.rest
+    def _moving_in(self, robot: str, pose: int, home: HomeView, size: int) -> Picture | None:
+        """Return the picture of the moving bodies alone, or None if none is in view.
 
-    def _poses_in_view(self, robot: str, view: tuple[float, ...]) -> dict[str, Pose]:
+        The last picture of each robot and size is kept: pictures and visibility share it.
+        """
+        configuration = Arm.carry if self.world.held else Arm.rest
+        poses = self._poses_in_view(robot, home.view)
+        if not poses:
+            return None
+        key = (pose, poses, configuration)
+        kept = self._drawn.get((robot, size))
+        if kept is None or kept[0] != key:
+            drawn = self._moving.draw(CAMERAS[robot], home.view, size, poses, configuration)
+            self._drawn[robot, size] = kept = (key, drawn)
+        return kept[1]
+
+    def _poses_in_view(self, robot: str, view: Vector) -> dict[str, Pose]:
         poses = {name: self.world.pose(name) for name in self.world.objects}
-        poses |= {name: other.base_pose() for name, other in self.world.robots.items()}
+        for name, other in self.world.robots.items():
+            # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
+            if name != robot or self.world.held is not None:
+                poses[name] = other.base_pose()
         return {name: poses[name] for name in self._moving.in_view(CAMERAS[robot], view, poses)}
 
 
