@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from chmarl_pb.robots import trajectory
-from chmarl_pb.robots.arm import OPEN, Arm, Configuration
+from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.robots.motion import Motion
@@ -20,6 +20,7 @@ from chmarl_pb.world import TIME_STEP, Pose, Vector, World, yaw_quaternion
 
 TOLERANCE = 0.02  # metres between the driven gripper or object and where it was meant to be
 TICKS_PER_FRAME = 8  # 30 snapshots a second
+_CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
 _HOLDING = Arm.carry[-2:]  # fingers closed on an object
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
 
@@ -164,27 +165,39 @@ def _drive(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
 
 
 def _pick(humanoid: Humanoid, motion: Motion, item: str) -> Iterator[None]:
+    """Reach down to an object, close the fingers on it and bring it to the carry pose."""
     world, arm = humanoid.world, motion.arm
     assert arm is not None
+    closed = (*arm[:-2], *_HOLDING)
+    yield from _move_arm(humanoid, _raised(humanoid, arm))
     yield from _move_arm(humanoid, arm)
     _check(humanoid.arm.grasp_pose()[0], world.grip(item))
-    yield from _move_arm(humanoid, (*arm[:-2], *_HOLDING))
+    yield from _move_arm(humanoid, closed)
     humanoid.turn = humanoid.turn_of(item, motion.pose)
     world.attach(item, humanoid.body, humanoid.arm.grasp_link, humanoid.arm.grasp_pose())
     world.thaw(item, solid=False)
+    yield from _move_arm(humanoid, _raised(humanoid, closed))
     yield from _move_arm(humanoid, Arm.carry)
 
 
 def _place(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
+    """Bring the held object over its place, turn it on the way, put it down and withdraw the arm."""
     world, arm, placement, item = humanoid.world, motion.arm, motion.place, humanoid.world.held
     assert arm is not None and placement is not None and item is not None
-    turn = placement.yaw - humanoid.lattice.pose(motion.pose)[2]
-    yield from _move_arm(humanoid, (*arm[:-2], *_HOLDING), turn)
+    closed = (*arm[:-2], *_HOLDING)
+    yield from _move_arm(humanoid, _raised(humanoid, closed), placement.yaw - humanoid.lattice.pose(motion.pose)[2])
+    yield from _move_arm(humanoid, closed)
     _check(world.read_pose(item)[0], placement.position)
     world.release()
     world.thaw(item)
-    yield from _move_arm(humanoid, (*arm[:-2], OPEN, OPEN))
+    yield from _move_arm(humanoid, arm)
+    yield from _move_arm(humanoid, _raised(humanoid, arm))
     yield from _move_arm(humanoid, Arm.rest)
+
+
+def _raised(humanoid: Humanoid, configuration: Configuration) -> Configuration:
+    """Return the configuration with the torso higher, so that the hand comes and goes straight from above."""
+    return (min(configuration[0] + _CLEARANCE, float(humanoid.arm.upper[0])), *configuration[1:])
 
 
 def _check(position: Vector, goal: Vector) -> None:
