@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
-    from chmarl_pb.errors import ChmarlError as ChmarlError
     from chmarl_pb.envs.rollout import Episode as Episode
     from chmarl_pb.envs.rollout import make_policy as make_policy
     from chmarl_pb.envs.rollout import rollout as rollout
+    from chmarl_pb.errors import ChmarlError as ChmarlError
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 

@@ -43,7 +43,7 @@ def _rows(kind: Kind, table: str, default: tuple[str, ...]) -> dict[str, ThingCl
     for line in table.strip().splitlines():
         columns = [column.strip() for column in line.split("|")]
         name = columns[0]
-        synonyms = (name.replace("_", " "),)
+        synonyms: tuple[str, ...] = (name.replace("_", " "),)
         if len(columns) > 1 and columns[1]:
             synonyms += tuple(word.strip() for word in columns[1].split(","))
         states = tuple(state.strip() for state in columns[2].split(",")) if len(columns) > 2 else default

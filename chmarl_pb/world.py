@@ -180,7 +180,7 @@ class World:
         position, _ = pybullet.multiplyTransforms(centre, quaternion, back, UPRIGHT)
         return position, quaternion
 
-    def taken(self, places: NDArray[np.float64], size: Size, ignoring: str | None = None) -> NDArray[np.bool_]:
+    def taken(self, places: NDArray[np.floating], size: Size, ignoring: str | None = None) -> NDArray[np.bool_]:
         """Return at which places an object of this size would touch another object.
 
         Args:

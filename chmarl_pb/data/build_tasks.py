@@ -8,16 +8,17 @@ import csv
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb.envs.stage import Stage
-from chmarl_pb.errors import TaskError
+from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.tasks.sampling import sample_task
-from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLITS
+from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
 
 VERSION = 1  # of the draw; a change of homes, assets or planner that changes the files raises it
@@ -27,9 +28,36 @@ Slot = tuple[str, int, int]  # split, number, first attempt
 Kind = tuple[str, str, str, str]
 
 
-def build_split(
-    split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]
-) -> list[Task]:
+def build_all(folder: Path, workers: int) -> int:
+    """Write the task files of all splits into a folder; a file that is there already is kept.
+
+    Args:
+        folder: where the CSV files go; made if it is missing.
+        workers: number of processes.
+
+    Returns:
+        0.
+    """
+    if workers < 1:
+        raise OptionError(f"--workers {workers}: use at least 1")
+    folder.mkdir(parents=True, exist_ok=True)
+    taken: set[Kind] = set()
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
+    with Progress(*columns) as bar:
+        for split in SPLITS:
+            path = folder / f"{split}.csv"
+            row = bar.add_task(split, total=SPLIT_SIZES[split])
+            if path.is_file():
+                tasks = read_tasks(path)
+                taken.update(_kind(task) for task in tasks)
+            else:
+                tasks = build_split(split, SPLIT_SIZES[split], taken, workers, partial(bar.advance, row))
+                write_tasks(path, tasks)
+            bar.update(row, completed=len(tasks))
+    return 0
+
+
+def build_split(split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]) -> list[Task]:
     """Return a split's tasks; no two of them, and none in ``taken``, share home, object, source and target.
 
     Args:
@@ -44,7 +72,7 @@ def build_split(
     while slots:
         again: list[Slot] = []
         for (_, number, _), (attempt, task) in zip(slots, _solved(slots, workers), strict=True):
-            kind = (task.home, task.graspable, task.source, task.target)
+            kind = _kind(task)
             if kind in taken:
                 again.append((split, number, attempt + 1))
                 continue
@@ -53,6 +81,10 @@ def build_split(
             progress(1)
         slots = again
     return [chosen[number] for number in range(size)]
+
+
+def _kind(task: Task) -> Kind:
+    return task.home, task.graspable, task.source, task.target
 
 
 def write_tasks(path: Path, tasks: list[Task]) -> None:

@@ -1,6 +1,6 @@
 """Gymnasium views of the core: one policy for both robots, or for the humanoid alone."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -23,7 +23,7 @@ class JointEnv(gymnasium.Env):
     ``info["humanoid"]``, ``info["drone"]``, and ``is_success`` as Stable-Baselines3 reads it.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     def __init__(self, flat_actions: bool = False, **options: Any):
         """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
@@ -75,7 +75,7 @@ class JointEnv(gymnasium.Env):
             raise ActionError(f"action {action!r} is not a pair of numbers, one for each of {list(AGENTS)}")
         return {name: numbers[index] for index, name in enumerate(AGENTS)}
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 
@@ -91,7 +91,7 @@ class HumanoidEnv(gymnasium.Env):
     humanoid's, with ``is_success``.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     def __init__(self, **options: Any):
         """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
@@ -130,7 +130,7 @@ class HumanoidEnv(gymnasium.Env):
         robot = "humanoid"
         return observations[robot], rewards[robot], terminated[robot], truncated[robot], _alone(infos)
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 

@@ -28,15 +28,16 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
     low, high = stage.home.bounds
     middle, scale = (low + high) / 2, float((high - low).max()) / 2
 
-    def point(x: float, y: float, z: float) -> list[float]:
+    def point(*position: float) -> list[float]:
+        x, y, z = position
         return [(x - middle[0]) / scale, (y - middle[1]) / scale, z / scale]
 
-    x, y, yaw = stage.humanoid.lattice.pose(stage.humanoid.pose)
+    x, y, _ = stage.humanoid.lattice.pose(stage.humanoid.pose)
     drone_x, drone_y = stage.drone.lattice.points[stage.drone.pose]
     angle = heading_angle(stage.humanoid.heading)
-    parts = [*point(x, y, 0)[:2], np.cos(angle), np.sin(angle)]
+    parts: list[float] = [*point(x, y, 0)[:2], np.cos(angle), np.sin(angle)]
     parts += [*point(drone_x, drone_y, 0)[:2], np.cos(DRONE_HEADING), np.sin(DRONE_HEADING)]
-    parts += point(*stage.world.pose(setting.goal.item)[0])
+    parts += point(*stage.world.grip(setting.goal.item))
     centres = np.array([stage.home.receptacles[name].centre for name in setting.goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]
     for number in nearest:

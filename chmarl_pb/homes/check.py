@@ -53,8 +53,8 @@ def check_home(name_or_path: str | Path) -> HomeReport:
     for name, count in places.items():
         if not count:
             problems.append(
-                f"link {name!r}: no free surface that the arm reaches; it needs a level top of at least 0.25 m x 0.25 m "
-                "between 0.25 m and 1.45 m high, and free floor within 0.9 m of it"
+                f"link {name!r}: no free surface that the arm reaches; it needs a level top of at least "
+                "0.25 m x 0.25 m between 0.25 m and 1.45 m high, and free floor within 0.9 m of it"
             )
     if len({thing.class_name for thing in home.receptacles.values()}) < 2:
         problems.append("a task needs receptacles of at least two classes; add furniture")

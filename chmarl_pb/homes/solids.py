@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-Points = NDArray[np.float64]
+Points = NDArray[np.floating]
 
 _FLAT = 0.999  # a face whose normal has this z-component or more counts as level (2.6 degrees)
 

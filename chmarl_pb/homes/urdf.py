@@ -166,7 +166,7 @@ def _vertices(path: Path, geometry: Any) -> Points:
 
 def _mesh_vertices(file: Path, scale: Any) -> Points:
     try:
-        mesh = trimesh.load(file, force="mesh", process=False)
+        mesh: Any = trimesh.load(file, force="mesh", process=False)
     except Exception as error:  # the loaders of the formats raise what they like
         raise ValueError(f"mesh {file.name!r} cannot be read ({error})") from error
     if not len(getattr(mesh, "vertices", ())):

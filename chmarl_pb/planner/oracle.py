@@ -150,7 +150,8 @@ class Oracle:
 
     def _centre(self, name: str) -> NDArray[np.float64]:
         if name in self.world.bodies:
-            return np.array(self.world.pose(name)[0]) + (0, 0, self.world.size(name)[2] / 2)
+            x, y, z = self.world.pose(name)[0]
+            return np.array([x, y, z + self.world.size(name)[2] / 2])
         low, high = self._box(name)
         return (low + high) / 2
 

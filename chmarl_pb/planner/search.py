@@ -114,7 +114,7 @@ class SearchPolicy:
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
         """Remember the names of each robot's actions and of the rooms."""
-        self.searches = {
+        self.searches: dict[str, HumanoidSearch | DroneSearch] = {
             "humanoid": HumanoidSearch(actions["humanoid"], rooms),
             "drone": DroneSearch(actions["drone"], rooms),
         }

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 import pybullet
-from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm, Configuration

@@ -1,0 +1,138 @@
+"""``chmarl-pb``: a thin face over the package."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from chmarl_pb import __version__
+from chmarl_pb.errors import ChmarlError
+
+Command = Callable[[argparse.Namespace], int]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 130 when interrupted."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except ChmarlError as error:
+        print(f"chmarl-pb: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"chmarl-pb: {error.filename or ''}: {error.strerror}; choose another file or folder", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("chmarl-pb: interrupted", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="chmarl-pb", description="Cooperative robots in homes, on PyBullet.")
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_demo(commands)
+    _add_homes(commands)
+    _add_tasks(commands)
+    bench = _add(commands, "bench", "measure the speed on this machine", _bench)
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
+    return parser
+
+
+def _add(commands: argparse._SubParsersAction, name: str, text: str, run: Command) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    parser.set_defaults(run=run)
+    return parser
+
+
+def _add_demo(commands: argparse._SubParsersAction) -> None:
+    demo = _add(commands, "demo", "let the planner solve a task, as a video and a page", _demo)
+    demo.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007 (default: a good one)")
+    demo.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    demo.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder to write to (default: out)")
+
+
+def _add_homes(commands: argparse._SubParsersAction) -> None:
+    homes = commands.add_parser("homes", help="list, check, draw and build homes")
+    verbs = homes.add_subparsers(required=True, metavar="VERB")
+    _add(verbs, "list", "list the homes that come with the package", _homes_list)
+    check = _add(verbs, "check", "check that a home can be played", _homes_check)
+    check.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
+    preview = _add(verbs, "preview", "draw a home from above", _homes_preview)
+    preview.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
+    preview.add_argument("--out", type=Path, required=True, metavar="PNG", help="picture to write")
+    build = _add(verbs, "build", "build a home's URDF from its layout", _homes_build)
+    build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
+    build.add_argument("--out", type=Path, metavar="URDF", help="file to write (default: beside the layout)")
+
+
+def _add_tasks(commands: argparse._SubParsersAction) -> None:
+    tasks = commands.add_parser("tasks", help="make the benchmark's task files")
+    verbs = tasks.add_subparsers(required=True, metavar="VERB")
+    build = _add(verbs, "build", "draw and solve the tasks of all splits", _tasks_build)
+    build.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the CSV files")
+    build.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+
+
+# Each command imports what it needs, so that --help and --version answer at once.
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from chmarl_pb.demo.command import demo
+
+    return demo(options.task, options.observation, options.out)
+
+
+def _homes_list(options: argparse.Namespace) -> int:
+    from chmarl_pb.homes.home import home_names, load_home
+
+    for name in home_names():
+        home = load_home(name)
+        area = sum(room.area for room in home.rooms.values())
+        classes = {thing.class_name for thing in home.receptacles.values()}
+        print(f"{name}  {area:5.1f} m2  {len(home.things)} things, {len(classes)} receptacle classes  {home.path}")
+    return 0
+
+
+def _homes_check(options: argparse.Namespace) -> int:
+    from chmarl_pb.homes.check import check_home
+
+    report = check_home(options.file)
+    for problem in report.problems:
+        print(f"{report.home.path}: {problem}", file=sys.stderr)
+    if report.problems:
+        return 1
+    print(f"{report.home.path}: good: {', '.join(report.home.rooms)}; {len(report.places)} receptacles within reach")
+    return 0
+
+
+def _homes_preview(options: argparse.Namespace) -> int:
+    from chmarl_pb.homes.home import home_path
+    from chmarl_pb.sensing.preview import preview
+
+    preview(home_path(options.file), options.out)
+    print(options.out)
+    return 0
+
+
+def _homes_build(options: argparse.Namespace) -> int:
+    from chmarl_pb.homes.assemble import build_home
+
+    print(build_home(options.layout, options.out))
+    return 0
+
+
+def _tasks_build(options: argparse.Namespace) -> int:
+    from chmarl_pb.data.build_tasks import build_all
+
+    return build_all(options.out, options.workers)
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from chmarl_pb import bench
+
+    return bench.run(options.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
