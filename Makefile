@@ -1,0 +1,62 @@
+# make demo   sets everything up and lets the planner solve a task: out/demo.mp4 and out/demo.html
+# make test   sets everything up and passes the checks and tests
+# Both are quick when run again. PYTHON=... chooses the interpreter; otherwise the first of 3.11 and 3.10 is taken.
+
+SHELL := /bin/bash
+VENV := .venv
+RUN := $(VENV)/bin
+PYTHON ?= $(shell for p in python3.11 python3.10 python3 python; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' 2>/dev/null \
+	&& { echo $$p; break; }; done)
+
+.PHONY: demo test check test-slow bench assets homes clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.run
+	$(RUN)/chmarl-pb demo --out out
+
+test: check
+	$(RUN)/python -m pytest -n 2 -m "not slow"
+
+check: $(VENV)/.dev
+	$(RUN)/ruff check .
+	$(RUN)/ruff format --check .
+	$(RUN)/mypy
+
+test-slow: $(VENV)/.dev
+	$(RUN)/python -m pytest -n 2 -m slow
+
+bench: $(VENV)/.run
+	$(RUN)/chmarl-pb bench
+
+# Rebuild every generated file that is committed.
+assets: $(VENV)/.run
+	$(RUN)/python -m urdf.build.graspables
+	$(RUN)/python -m urdf.build.furniture
+	$(RUN)/python -m urdf.build.robots
+
+homes: $(VENV)/.run
+	rm -rf scenes/meshes
+	for layout in scenes/*.toml; do $(RUN)/chmarl-pb homes build $$layout || exit 1; done
+	for layout in scenes/*.toml; do \
+		name=$$(basename $$layout .toml); $(RUN)/chmarl-pb homes preview $$name --out docs/homes/$$name.png || exit 1; done
+	$(RUN)/python -m urdf.build.sheet --out docs/assets.png
+
+$(VENV)/.run: pyproject.toml | $(VENV)/bin/python
+	$(RUN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
+	$(RUN)/python -m pip install --quiet --editable ".[dev,train]"
+	@touch $@ $(VENV)/.run
+
+$(VENV)/bin/python:
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "chmarl_pb needs Python 3.10 or 3.11 with venv: PyBullet has no ready-made package for newer ones."; \
+		echo "Install one (Debian: apt install python3.11 python3.11-venv; pyenv: pyenv install 3.11), or run"; \
+		echo "  make $(or $(MAKECMDGOALS),demo) PYTHON=python3.12"; \
+		echo "to build PyBullet from source, which takes about 6 minutes and needs a C++ compiler."; exit 1; fi
+	$(PYTHON) -m venv $(VENV)
+
+clean:
+	rm -rf $(VENV) out
