@@ -23,7 +23,7 @@ from chmarl_pb.homes.space import Size, grip_point
 TIME_STEP = 1 / 240  # seconds
 _PARKING = (0.0, 0.0, 50.0)  # metres: objects that a task does not use wait here, unseen and untouched
 _DROP = 0.004  # metres above a surface from which an object is let go
-_STILL = 2e-3  # m/s and rad/s below which an object counts as at rest
+_STILL = 1e-2  # m/s and rad/s below which an object counts as at rest; contacts may leave it a jitter of 6e-3
 _LONGEST_SETTLE = 240  # simulation steps
 _GAP = 0.01  # metres kept free between two objects
 _UPRIGHT = np.cos(np.radians(15))
