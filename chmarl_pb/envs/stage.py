@@ -1,5 +1,7 @@
 """A stage: one home with its world, its robots and their eyes, kept for all episodes played in it."""
 
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.check import limits
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.space import space_of
 from chmarl_pb.planner.oracle import Oracle
@@ -30,6 +32,8 @@ class Stage:
             HomeError: the home cannot be used.
         """
         self.home = load_home(home)
+        for problem in limits(self.home):
+            raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
         # Derive the lattice first: a home that robots cannot move in is refused before physics loads it.
         self.rooms = tuple(self.space.lattice.anchors)

@@ -39,12 +39,7 @@ def check_home(name_or_path: str | Path) -> HomeReport:
     """
     home = load_home(name_or_path)
     space = space_of(home)
-    problems = []
-    if not home.goto_rooms:
-        problems.append(f"no room is one of {', '.join(catalog.ROOM_KINDS)}; robots could not be sent anywhere")
-    for kind, count, most in (("things", len(home.things), MOST_THINGS), ("rooms", len(home.rooms), MOST_ROOMS)):
-        if count > most:
-            problems.append(f"{count} {kind}, but a scene graph has room for {most}; remove some")
+    problems = limits(home)
     try:
         problems += [] if len(space.lattice.points) else ["no free floor"]
     except HomeError as error:
@@ -56,9 +51,23 @@ def check_home(name_or_path: str | Path) -> HomeReport:
                 f"link {name!r}: no free surface that the arm reaches; it needs a level top of at least "
                 "0.25 m x 0.25 m between 0.25 m and 1.45 m high, and free floor within 0.9 m of it"
             )
+    for thing in home.things:
+        if thing.class_name in catalog.RECEPTACLES and not thing.solids:
+            problems.append(f"link {thing.name!r} has no <collision>, so nothing can stand on it; add one")
     if len({thing.class_name for thing in home.receptacles.values()}) < 2:
         problems.append("a task needs receptacles of at least two classes; add furniture")
     return HomeReport(home, places, tuple(problems))
+
+
+def limits(home: Home) -> list[str]:
+    """Return a sentence for each thing about a home for which no environment can play in it."""
+    problems = []
+    if not home.goto_rooms:
+        problems.append(f"no room is one of {', '.join(catalog.ROOM_KINDS)}; robots could not be sent anywhere")
+    for kind, count, most in (("things", len(home.things), MOST_THINGS), ("rooms", len(home.rooms), MOST_ROOMS)):
+        if count > most:
+            problems.append(f"{count} {kind}, but a scene graph has room for {most}; remove some")
+    return problems
 
 
 def count_places(space: Space, receptacle: str, size: Size) -> int:

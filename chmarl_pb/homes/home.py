@@ -111,8 +111,8 @@ class Home:
 
     @cached_property
     def receptacles(self) -> dict[str, Thing]:
-        """Name -> thing, for the things of the catalogue's receptacle classes."""
-        return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES}
+        """Name -> thing, for the things of the catalogue's receptacle classes that are solid."""
+        return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES and thing.solids}
 
     def room_at(self, point: Points) -> str | None:
         """Return the room whose floor holds the point (2,), or None outside."""

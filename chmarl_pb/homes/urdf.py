@@ -16,6 +16,18 @@ from chmarl_pb.homes.solids import Points, Solid, solid_from_vertices
 
 _LONGEST_LINE = 1000  # PyBullet reads a URDF in lines of 1,023 characters and breaks longer ones
 _MESH_ENDINGS = {".obj", ".stl", ".dae"}
+_SHAPES = {"box", "cylinder", "sphere", "mesh"}
+#: Element -> attribute -> how many finite numbers it holds.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "color": {"rgba": 4},
+    "mass": {"value": 1},
+}
+_OPTIONAL = {"xyz", "rpy", "scale"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +54,9 @@ def read_links(path: Path) -> tuple[Link, ...]:
     """
     root = _safe_root(path)
     _check_tree(path, root)
-    _check_meshes(path, root)
-    model = yourdfpy.URDF.load(
-        str(path), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-    ).robot
+    _check_files(path, root)
+    _check_shapes(path, root)
+    model = _parse(path)
     frames = _frames(path, model)
     return tuple(_link(path, link, frames[link.name]) for link in model.links)
 
@@ -100,20 +111,51 @@ def _referred(joint: ElementTree.Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _check_meshes(path: Path, root: ElementTree.Element) -> None:
-    """Check that every mesh is a file of a known kind inside the home's folder."""
+def _check_files(path: Path, root: ElementTree.Element) -> None:
+    """Check that every mesh and texture is a file inside the home's folder, and every mesh of a known kind."""
     folder = path.resolve().parent
-    for link in root.findall("link"):
-        for mesh in link.iter("mesh"):
-            name = mesh.get("filename", "")
-            label = f"{path}: link {link.get('name')!r}: mesh {name!r}"
+    for part in root:
+        for element in (*part.iter("mesh"), *part.iter("texture")):
+            name = element.get("filename", "")
+            label = f"{path}: {part.tag} {part.get('name')!r}: {element.tag} {name!r}"
             target = (folder / name).resolve()
             if "://" in name or not target.is_relative_to(folder):
                 raise HomeError(f"{label} leaves the home's folder; copy it beside the URDF and use a relative path")
-            if target.suffix.lower() not in _MESH_ENDINGS:
+            if element.tag == "mesh" and target.suffix.lower() not in _MESH_ENDINGS:
                 raise HomeError(f"{label} is of an unknown kind; use {', '.join(sorted(_MESH_ENDINGS))}")
             if not target.is_file():
-                raise HomeError(f"{label} does not exist; add the file {target.name} or remove the mesh")
+                raise HomeError(f"{label} does not exist; add the file {target.name} or remove the {element.tag}")
+
+
+def _check_shapes(path: Path, root: ElementTree.Element) -> None:
+    """Check that every geometry has one known shape, and that sizes, poses and colours are finite numbers."""
+    for part in root:
+        label = f"{path}: {part.tag} {part.get('name')!r}"
+        for geometry in part.iter("geometry"):
+            if len(geometry) != 1 or geometry[0].tag not in _SHAPES:
+                raise HomeError(f"{label}: a <geometry> has one of {', '.join(sorted(_SHAPES))}; give it just one")
+        for element in part.iter():
+            for name, count in _NUMBERS.get(element.tag, {}).items():
+                text = element.get(name)
+                if not (_are_numbers(text, count) if text is not None else name in _OPTIONAL):
+                    raise HomeError(f"{label}: <{element.tag} {name}={text!r}> is not {count} finite numbers; mend it")
+
+
+def _are_numbers(text: str, count: int) -> bool:
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        return False
+    return len(values) == count and bool(np.isfinite(values).all())
+
+
+def _parse(path: Path) -> Any:
+    try:
+        return yourdfpy.URDF.load(
+            str(path), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
+        ).robot
+    except Exception as error:  # yourdfpy raises whatever its parsing meets
+        raise HomeError(f"{path}: not a URDF that can be read ({error}); compare it with a packaged home") from error
 
 
 def _frames(path: Path, model: Any) -> dict[str, Points]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.space import Space
 from chmarl_pb.tasks.task import Task
 
@@ -17,8 +18,13 @@ def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str 
         home: the home's name or path, as the task is to name it.
         rng: source of randomness.
         task_id: the task's id; made of the home's name and the task's seed if None.
+
+    Raises:
+        TaskError: the home has receptacles of less than two classes.
     """
     classes = sorted({thing.class_name for thing in space.home.receptacles.values()})
+    if len(classes) < 2:
+        raise TaskError(f"{space.home.path}: a task needs receptacles of at least two classes; add furniture")
     source, target = rng.choice(classes, size=2, replace=False)
     graspable = rng.choice(list(catalog.GRASPABLES))
     seed = int(rng.integers(_SEEDS))

@@ -1,0 +1,97 @@
+"""What several tests share: the benchmark homes with their stages, environments and small homes made on the spot."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.task import Task
+
+HOMES = tuple(f"home_{number}" for number in range(1, 8))
+
+
+@pytest.fixture(scope="session")
+def stage_of() -> Iterator[Callable[[str], Stage]]:
+    """The stage of a benchmark home by its name, loaded at its first use and kept for all tests."""
+    stages: dict[str, Stage] = {}
+
+    def stage(home: str) -> Stage:
+        if home not in stages:
+            stages[home] = Stage(home)
+        return stages[home]
+
+    yield stage
+    for kept in stages.values():
+        kept.close()
+
+
+@pytest.fixture(params=HOMES)
+def stage(request: pytest.FixtureRequest, stage_of: Callable[[str], Stage]) -> Stage:
+    """Every benchmark home in turn."""
+    return stage_of(request.param)
+
+
+@pytest.fixture(scope="session")
+def tasks() -> list[Task]:
+    """Tasks of all splits, the homes in turn: the first seven play in seven homes."""
+    rows: dict[str, list[Task]] = {home: [] for home in HOMES}
+    for split in SPLITS:
+        for task in load_tasks(split):
+            rows[task.home].append(task)
+    return [rows[home][number] for number in range(20) for home in HOMES]
+
+
+@pytest.fixture(scope="session")
+def env() -> Iterator[HouseholdEnv]:
+    """A scene-graph environment; it can play tasks of all seven homes."""
+    env = HouseholdEnv()
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="session")
+def visual_env() -> Iterator[HouseholdEnv]:
+    """An environment with small pictures."""
+    env = HouseholdEnv("visual", image_size=32)
+    yield env
+    env.close()
+
+
+def box(name: str, size: tuple[float, float, float], position: tuple[float, float, float]) -> str:
+    """Return the URDF lines of a box-shaped link, fixed in the world."""
+    where, extents = (" ".join(map(str, values)) for values in (position, size))
+    shape = f'<origin xyz="{where}"/><geometry><box size="{extents}"/></geometry>'
+    return (
+        f'<link name="{name}"><inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
+        f"</inertial>\n<visual>{shape}</visual>\n<collision>{shape}</collision></link>\n"
+        f'<joint name="to_{name}" type="fixed"><parent link="world"/><child link="{name}"/></joint>\n'
+    )
+
+
+#: A home of one room, 4 m x 4 m about the origin, with a desk and a sofa.
+SMALL_HOME = {
+    "livingroom/floor_1": ((4, 4, 0.1), (0, 0, -0.05)),
+    "livingroom/desk_1": ((1.2, 0.6, 0.75), (0, 1.6, 0.375)),
+    "livingroom/sofa_1": ((1.8, 0.8, 0.45), (0, -1.5, 0.225)),
+}
+
+
+def home_text(boxes: dict[str, tuple] | None = None, extra: str = "") -> str:
+    """Return the URDF of a home made of boxes."""
+    links = "".join(box(name, size, position) for name, (size, position) in (boxes or SMALL_HOME).items())
+    return f'<?xml version="1.0"?>\n<robot name="home">\n<link name="world"/>\n{links}{extra}</robot>\n'
+
+
+@pytest.fixture
+def write_home(tmp_path: Path) -> Callable[[str], Path]:
+    """A function that writes a URDF into a folder of its own and returns its path."""
+
+    def write(text: str, name: str = "small.urdf") -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
