@@ -8,6 +8,7 @@ millimetres by which motors miss. If they miss by more than ``TOLERANCE``, the a
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from chmarl_pb.world import TIME_STEP, Pose, Vector, World, yaw_quaternion
 TOLERANCE = 0.02  # metres between the driven gripper or object and where it was meant to be
 TICKS_PER_FRAME = 8  # 30 snapshots a second
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
+_FOLDED: Configuration = (0.0, -0.8, 0.0, 0.0, *Arm.carry[4:])  # on the way to rest: the elbow drawn back
 _HOLDING = Arm.carry[-2:]  # fingers closed on an object
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
 
@@ -144,18 +146,25 @@ def _fly(drone: Drone, motion: Motion) -> Iterator[None]:
 
 
 def _act(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
-    """Drive the base along the path, then move the arm: pick or place."""
-    yield from _drive(humanoid, motion)
+    """Drive the base along the path, then pick or place; on the way to a pick the arm gets ready."""
     if motion.pick is not None:
+        yield from _together(_drive(humanoid, motion), _move_arm(humanoid, Arm.carry))
         yield from _pick(humanoid, motion, motion.pick)
-    elif motion.place is not None:
-        yield from _place(humanoid, motion)
+    else:
+        humanoid.arm.drive(Arm.carry if humanoid.world.held else Arm.rest)
+        yield from _drive(humanoid, motion)
+        if motion.place is not None:
+            yield from _place(humanoid, motion)
+
+
+def _together(*motions: Iterator[None]) -> Iterator[None]:
+    """Go through several motions at once, until the last has ended."""
+    return (None for _ in zip_longest(*motions))
 
 
 def _drive(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
     """Drive the base; it is kinematic and takes a held object along."""
     world, lattice = humanoid.world, humanoid.lattice
-    humanoid.arm.drive(Arm.carry if world.held else Arm.rest)
     start, end = lattice.pose(humanoid.pose)[2], lattice.pose(motion.pose)[2]
     for x, y, yaw in trajectory.drive(lattice.waypoints(motion.path), start, end):
         humanoid.set_base((x, y, 0.0), yaw_quaternion(yaw))
@@ -169,15 +178,15 @@ def _pick(humanoid: Humanoid, motion: Motion, item: str) -> Iterator[None]:
     world, arm = humanoid.world, motion.arm
     assert arm is not None
     closed = (*arm[:-2], *_HOLDING)
-    yield from _move_arm(humanoid, _raised(humanoid, arm))
-    yield from _move_arm(humanoid, arm)
+    for goal in (_raised(humanoid, arm), arm):
+        yield from _move_arm(humanoid, goal)
     _check(humanoid.arm.grasp_pose()[0], world.grip(item))
     yield from _move_arm(humanoid, closed)
     humanoid.turn = humanoid.turn_of(item, motion.pose)
     world.attach(item, humanoid.body, humanoid.arm.grasp_link, humanoid.arm.grasp_pose())
     world.thaw(item, solid=False)
-    yield from _move_arm(humanoid, _raised(humanoid, closed))
-    yield from _move_arm(humanoid, Arm.carry)
+    for goal in (_raised(humanoid, closed), Arm.carry):
+        yield from _move_arm(humanoid, goal)
 
 
 def _place(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
@@ -185,14 +194,14 @@ def _place(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
     world, arm, placement, item = humanoid.world, motion.arm, motion.place, humanoid.world.held
     assert arm is not None and placement is not None and item is not None
     closed = (*arm[:-2], *_HOLDING)
-    yield from _move_arm(humanoid, _raised(humanoid, closed), placement.yaw - humanoid.lattice.pose(motion.pose)[2])
+    turn = placement.yaw - humanoid.lattice.pose(motion.pose)[2]
+    yield from _move_arm(humanoid, _raised(humanoid, closed), turn)
     yield from _move_arm(humanoid, closed)
     _check(world.read_pose(item)[0], placement.position)
     world.release()
     world.thaw(item)
-    yield from _move_arm(humanoid, arm)
-    yield from _move_arm(humanoid, _raised(humanoid, arm))
-    yield from _move_arm(humanoid, Arm.rest)
+    for goal in (arm, _raised(humanoid, arm), Arm.carry, _FOLDED, Arm.rest):
+        yield from _move_arm(humanoid, goal)
 
 
 def _raised(humanoid: Humanoid, configuration: Configuration) -> Configuration:

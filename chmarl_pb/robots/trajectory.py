@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.world import TIME_STEP
 
+_NO_MOVE = 1e-4  # metres, radians or seconds at full speed that are not worth a step
 _ALIGNED = 0.12  # radians: a base this near to its way need not turn first
-_JOINT_RAMP = 0.3  # seconds in which joints come to full speed
+_JOINT_RAMP = 0.25  # seconds in which joints come to full speed
 # Highest speed and mean acceleration on the way to it.
 _DRIVE = (1.2, 1.5)  # m/s, m/s^2
 _TURN = (2.2, 4.0)  # rad/s, rad/s^2
@@ -69,7 +70,7 @@ def profile(distance: float, speed: float, acceleration: float) -> NDArray[np.fl
         speed: highest speed.
         acceleration: mean acceleration up to that speed, and down again.
     """
-    if distance < 1e-9:
+    if distance < _NO_MOVE:
         return np.zeros(0)
     peak = min(speed, float(np.sqrt(distance * acceleration)))
     ramp, total = peak / acceleration, distance / peak + peak / acceleration
