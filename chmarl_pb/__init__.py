@@ -8,6 +8,8 @@ chmarl_pb.parallel_env(observation="visual", split="val-unseen")
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from chmarl_pb.envs.registration import register_envs
+
 if TYPE_CHECKING:
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
     from chmarl_pb.envs.rollout import Episode as Episode
@@ -30,6 +32,11 @@ _PUBLIC = {
     "rollout": "chmarl_pb.envs.rollout",
 }
 __all__ = ["__version__", "env", "parallel_env", *_PUBLIC]
+
+
+# Gymnasium 1.0 stopped reading the ``gymnasium.envs`` entry point, so importing the package registers
+# the ids; ``gym.make("chmarl_pb:CHMARL/SceneGraph-v0")`` does the import by itself.
+register_envs()
 
 
 def parallel_env(observation: str = "scene_graph", **options: Any) -> "HouseholdEnv":

@@ -1,4 +1,4 @@
-"""The four Gymnasium ids; ``gym.make`` finds them through the ``gymnasium.envs`` entry point."""
+"""The four Gymnasium ids, registered when the package is imported."""
 
 import gymnasium
 
