@@ -16,6 +16,21 @@ Kind = Literal["graspable", "receptacle", "scenery", "room", "robot"]
 
 
 @dataclass(frozen=True)
+class Name:
+    """One English name of a class.
+
+    Attributes:
+        text: the words, without an article.
+        number: "count" takes a or an, "mass" and "plural" take some; of a plural one says them.
+        held_out: whether tasks for training never use it.
+    """
+
+    text: str
+    number: Literal["count", "mass", "plural"] = "count"
+    held_out: bool = False
+
+
+@dataclass(frozen=True)
 class ThingClass:
     """One class of things.
 
@@ -23,82 +38,98 @@ class ThingClass:
         name: identifier, lower case with underscores.
         kind: what the class is used for.
         states: symbolic states that a task's seed draws from; the first is the usual one.
-        synonyms: names in plain English, the first is the canonical one.
+        names: names in plain English, the first is the canonical one.
     """
 
     name: str
     kind: Kind
     states: tuple[str, ...]
-    synonyms: tuple[str, ...]
+    names: tuple[Name, ...]
+
+    @property
+    def synonyms(self) -> tuple[str, ...]:
+        """The words of all its names."""
+        return tuple(name.text for name in self.names)
 
     @property
     def noun(self) -> str:
         """The canonical English name."""
-        return self.synonyms[0]
+        return self.names[0].text
 
 
 def _rows(kind: Kind, table: str, default: tuple[str, ...]) -> dict[str, ThingClass]:
-    """Parse rows of ``identifier | synonym, synonym | state, state``; later columns may be absent."""
+    """Parse rows of ``identifier | names | names held out of training | states``; later columns may be absent.
+
+    The identifier's own words are the first name, unless the row begins with them: "some" before a
+    name says that it takes no "a", and a final s then that it is a plural.
+    """
     classes = {}
     for line in table.strip().splitlines():
-        columns = [column.strip() for column in line.split("|")]
-        name = columns[0]
-        synonyms: tuple[str, ...] = (name.replace("_", " "),)
-        if len(columns) > 1 and columns[1]:
-            synonyms += tuple(word.strip() for word in columns[1].split(","))
-        states = tuple(state.strip() for state in columns[2].split(",")) if len(columns) > 2 else default
-        classes[name] = ThingClass(name, kind, states, synonyms)
+        columns = [[entry.strip() for entry in column.split(",") if entry.strip()] for column in line.split("|")]
+        columns += [[]] * (4 - len(columns))
+        (identifier,), shown, held_out, states = columns
+        names = [_name(text, False) for text in shown] + [_name(text, True) for text in held_out]
+        canonical = Name(identifier.replace("_", " "))
+        if not names or names[0].text != canonical.text:
+            names.insert(0, canonical)
+        classes[identifier] = ThingClass(identifier, kind, tuple(states) or default, tuple(names))
     return classes
+
+
+def _name(text: str, held_out: bool) -> Name:
+    if not text.startswith("some "):
+        return Name(text, "count", held_out)
+    return Name(text.removeprefix("some "), "plural" if text.endswith("s") else "mass", held_out)
 
 
 GRASPABLES = _rows(
     "graspable",
     """
-    apple | red apple
-    banana | yellow banana
-    board_game | tabletop game
-    book | novel
-    bowl | soup bowl
-    bread | loaf of bread
-    candle | wax candle | off, on
-    cereal_box | box of cereal | closed, open
-    chocolate_syrup | bottle of chocolate syrup | closed, open
-    clock | alarm clock | on, off
-    coffee_pot | coffee jug | closed, open
-    cooking_pot | stew pot | closed, open
-    cupcake | muffin
-    cushion | pillow
-    face_cream | jar of face cream | closed, open
-    folder | file folder | closed, open
-    fork | dinner fork | clean, dirty
-    frying_pan | skillet | clean, dirty
-    glass | drinking glass | clean, dirty
-    hairbrush | hair brush
-    juice_box | juice carton | closed, open
-    knife | kitchen knife | clean, dirty
-    lime | green lime
-    lotion | body lotion | closed, open
-    magazine | glossy magazine | closed, open
-    milk_carton | carton of milk | closed, open
-    mobile_phone | cell phone | off, on
-    mug | coffee mug | clean, dirty
-    notes | note pad
-    peach | ripe peach
-    plate | dinner plate | clean, dirty
-    remote_control | remote
-    shampoo | bottle of shampoo | closed, open
-    slippers | house shoes
-    sports_ball | ball
-    teddy_bear | stuffed bear
-    toothbrush | tooth brush
-    toothpaste | tube of toothpaste | closed, open
-    towel | hand towel
-    toy_car | toy
-    washing_sponge | washing scrub
-    water_bottle | bottle of water | closed, open
-    whipped_cream | can of whipped cream | closed, open
-    wine_bottle | bottle of wine | closed, open
-    wine_glass | stemmed glass | clean, dirty
+    apple | red apple | fresh apple
+    banana | yellow banana | ripe banana
+    board_game | tabletop game | family game
+    book | novel | paperback
+    bowl | soup bowl | dessert bowl
+    bread | some bread, loaf of bread | bread loaf
+    candle | wax candle | scented candle | off, on
+    cereal_box | box of cereal | packet of cereal | closed, open
+    chocolate_syrup | some chocolate syrup, bottle of chocolate syrup | some chocolate sauce | closed, open
+    clock | alarm clock | timepiece | on, off
+    coffee_pot | coffee jug | coffee pitcher | closed, open
+    cooking_pot | stew pot | soup pot | closed, open
+    cupcake | muffin | little cake
+    cushion | pillow | throw pillow
+    face_cream | some face cream, jar of face cream | some facial cream | closed, open
+    folder | file folder | document folder | closed, open
+    fork | dinner fork | table fork | clean, dirty
+    frying_pan | skillet | fry pan | clean, dirty
+    glass | drinking glass | tumbler | clean, dirty
+    hairbrush | hair brush | styling brush
+    juice_box | box of juice | carton of juice | closed, open
+    knife | kitchen knife | sharp knife | clean, dirty
+    lime | green lime | fresh lime
+    lotion | some lotion, some body lotion, bottle of lotion | some skin lotion | closed, open
+    magazine | glossy magazine | illustrated magazine | closed, open
+    milk_carton | carton of milk | packet of milk | closed, open
+    mobile_phone | cell phone | smartphone | off, on
+    mug | coffee mug | tea mug | clean, dirty
+    notes | some notes, some paper notes | some written notes
+    peach | ripe peach | fresh peach
+    plate | dinner plate | china plate | clean, dirty
+    remote_control | remote | television remote
+    shampoo | some shampoo, bottle of shampoo | shampoo bottle | closed, open
+    slippers | some slippers, some house shoes | some indoor shoes
+    sports_ball | ball | game ball
+    teddy_bear | stuffed bear | plush bear
+    toothbrush | tooth brush | dental brush
+    toothpaste | some toothpaste, tube of toothpaste | toothpaste tube | closed, open
+    towel | hand towel | cotton towel
+    toy_car | toy | model car
+    washing_sponge | washing scrub | cleaning sponge
+    water_bottle | bottle of water | drinking bottle | closed, open
+    whipped_cream | some whipped cream, can of whipped cream | whipped cream can | closed, open
+    wine_bottle | bottle of wine | corked wine bottle | closed, open
+    wine_glass | stemmed glass | wine goblet | clean, dirty
     """,
     ("intact",),
 )
@@ -106,22 +137,22 @@ GRASPABLES = _rows(
 RECEPTACLES = _rows(
     "receptacle",
     """
-    bathroom_counter | bathroom vanity
-    bed | mattress
-    bench | sitting bench
-    bookshelf | bookcase
-    cabinet | cupboard | closed, open
-    chair | seat
-    coffee_table | low table
-    desk | work table
-    dresser | chest of drawers | closed, open
-    kitchen_counter | kitchen worktop
-    kitchen_table | dining table
-    nightstand | bedside table | closed, open
-    sofa | couch
-    stove | cooker | off, on
-    towel_rack | towel shelf
-    tv_stand | television stand | closed, open
+    bathroom_counter | bathroom vanity | vanity unit
+    bed | mattress | bedstead
+    bench | sitting bench | bench seat
+    bookshelf | bookcase | book rack
+    cabinet | cupboard | storage cabinet | closed, open
+    chair | seat | sitting chair
+    coffee_table | low table | tea table
+    desk | work table | writing desk
+    dresser | chest of drawers | drawer chest | closed, open
+    kitchen_counter | kitchen worktop | kitchen countertop
+    kitchen_table | dining table | dinner table
+    nightstand | bedside table | night table | closed, open
+    sofa | couch | settee
+    stove | cooker | kitchen range | off, on
+    towel_rack | towel shelf | towel holder
+    tv_stand | television stand | media console | closed, open
     """,
     ("fixed",),
 )
@@ -131,29 +162,29 @@ SCENERY = _rows(
     """
     bathtub | bath
     coat_rack
-    fireplace | | off, on
-    floor_lamp | standing lamp | off, on
-    fridge | refrigerator | closed, open
+    fireplace | | | off, on
+    floor_lamp | standing lamp | | off, on
+    fridge | refrigerator | | closed, open
     laundry_basket
-    microwave | | closed, open
+    microwave | | | closed, open
     mirror
-    piano | | closed, open
+    piano | | | closed, open
     picture | painting
     plant | potted plant
-    radiator | heater | off, on
-    range_hood | | off, on
+    radiator | heater | | off, on
+    range_hood | | | off, on
     rug | carpet
     shoe_rack
-    shower | | off, on
+    shower | | | off, on
     stool
-    table_lamp | lamp | off, on
-    toilet | | closed, open
-    trash_can | bin | closed, open
-    tv | television | off, on
-    wall_cabinet | | closed, open
-    wardrobe | closet | closed, open
-    washing_machine | washer | closed, open
-    window | | closed, open
+    table_lamp | lamp | | off, on
+    toilet | | | closed, open
+    trash_can | bin | | closed, open
+    tv | television | | off, on
+    wall_cabinet | | | closed, open
+    wardrobe | closet | | closed, open
+    washing_machine | washer | | closed, open
+    window | | | closed, open
     """,
     ("fixed",),
 )
@@ -161,7 +192,17 @@ SCENERY = _rows(
 #: Kinds of rooms that robots can be sent to, in the order of the ``goto`` actions.
 ROOM_KINDS = ("kitchen", "bedroom", "bathroom", "livingroom")
 
-ROOMS = _rows("room", "kitchen\nbedroom\nbathroom\nlivingroom | living room\nhallway | hall", ("fixed",))
+ROOMS = _rows(
+    "room",
+    """
+    kitchen | kitchen area | cooking area
+    bedroom | sleeping room | sleeping area
+    bathroom | washroom | restroom
+    livingroom | living room, lounge | sitting room
+    hallway | hall | corridor
+    """,
+    ("fixed",),
+)
 
 ROBOTS = _rows("robot", "humanoid | robot\ndrone | flying robot", ("free", "holding"))
 
