@@ -7,6 +7,7 @@ import numpy as np
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import OptionError
+from chmarl_pb.planner.cooperative import CooperativePlanner
 from chmarl_pb.planner.policy import Infos, Observations, Policy, RandomPolicy
 from chmarl_pb.planner.search import SearchPolicy
 from chmarl_pb.tasks.task import Task
@@ -45,21 +46,14 @@ class PlannerPolicy:
     def __init__(self, env: HouseholdEnv):
         """Plan for the episodes of an environment."""
         self.env = env
-        self._plans: dict[str, list[str]] = {}
-        self._holding = False
 
     def reset(self, seed: int | None) -> None:
         """Plan the episode that has just begun."""
-        oracle, goal = self.env.stage.oracle, self.env.setting.goal
-        self._plans = {"humanoid": oracle.plan(goal), "drone": oracle.plan_drone(goal)}
-        self._holding = False
+        self._planner = CooperativePlanner(self.env.stage.oracle, self.env.setting.goal)
 
     def act(self, observations: Observations, infos: Infos) -> dict[str, int]:
-        """Return the next planned action of each robot; the drone plans anew once X is in the gripper."""
-        if (self.env.world.held is not None) != self._holding:
-            self._holding = not self._holding
-            self._plans["drone"] = self.env.stage.oracle.plan_drone(self.env.setting.goal)
-        chosen = {name: plan.pop(0) if plan else "stay" for name, plan in self._plans.items()}
+        """Return the planner's action of each robot in the present state."""
+        chosen = self._planner.choose({name: info["visible"] for name, info in infos.items()})
         return {name: self.env.action_names[name].index(action) for name, action in chosen.items()}
 
 

@@ -4,8 +4,8 @@ Pick and Place drive by themselves, and the pose after a Pick depends on the obj
 optimal plan is a shortest way to a pose from which X is seen, Pick, a shortest way to a pose from
 which a Y with a free place is seen, Place. Both ways are found by breadth-first search over the
 lattice; whether a pose sees a thing is answered by the camera itself. The drone never shortens a
-plan (only the humanoid's view counts for Pick and Place); it flies to where it sees what the
-humanoid needs next.
+plan: only the humanoid's view counts for Pick and Place. What it does meanwhile is planned in
+:mod:`chmarl_pb.planner.cooperative`.
 """
 
 from collections.abc import Callable, Iterator
@@ -54,26 +54,30 @@ class Oracle:
         with self._holding(goal.item, motion_end):
             return [*to_pick, "pick", *self._to_place(goal, motion_end)]
 
-    def plan_drone(self, goal: Goal) -> list[str]:
-        """Return the drone's shortest list of actions to see what the humanoid needs next; empty if nowhere."""
-        lattice, names = self.drone.lattice, self.drone.actions
-        wanted = set(goal.receptacles) if self.world.held == goal.item else {goal.item}
-        gotos = [np.full(len(lattice.points), pose) for pose in lattice.anchors.values()]
-        moves = np.concatenate([np.stack(gotos, axis=1), lattice.moves], axis=1)
-        radius = 4.0  # metres: the drone's picture reaches less far than this along the floor
-        places = [self._centre(name)[:2] for name in sorted(wanted)]
+    def seen_from(self, robot: str, pose: int) -> tuple[str, ...]:
+        """Return the names of the things that a robot would see at another pose."""
+        mover = self.world.robots[robot]
+        before = mover.pose
+        mover.spawn(pose)
+        try:
+            return self.sight.visible(robot)
+        finally:
+            mover.spawn(before)
 
-        def sees(poses: NDArray[np.int64]) -> NDArray[np.bool_]:
-            near = [min(np.hypot(*(lattice.points[pose] - place)) for place in places) < radius for pose in poses]
-            return np.array(
-                [
-                    close and not wanted.isdisjoint(self._seen("drone", int(pose)))
-                    for close, pose in zip(near, poses, strict=True)
-                ]
-            )
+    def centre(self, name: str) -> NDArray[np.float64]:
+        """Return the middle (x, y, z) of an object present or of a receptacle, metres."""
+        if name in self.world.bodies:
+            x, y, z = self.world.pose(name)[0]
+            return np.array([x, y, z + self.world.size(name)[2] / 2])
+        low, high = self._box(name)
+        return (low + high) / 2
 
-        found = breadth_first(self.drone.pose, moves, sees)
-        return [names[number] for number in found or []]
+    def radius(self, name: str) -> float:
+        """Return the radius in metres of a ball about its centre that holds an object or a receptacle."""
+        if name in self.world.bodies:
+            return float(np.linalg.norm(self.world.size(name))) / 2 + 0.05
+        low, high = self._box(name)
+        return float(np.linalg.norm(high - low)) / 2 + 0.1  # what is drawn may jut out a little
 
     def _to_place(self, goal: Goal, start: int) -> list[str]:
         """Return the actions from a pose with the object in hand up to Place."""
@@ -90,14 +94,11 @@ class Oracle:
         return [moving[number] for number in found]
 
     def _sees_item(self, goal: Goal) -> Seer:
-        centre = self._centre(goal.item)
-        radius = float(np.linalg.norm(self.world.size(goal.item))) / 2 + 0.05
-        return self._seer(
-            [(centre, radius)], lambda: self.humanoid.plan("pick", goal, self.sight.visible("humanoid")) is not None
-        )
+        ball = self.centre(goal.item), self.radius(goal.item)
+        return self._seer([ball], lambda: self.humanoid.plan("pick", goal, self.sight.visible("humanoid")) is not None)
 
     def _sees_target(self, goal: Goal) -> Seer:
-        balls = [(self._centre(name), self._radius(name)) for name in goal.receptacles]
+        balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
         return self._seer(balls, lambda: self.humanoid.plan("place", goal, self.sight.visible("humanoid")) is not None)
 
     def _seer(self, balls: list[tuple[NDArray[np.float64], float]], works: Callable[[], bool]) -> Seer:
@@ -114,15 +115,6 @@ class Oracle:
             return found
 
         return sees
-
-    def _seen(self, robot: str, pose: int) -> tuple[str, ...]:
-        mover = self.world.robots[robot]
-        before = mover.pose
-        mover.spawn(pose)
-        try:
-            return self.sight.visible(robot)
-        finally:
-            mover.spawn(before)
 
     @contextmanager
     def _standing(self, pose: int) -> Iterator[None]:
@@ -147,17 +139,6 @@ class Oracle:
                 self.world.release()
                 self.world.place(item, *pose, receptacle=support.receptacle)
                 self.humanoid.turn = turn
-
-    def _centre(self, name: str) -> NDArray[np.float64]:
-        if name in self.world.bodies:
-            x, y, z = self.world.pose(name)[0]
-            return np.array([x, y, z + self.world.size(name)[2] / 2])
-        low, high = self._box(name)
-        return (low + high) / 2
-
-    def _radius(self, name: str) -> float:
-        low, high = self._box(name)
-        return float(np.linalg.norm(high - low)) / 2 + 0.1  # what is drawn may jut out a little
 
     def _box(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         solids = self.space.home.receptacles[name].solids
