@@ -41,7 +41,7 @@ def tasks() -> list[Task]:
     for split in SPLITS:
         for task in load_tasks(split):
             rows[task.home].append(task)
-    return [rows[home][number] for number in range(20) for home in HOMES]
+    return [task for row in zip(*rows.values(), strict=False) for task in row]
 
 
 @pytest.fixture(scope="session")

@@ -267,7 +267,7 @@ def test_unknown_home(name: str) -> None:
 
 
 def test_environment_refuses_a_bad_home(write_home: Write) -> None:
-    with pytest.raises(HomeError, match="bad.urdf"):
+    with pytest.raises(HomeError, match=r"bad\.urdf"):
         HouseholdEnv(home=write_home("<robot/>", "bad.urdf"))
 
 

@@ -1,0 +1,163 @@
+"""What a robot sees, drawn in two parts and merged, equals a full TinyRenderer picture of the world, bit for bit."""
+
+import numpy as np
+import pybullet
+import pytest
+
+from chmarl_pb import catalog
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.homes.lattice import HEADINGS
+from chmarl_pb.sensing.camera import Picture, render, view_matrix
+from chmarl_pb.sensing.eyes import CAMERAS, eye
+from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
+from chmarl_pb.tasks.task import Task
+
+ROBOTS = ("humanoid", "drone")
+
+
+def full_picture(stage: Stage, robot: str, size: int) -> Picture:
+    """Draw everything in the world's own client at once; the segmentation in numbers of ``sight.names``."""
+    pose = stage.world.robots[robot].pose
+    drawn = render(stage.world.client, CAMERAS[robot], view_matrix(eye(stage.space, robot, pose)), size)
+    body, link = drawn.segmentation & 0xFFFFFF, (drawn.segmentation >> 24) - 1
+    names = np.where(drawn.segmentation < 0, -1, link)
+    for name, number in stage.world.bodies.items():
+        if name != "home":
+            names[(drawn.segmentation >= 0) & (body == number)] = stage.sight.numbers[name]
+    return Picture(drawn.colour, drawn.depth, names)
+
+
+def assert_same(stage: Stage, robot: str, size: int) -> None:
+    full = full_picture(stage, robot, size)
+    merged = stage.sight.picture(robot, stage.world.robots[robot].pose, size)
+    np.testing.assert_array_equal(merged.segmentation, full.segmentation)
+    np.testing.assert_array_equal(merged.depth, full.depth)
+    np.testing.assert_array_equal(merged.rgb, full.rgb)
+
+
+def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
+    task = [task for task in tasks if task.home == stage.home.name][number]
+    stage.begin(task)
+    return task
+
+
+def wander(stage: Stage, rng: np.random.Generator) -> None:
+    """Put both robots anywhere."""
+    stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.moves))))
+    stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
+
+
+def meet(stage: Stage, rng: np.random.Generator) -> None:
+    """Put the humanoid anywhere and the drone above it."""
+    wander(stage, rng)
+    x, y, _ = stage.space.lattice.pose(stage.humanoid.pose)
+    stage.drone.spawn(int(np.hypot(*(stage.space.drone_lattice.points - (x, y)).T).argmin()))
+
+
+def take(stage: Stage, item: str) -> None:
+    """Let the humanoid hold an object where it stands."""
+    stage.humanoid.turn = 0.5
+    stage.humanoid.hold(item)
+
+
+@pytest.mark.parametrize("size", [64, 128, 224])
+def test_random_views(stage: Stage, tasks: list[Task], size: int) -> None:
+    rng = np.random.default_rng(size)
+    for number in range(2):
+        begin(stage, tasks, number)
+        for _ in range(4 if size < 200 else 2):
+            wander(stage, rng)
+            for robot in ROBOTS:
+                assert_same(stage, robot, size)
+
+
+@pytest.mark.parametrize("size", [64, 128, 224])
+def test_views_with_a_held_object_and_the_other_robot(stage: Stage, tasks: list[Task], size: int) -> None:
+    rng = np.random.default_rng(size)
+    task = begin(stage, tasks)
+    take(stage, task.item)
+    met = 0
+    for _ in range(4 if size < 200 else 2):
+        meet(stage, rng)
+        met += "humanoid" in stage.sight.visible("drone")
+        for robot in ROBOTS:
+            assert_same(stage, robot, size)
+    assert met
+    stage.world.release()
+
+
+def test_the_world_after_a_release_is_drawn_with_the_arm_at_rest(stage: Stage, tasks: list[Task]) -> None:
+    task, rng = begin(stage, tasks), np.random.default_rng(3)
+    take(stage, task.item)
+    stage.sight.visible("drone")
+    begin(stage, tasks, 1)
+    meet(stage, rng)
+    assert_same(stage, "drone", 128)
+
+
+def test_every_object_large_in_the_picture(stage: Stage, tasks: list[Task]) -> None:
+    """Objects near the camera, at the rim of its view too: none is left out."""
+    begin(stage, tasks)
+    rng = np.random.default_rng(4)
+    for item in rng.permutation(stage.world.objects)[:8].tolist():
+        stand = stage.space.stand(stage.world.grip(item))
+        if stand is None:
+            continue
+        for turn in range(-2, 3):
+            stage.humanoid.spawn(stand // HEADINGS * HEADINGS + (stand + turn) % HEADINGS)
+            assert_same(stage, "humanoid", 64)
+
+
+def test_visible_is_the_pixel_rule_of_the_full_picture(stage: Stage, tasks: list[Task]) -> None:
+    rng = np.random.default_rng(5)
+    begin(stage, tasks, 2)
+    for _ in range(10):
+        meet(stage, rng)
+        for robot in ROBOTS:
+            numbers, counts = np.unique(full_picture(stage, robot, SIGHT_SIZE).segmentation, return_counts=True)
+            pixels = {stage.sight.names[n]: count for n, count in zip(numbers, counts, strict=True) if n >= 0}
+            expected = {
+                name
+                for name, count in pixels.items()
+                if count >= VISIBLE_PIXELS and catalog.class_of(name) in catalog.CLASSES and name != robot
+            }
+            seen = stage.sight.visible(robot)
+            assert set(seen) == expected and len(seen) == len(expected)
+
+
+def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]) -> None:
+    rng = np.random.default_rng(6)
+    begin(stage, tasks)
+    for _ in range(10):
+        meet(stage, rng)
+        for robot in ROBOTS:
+            segmentation = stage.sight.picture(robot, stage.world.robots[robot].pose, SIGHT_SIZE).segmentation
+            counts = np.bincount(segmentation.ravel() + 1, minlength=len(stage.sight.names) + 1)[1:]
+            np.testing.assert_array_equal(stage.sight.pixels(robot), counts)
+
+
+def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> None:
+    """Nothing of a kept picture survives a change of the world at the same camera pose."""
+    begin(stage, tasks)
+    item = stage.world.objects[0]
+    stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+    assert_same(stage, "humanoid", 128)
+    (x, y, z), quaternion = stage.world.pose(item)
+    stage.world.place(item, (x + 0.05, y, z + 0.1), quaternion, stage.world.supports[item].receptacle)
+    assert_same(stage, "humanoid", 128)
+    stage.world.clear()
+    assert_same(stage, "humanoid", 128)
+
+
+def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> None:
+    begin(stage, tasks)
+    rng, client = np.random.default_rng(7), stage.world.client
+    for _ in range(5):
+        wander(stage, rng)
+        for name, robot in stage.world.robots.items():
+            joints = range(pybullet.getNumJoints(robot.body, physicsClientId=client))
+            links = {pybullet.getJointInfo(robot.body, j, physicsClientId=client)[12].decode(): j for j in joints}
+            state = pybullet.getLinkState(robot.body, links["camera"], 1, 1, physicsClientId=client)
+            position, quaternion = eye(stage.space, name, robot.pose)
+            np.testing.assert_allclose(position, state[4], atol=1e-5)
+            assert abs(np.dot(quaternion, state[5])) == pytest.approx(1, abs=1e-6)
