@@ -1,0 +1,78 @@
+"""The command ``chmarl-pb demo``: play one task, print it, and write its video and its page."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from chmarl_pb.demo.files import open_folder
+from chmarl_pb.demo.film import Shot, storyboard
+from chmarl_pb.demo.frame import Image, compose
+from chmarl_pb.demo.page import write_page
+from chmarl_pb.demo.panel import HEIGHT, WIDTH
+from chmarl_pb.demo.record import Recording, choose_task, record
+from chmarl_pb.demo.studio import draw_views
+from chmarl_pb.demo.table import print_table
+from chmarl_pb.demo.video import write_video
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.tasks.splits import find_task
+
+
+def demo(task: str | None, observation: str, out: Path, policy: str = "planner") -> int:
+    """Play one task and show it; return the exit code.
+
+    Args:
+        task: id of the task; a task of test-unseen that leads through two rooms if None.
+        observation: what the policy observes, "visual" or "scene_graph".
+        out: folder for ``demo.mp4`` and ``demo.html``.
+        policy: "planner", "search" or "random".
+
+    Raises:
+        TaskError: the task is unknown.
+        OptionError: an option is unknown, or the folder cannot be written to.
+    """
+    chosen = choose_task() if task is None else find_task(task)
+    folder, console = open_folder(out), Console()
+    with _progress(console) as progress:
+        bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
+        recording = record(chosen, observation, policy, lambda: progress.advance(bar))
+    print_table(recording, console)
+    with _progress(console) as progress:
+        write_files(recording, storyboard(recording), folder, progress)
+    for name, sentence in (("demo.mp4", "the video"), ("demo.html", "the same, step by step")):
+        console.print(f"{folder / name}  [dim]{sentence}[/dim]", soft_wrap=True)
+    return 0
+
+
+def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress) -> None:
+    """Draw all shots; write the video and the page.
+
+    Args:
+        recording: the episode.
+        shots: of the video, with one at rest for each moment.
+        folder: for ``demo.mp4`` and ``demo.html``.
+        progress: gets a bar.
+    """
+    rests: list[dict[str, Image]] = []
+    views = _keep_rests(shots, draw_views(recording.home.path, shots), rests)
+    frames = progress.track(compose(recording, shots, views), len(shots), description="Drawing")
+    counted = ((frame, shot.frames) for frame, shot in zip(frames, shots, strict=True))
+    write_video(folder / "demo.mp4", counted, (WIDTH, HEIGHT))
+    write_page(folder / "demo.html", recording, rests)
+
+
+def _keep_rests(
+    shots: list[Shot], views: Iterator[dict[str, Image]], rests: list[dict[str, Image]]
+) -> Iterator[dict[str, Image]]:
+    """Pass views on, and keep those of steps that are over."""
+    for shot, pictures in zip(shots, views, strict=True):
+        if shot.done:
+            rests.append(pictures)
+        yield pictures
+
+
+def _progress(console: Console) -> Progress:
+    columns: tuple[Any, ...] = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return Progress(*columns, TimeElapsedColumn(), console=console)

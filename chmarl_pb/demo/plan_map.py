@@ -1,0 +1,129 @@
+"""The map: the home from above with both robots, their trails and what they see, X and the Ys."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.demo.canvas import CARD, ITEM, ROBOTS, TARGET, Colour, badge
+from chmarl_pb.demo.record import Recording
+from chmarl_pb.sensing.eyes import CAMERAS
+from chmarl_pb.sensing.plan_view import PlanView, draw_plan
+from chmarl_pb.sensing.replay import Scene, yaw
+
+Image = NDArray[np.uint8]
+Point = tuple[float, float]
+
+CONE_LENGTH = 1.7  # metres of the humanoid's view cone
+BODY_RADIUS = 0.27  # metres of a robot's mark
+_BADGE = 10  # pixels
+_TRAIL_WIDTH, _FADING, _FAINTEST = 3, 150, 0.3  # pixels, frames until a trail fades, and to what strength
+_ARROW = ((0.0, 0.72), (2.45, 0.68), (np.pi, 0.25), (-2.45, 0.68))  # angle (radians), distance (radii)
+_SHIFT = 4  # binary digits of OpenCV's subpixel coordinates
+
+
+class PlanMap:
+    """The map of one recording.
+
+    Attributes:
+        plan: the picture of the empty home.
+    """
+
+    def __init__(self, recording: Recording, width: int, height: int):
+        """Draw the empty home into a size in pixels, and mark every Y."""
+        self.plan: PlanView = draw_plan(recording.home, width, height)
+        self._item = recording.task.item
+        self._item_badge = badge("X", ITEM, _BADGE)
+        self._base = self.plan.rgb.copy()
+        for name in recording.targets:
+            _stamp(self._base, badge("Y", TARGET, _BADGE), self.plan.pixel(*recording.home.receptacles[name].centre))
+
+    def draw(self, scene: Scene, trails: dict[str, list[Point]]) -> Image:
+        """Draw one moment.
+
+        Args:
+            scene: the moment.
+            trails: robot -> where it has been so far, one point (x, y in metres) a shot.
+        """
+        picture = self._base.copy()
+        for robot, trail in trails.items():
+            self._draw_trail(picture, trail, ROBOTS[robot])
+        for robot, colour in ROBOTS.items():
+            field = [self.plan.pixel(*point) for point in field_of_view(scene, robot)]
+            _fill(picture, field, colour, 0.2 if robot == "humanoid" else 0.13)
+        x, y, _ = scene.objects[self._item][0]
+        _stamp(picture, self._item_badge, self.plan.pixel(x, y))
+        for robot, colour in ROBOTS.items():
+            self._draw_robot(picture, scene, robot, colour)
+        return picture
+
+    def _draw_trail(self, picture: Image, trail: list[Point], colour: Colour) -> None:
+        strength = np.zeros(picture.shape[:2], dtype=np.uint8)
+        pixels = [self.plan.pixel(*point) for point in trail]
+        for number, (first, second) in enumerate(zip(pixels, pixels[1:], strict=False)):
+            if first != second:
+                fresh = max(0.0, 1 - (len(trail) - number) / _FADING)
+                shade = round(255 * (_FAINTEST + (0.85 - _FAINTEST) * fresh))
+                cv2.line(strength, _fixed(first), _fixed(second), shade, _TRAIL_WIDTH, cv2.LINE_AA, _SHIFT)
+        _blend(picture, strength[..., None] / np.float32(255), colour)
+
+    def _draw_robot(self, picture: Image, scene: Scene, robot: str, colour: Colour) -> None:
+        outline, nose = robot_mark(scene, robot)
+        for grown, shade in ((1.28, CARD), (1.0, colour)):
+            x, y = self.plan.pixel(*outline)
+            radius = round(BODY_RADIUS * self.plan.scale * grown * 2**_SHIFT)
+            cv2.circle(picture, _fixed((x, y)), radius, shade, -1, cv2.LINE_AA, _SHIFT)
+        tip = np.array([_fixed(self.plan.pixel(*point)) for point in nose], dtype=np.int32)
+        cv2.fillPoly(picture, [tip], CARD, cv2.LINE_AA, _SHIFT)
+
+
+def field_of_view(scene: Scene, robot: str) -> list[Point]:
+    """Return the corners (metres) of what a robot's camera covers: a cone, or a square on the floor."""
+    (x, y, z), _ = scene.eye(robot)
+    half = np.radians(CAMERAS[robot].fov) / 2
+    if robot == "drone":
+        reach = float(z * np.tan(half))
+        return [(x + i * reach, y + j * reach) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    angles = yaw(scene.robots[robot][1]) + np.linspace(-half, half, 13)
+    arc = [(x + CONE_LENGTH * float(np.cos(a)), y + CONE_LENGTH * float(np.sin(a))) for a in angles]
+    return [(x, y), *arc]
+
+
+def robot_mark(scene: Scene, robot: str) -> tuple[Point, list[Point]]:
+    """Return the middle of a robot's mark and the corners (metres) of the arrow on it that shows its heading."""
+    (x, y, _), quaternion = scene.robots[robot]
+    heading = yaw(quaternion)
+    arrow = [
+        (x + r * BODY_RADIUS * float(np.cos(heading + a)), y + r * BODY_RADIUS * float(np.sin(heading + a)))
+        for a, r in _ARROW
+    ]
+    return (x, y), arrow
+
+
+def _fixed(point: Point) -> tuple[int, int]:
+    """Return a pixel in OpenCV's fixed-point coordinates."""
+    return round(point[0] * 2**_SHIFT), round(point[1] * 2**_SHIFT)
+
+
+def _fill(picture: Image, corners: list[Point], colour: Colour, strength: float) -> None:
+    """Lay a translucent polygon with a soft edge over a picture."""
+    mask = np.zeros(picture.shape[:2], dtype=np.uint8)
+    cv2.fillPoly(mask, [np.array([_fixed(corner) for corner in corners], dtype=np.int32)], 255, cv2.LINE_AA, _SHIFT)
+    _blend(picture, mask[..., None] / np.float32(255) * np.float32(strength), colour)
+
+
+def _blend(picture: Image, strength: NDArray[np.float32], colour: Colour) -> None:
+    picture[:] = picture + strength * (np.array(colour, dtype=np.float32) - picture) + 0.5
+
+
+def _stamp(picture: Image, sprite: Image, middle: Point) -> None:
+    """Put a sprite with alpha on a picture, cut off at its edges."""
+    side = sprite.shape[0]
+    left, top = round(middle[0] - side / 2), round(middle[1] - side / 2)
+    x0, y0 = max(left, 0), max(top, 0)
+    x1, y1 = min(left + side, picture.shape[1]), min(top + side, picture.shape[0])
+    if x0 >= x1 or y0 >= y1:
+        return
+    part = sprite[y0 - top : y1 - top, x0 - left : x1 - left].astype(np.float32)
+    alpha = part[..., 3:] / 255
+    under = picture[y0:y1, x0:x1]
+    under[:] = under + alpha * (part[..., :3] - under) + 0.5

@@ -1,0 +1,57 @@
+"""Draws the robots' views of all shots, on all processors."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.demo.film import Shot
+from chmarl_pb.envs.parallel import AGENTS
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.sensing.replay import Replay
+
+Image = NDArray[np.uint8]
+
+VIEW_SIZE = 400  # pixels of a finished view
+_FINE, _COARSE = 2.0, 1.25  # pixels drawn for each finished one, along a side: at rest and in motion
+_CHUNK = 8  # shots that a process draws in a row
+_FEW = 2 * _CHUNK  # shots that are not worth a second process
+
+
+def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
+    """Yield, for each shot, robot -> its view (VIEW_SIZE, VIEW_SIZE, 3).
+
+    Args:
+        home: URDF of the home.
+        shots: what to draw.
+    """
+    jobs = [(home, shot) for shot in shots]
+    workers = os.cpu_count() or 1
+    if workers == 1 or len(jobs) <= _FEW:
+        yield from map(_draw, jobs)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_draw, jobs, chunksize=_CHUNK)
+
+
+def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:
+    home, shot = job
+    replay = _replay(home)
+    size = round(VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE))
+    return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in AGENTS}
+
+
+def _shrink(picture: Image) -> Image:
+    return np.asarray(cv2.resize(picture, (VIEW_SIZE, VIEW_SIZE), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+@cache
+def _replay(home: Path) -> Replay:
+    """Return this process's drawer of a home."""
+    return Replay(load_home(home))

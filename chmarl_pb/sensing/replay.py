@@ -1,0 +1,126 @@
+"""Draws moments between lattice poses: the cameras follow the bodies through a driven motion.
+
+A scene holds the poses of all that moves. At the end of a step its picture equals
+:meth:`chmarl_pb.sensing.sight.Sight.picture`, pixel by pixel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.lattice import DRONE_HEADING
+from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.robots.execution import Snapshot
+from chmarl_pb.sensing.camera import Picture, render, view_matrix
+from chmarl_pb.sensing.eyes import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH
+from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.movables import merge, movables
+from chmarl_pb.world import Pose, Vector, World
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where everything is that moves, at one moment.
+
+    Attributes:
+        robots: robot -> pose of its base.
+        arm: configuration of the humanoid's arm.
+        objects: object present -> its pose.
+    """
+
+    robots: dict[str, Pose]
+    arm: Configuration
+    objects: dict[str, Pose]
+
+    def eye(self, robot: str) -> Pose:
+        """Return the pose of link "camera" of a robot; its +x looks along the line of sight."""
+        (x, y, z), quaternion = self.robots[robot]
+        if robot == "drone":
+            return (x, y, z + DRONE_EYE), _looking(DRONE_HEADING, np.pi / 2)
+        heading = yaw(quaternion)
+        forward, _, height = HUMANOID_EYE
+        lift = self.arm[0]
+        position = (x + forward * float(np.cos(heading)), y + forward * float(np.sin(heading)), height + lift)
+        return position, _looking(heading, PITCH)
+
+
+def scene_of(world: World) -> Scene:
+    """Return the present scene of a world."""
+    robots = {name: robot.base_pose() for name, robot in world.robots.items()}
+    objects = {name: world.pose(name) for name in world.objects}
+    return Scene(robots, Arm.carry if world.held else Arm.rest, objects)
+
+
+def scene_during(snapshot: Snapshot, after: Scene) -> Scene:
+    """Return the scene of a snapshot; things that it does not name are where they are after the motion."""
+    return Scene(snapshot.bases, snapshot.arm, after.objects | snapshot.items)
+
+
+def between(first: Scene, second: Scene, share: float) -> Scene:
+    """Return the scene at a share (0 to 1) of the way from one scene to the next one."""
+    robots = {name: _mix_poses(pose, second.robots[name], share) for name, pose in first.robots.items()}
+    objects = {name: _mix_poses(pose, second.objects[name], share) for name, pose in first.objects.items()}
+    return Scene(robots, _mix(first.arm, second.arm, share), objects)
+
+
+class Replay:
+    """Draws scenes of one home; what has not moved since the last picture is not drawn again."""
+
+    def __init__(self, home: Home):
+        """Share the process's clients for the home and for what moves."""
+        self._client = home_views(home).client
+        self._moving = movables()
+        self._homes: dict[tuple[str, int], tuple[Vector, Picture]] = {}
+        self._pictures: dict[tuple[str, int], tuple[object, NDArray[np.uint8]]] = {}
+
+    def picture(self, robot: str, scene: Scene, size: int) -> NDArray[np.uint8]:
+        """Return what a robot's camera shows of a scene, (size, size, 3).
+
+        Args:
+            robot: "humanoid" or "drone".
+            scene: the moment.
+            size: width and height in pixels.
+        """
+        view = view_matrix(scene.eye(robot))
+        poses = {**scene.objects, **scene.robots}
+        poses = {name: poses[name] for name in self._moving.in_view(CAMERAS[robot], view, poses)}
+        shown = (view, poses, scene.arm if "humanoid" in poses else None)
+        kept = self._pictures.get((robot, size))
+        if kept is None or kept[0] != shown:
+            picture = self._look(robot, view, size)
+            if poses:
+                picture = merge(picture, self._moving.draw(CAMERAS[robot], view, size, poses, scene.arm), 0)
+            self._pictures[robot, size] = kept = shown, picture.rgb
+        return kept[1]
+
+    def _look(self, robot: str, view: Vector, size: int) -> Picture:
+        """Return the empty home."""
+        kept = self._homes.get((robot, size))
+        if kept is None or kept[0] != view:
+            self._homes[robot, size] = kept = view, render(self._client, CAMERAS[robot], view, size)
+        return kept[1]
+
+
+def yaw(quaternion: Vector) -> float:
+    """Return the angle about z in radians of an upright orientation (x, y, z, w)."""
+    return float(2 * np.arctan2(quaternion[2], quaternion[3]))
+
+
+def _looking(heading: float, pitch: float) -> Vector:
+    """Return the orientation of a camera turned by a heading and then down by a pitch, radians."""
+    cy, sy, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    return float(-sy * sp), float(cy * sp), float(sy * cp), float(cy * cp)
+
+
+def _mix_poses(first: Pose, second: Pose, share: float) -> Pose:
+    if first == second:
+        return first
+    turned = np.array(second[1]) * (1.0 if np.dot(first[1], second[1]) >= 0 else -1.0)
+    quaternion = np.array(_mix(first[1], tuple(turned), share))
+    return _mix(first[0], second[0], share), tuple((quaternion / np.linalg.norm(quaternion)).tolist())
+
+
+def _mix(first: Vector, second: Vector, share: float) -> Vector:
+    return tuple(((1 - share) * np.array(first) + share * np.array(second)).tolist())
