@@ -197,13 +197,17 @@ def test_an_object_that_does_not_settle_stays_in_the_hand(
 
 def test_an_undecided_motion_fails_and_the_other_robot_still_acts(stage: Stage) -> None:
     stage.set_up(10)
+    stage.drone.spawn(0)
     before = stage.humanoid.pose
-    goal = stage.drone.plan("goto_bathroom")
+    far = max(stage.space.drone_lattice.anchors, key=lambda room: abs(stage.space.drone_lattice.anchors[room]))
+    goal = stage.drone.plan(f"goto_{far}")
     assert goal is not None
+    stage.humanoid.arm.drive(Arm.carry)
     done, snapshots = execute(stage.world, {"humanoid": None, "drone": goal}, simulated=True)
     assert done == {"humanoid": False, "drone": True}
     assert stage.humanoid.pose == before and stage.drone.pose == goal.pose
-    assert snapshots and stage.humanoid.arm.configuration() == Arm.rest
+    assert len(snapshots) > 10 and stage.humanoid.arm.configuration() == Arm.rest
+    assert np.abs(np.subtract([snapshot.arm for snapshot in snapshots], Arm.rest)).max() < 0.01
 
 
 def test_profiles_start_and_stop_gently_at_their_speed() -> None:

@@ -104,10 +104,11 @@ def _advance(ticks: Iterator[None], name: str, missed: set[str]) -> bool:
 
 @contextmanager
 def _putting_back(world: World, item: str | None) -> Iterator[None]:
-    """Afterwards the robots and the one object that physics may have moved are where they were before."""
+    """Get ready to step physics; afterwards the robots and the one object that it may have moved are put back."""
     humanoid, held, supports = world.robots["humanoid"], world.held, dict(world.supports)
     turn = humanoid.turn
     pose = world.pose(item) if item else None
+    humanoid.arm.drive(humanoid.arm.configuration())  # its motors may still have the goal of an earlier motion
     if held is not None:
         world.thaw(held, solid=False)
     try:
@@ -151,7 +152,6 @@ def _act(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
         yield from _together(_drive(humanoid, motion), _move_arm(humanoid, Arm.carry))
         yield from _pick(humanoid, motion, motion.pick)
     else:
-        humanoid.arm.drive(Arm.carry if humanoid.world.held else Arm.rest)
         yield from _drive(humanoid, motion)
         if motion.place is not None:
             yield from _place(humanoid, motion)
