@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from chmarl_pb.envs.rollout import make_policy as make_policy
     from chmarl_pb.envs.rollout import rollout as rollout
     from chmarl_pb.errors import ChmarlError as ChmarlError
+    from chmarl_pb.evaluation.protocol import evaluate as evaluate
+    from chmarl_pb.evaluation.result import Report as Report
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 
@@ -26,7 +28,9 @@ _PUBLIC = {
     "ChmarlError": "chmarl_pb.errors",
     "Episode": "chmarl_pb.envs.rollout",
     "HouseholdEnv": "chmarl_pb.envs.parallel",
+    "Report": "chmarl_pb.evaluation.result",
     "Task": "chmarl_pb.tasks.task",
+    "evaluate": "chmarl_pb.evaluation.protocol",
     "load_tasks": "chmarl_pb.tasks.splits",
     "make_policy": "chmarl_pb.envs.rollout",
     "rollout": "chmarl_pb.envs.rollout",

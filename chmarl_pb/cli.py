@@ -34,6 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_demo(commands)
     _add_homes(commands)
     _add_tasks(commands)
+    _add_evaluate(commands)
     bench = _add(commands, "bench", "measure the speed on this machine", _bench)
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
     return parser
@@ -72,6 +73,25 @@ def _add_tasks(commands: argparse._SubParsersAction) -> None:
     build = _add(verbs, "build", "draw and solve the tasks of all splits", _tasks_build)
     build.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the CSV files")
     build.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+
+
+def _add_evaluate(commands: argparse._SubParsersAction) -> None:
+    evaluate = _add(commands, "evaluate", "play all tasks of a split with a policy and print its metrics", _evaluate)
+    evaluate.add_argument(
+        "--policy", required=True, metavar="P",
+        help="random, planner, search, search-silent, search-alone, module:callable, or a checkpoint's path",
+    )  # fmt: skip
+    evaluate.add_argument("--split", default="test-unseen", metavar="S", help="split (default: test-unseen)")
+    evaluate.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    evaluate.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    evaluate.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    evaluate.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
+    evaluate.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
+    evaluate.add_argument("--max-steps", type=int, metavar="N", help="joint steps in an episode (default: 50)")
+    evaluate.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
+    evaluate.add_argument(
+        "--out", type=Path, metavar="JSON", help="write the result here; the same command goes on after an interruption"
+    )
 
 
 # Each command imports what it needs, so that --help and --version answer at once.
@@ -126,6 +146,16 @@ def _tasks_build(options: argparse.Namespace) -> int:
     from chmarl_pb.data.build_tasks import build_all
 
     return build_all(options.out, options.workers)
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from chmarl_pb.envs.options import MAX_STEPS
+    from chmarl_pb.evaluation.command import run_evaluation
+
+    return run_evaluation(
+        options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
+        options.feedback, options.max_steps or MAX_STEPS, options.task, options.out,
+    )  # fmt: skip
 
 
 def _bench(options: argparse.Namespace) -> int:

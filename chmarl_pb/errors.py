@@ -27,3 +27,7 @@ class ActionError(ChmarlError, ValueError):
 
 class NotResetError(ChmarlError, RuntimeError):
     """The environment was used before ``reset`` or after the end of its episode."""
+
+
+class ResultError(ChmarlError, ValueError):
+    """A file of results or of an episode is missing, damaged, or does not fit this version."""

@@ -1,0 +1,84 @@
+"""What a result depends on beside its options: home, tasks, versions, source code, machine."""
+
+import hashlib
+import json
+import os
+import platform
+import re
+from collections.abc import Iterable
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import chmarl_pb
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.tasks.task import Task
+
+_PACKAGES = ("pybullet", "numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
+
+
+@cache
+def home_hash(home: str) -> str:
+    """Return the sha256 of a home: its URDF and the meshes that it names.
+
+    Args:
+        home: name of a packaged home or path of a URDF.
+
+    Raises:
+        HomeError: the home cannot be used.
+    """
+    path = load_home(home).path
+    text = path.read_bytes()
+    meshes = sorted({name.decode() for name in re.findall(rb'<mesh[^>]*filename="([^"]+)"', text)})
+    return _sha256([text, *((path.parent / mesh).read_bytes() for mesh in meshes)])
+
+
+def tasks_hash(tasks: Iterable[Task]) -> str:
+    """Return the sha256 of tasks, in their order."""
+    return _sha256(json.dumps(asdict(task), sort_keys=True).encode() for task in tasks)
+
+
+@cache
+def source_hash() -> str:
+    """Return the sha256 of this package's Python files: it tells versions apart between releases."""
+    folder = Path(chmarl_pb.__file__).parent
+    return _sha256(path.read_bytes() for path in sorted(folder.rglob("*.py")))
+
+
+def file_hash(path: Path) -> str:
+    """Return the sha256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and what its results depend on."""
+    found = {"python": platform.python_version(), "chmarl-pb": chmarl_pb.__version__}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def machine() -> dict[str, str | int]:
+    """Return what this machine is."""
+    return {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count() or 0}
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        models = re.findall(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
+        if models:
+            return str(models[0])
+    return platform.processor() or platform.machine()
+
+
+def _sha256(parts: Iterable[bytes]) -> str:
+    """Return the sha256 of parts; the length before each keeps their borders."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()

@@ -1,0 +1,1 @@
+"""Evaluation: the protocol, the metrics, what cooperation gains, and reports."""

@@ -1,0 +1,98 @@
+"""The command `chmarl-pb evaluate`: a progress bar, a table, a result file."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from chmarl_pb.evaluation.metrics import Figure, Summary
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.result import Report
+
+
+def run_evaluation(
+    policy: str, split: str, observation: str, seeds: int, workers: int, messages: bool, feedback: bool,
+    max_steps: int, tasks: list[str] | None, out: Path | None,
+) -> int:  # fmt: skip
+    """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
+    with progress_bar() as bar:
+        row = bar.add_task(f"{policy} on {split}", total=None)
+        report = evaluate(
+            policy, split, observation, range(seeds), workers, messages, feedback, max_steps, tasks=tasks, out=out,
+            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
+        )  # fmt: skip
+    print_report(Console(), report)
+    if out is not None:
+        print(out)
+    return 0
+
+
+def progress_bar() -> Progress:
+    """Return a progress bar that counts episodes; it shows on standard error."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def print_report(console: Console, report: Report) -> None:
+    """Print the metrics of a result, for all homes and for each."""
+    settings = report.settings
+    off = [name for name in ("messages", "feedback") if not settings["options"][name]]
+    without = f", no {' and no '.join(off)}" if off else ""
+    title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
+    columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
+    table = Table(title=title, title_justify="left")
+    for column in columns:
+        table.add_column(column, justify="right" if column else "left")
+    for home, summary in report.per_home.items():
+        table.add_row(home, *_cells(summary))
+    table.add_section()
+    table.add_row("all", *_cells(report.summary), style="bold")
+    console.print(table)
+    _print_notes(console, report)
+
+
+def _cells(summary: Summary) -> list[str]:
+    return [
+        str(summary.episodes),
+        percent(summary.success_rate),
+        percent(summary.plw),
+        number(summary.length_on_success),
+        number(summary.final_potential),
+    ]
+
+
+def _print_notes(console: Console, report: Report) -> None:
+    seeds, summary = report.settings["seeds"], report.summary
+    if summary.plw.low is not None:
+        console.print(
+            f"95 % interval over tasks: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
+            + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
+        )
+    gain = report.cooperation
+    if gain is None:
+        console.print("cooperation: no reference lengths for these tasks and this max_steps")
+        return
+    share = "-" if gain.share is None else f"{100 * gain.share:.0f} %"
+    pair = "-" if gain.share_search is None else f"{100 * gain.share_search:.0f} %"
+    console.print(
+        f"cooperation: {share} of the possible gain in PLW over the lone humanoid (search pair: {pair}); "
+        f"{gain.steps_saved:.1f} of {gain.steps_possible:.1f} steps saved a task"
+    )
+
+
+def percent(figure: Figure) -> str:
+    """Return a rate as "mean ± deviation" in per cent."""
+    return number(Figure(*(None if v is None else 100 * v for v in (figure.mean, figure.deviation))))
+
+
+def number(figure: Figure, digits: int = 1) -> str:
+    """Return a figure as "mean ± deviation"."""
+    if figure.mean is None:
+        return "-"
+    deviation = "" if figure.deviation is None else f" ± {figure.deviation:.{digits}f}"
+    return f"{figure.mean:.{digits}f}{deviation}"
+
+
+def _interval(figure: Figure) -> str:
+    return f"{100 * (figure.low or 0):.1f} to {100 * (figure.high or 0):.1f}"

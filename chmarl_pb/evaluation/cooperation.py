@@ -1,0 +1,144 @@
+"""Cooperation accounting: what a policy gets of the steps that a well informed partner can save.
+
+The references are fixed: for each task the lengths that the search policy reaches with the drone,
+without hearing it, and by the humanoid alone. `chmarl-pb baselines --references` measures them.
+"""
+
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import fmean
+
+from chmarl_pb.envs.provenance import home_hash, tasks_hash
+from chmarl_pb.evaluation.metrics import Played, path_weighted
+from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.tasks.task import Task
+
+FOLDER = Path(__file__).parent / "references"
+ALONE, SILENT, SEARCH = "search-alone", "search-silent", "search"
+VARIANTS = (ALONE, SILENT, SEARCH)
+
+Lengths = dict[str, list[int | None]]  # variant -> joint steps for each seed, None for a failure
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the search policy reaches on the tasks of a split.
+
+    Attributes:
+        max_steps: joint steps after which its episodes were cut.
+        lengths: task -> its lengths.
+    """
+
+    max_steps: int
+    lengths: dict[Task, Lengths]
+
+
+@dataclass(frozen=True)
+class Cooperation:
+    """What a policy gets of the possible gain from cooperation.
+
+    Attributes:
+        tasks: number of tasks.
+        plw_alone: PLW of the humanoid that searches alone: no gain.
+        plw_silent: PLW of the search pair whose messages nobody hears.
+        plw_search: PLW of the search pair.
+        plw: of the policy.
+        share: (PLW - PLW alone) / (1 - PLW alone), where 1 is the PLW of the planner, which knows everything.
+        share_search: the same of the search pair.
+        steps_saved: joint steps fewer than the lone humanoid takes, mean over tasks; a failure counts
+            ``max_steps``.
+        steps_possible: the same of the planner.
+        faster: share of the tasks on which the policy takes fewer steps than the lone humanoid.
+    """
+
+    tasks: int
+    plw_alone: float
+    plw_silent: float
+    plw_search: float
+    plw: float
+    share: float | None
+    share_search: float | None
+    steps_saved: float
+    steps_possible: float
+    faster: float
+
+
+def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Cooperation | None:
+    """Return what a policy gets of the gain from cooperation, or None if there is nothing to compare with.
+
+    Args:
+        episodes: of the policy, all seeds.
+        split: that they belong to.
+        max_steps: joint steps after which they were cut.
+    """
+    reference = read_reference(split)
+    own = _lengths(episodes)
+    if reference is None or reference.max_steps != max_steps or not own or not own.keys() <= reference.lengths.keys():
+        return None
+    plw = {name: fmean(_score(task, reference.lengths[task][name]) for task in own) for name in VARIANTS}
+    plw_own = fmean(_score(task, own[task]) for task in own)
+    saved = [_steps(reference.lengths[task][ALONE], max_steps) - _steps(own[task], max_steps) for task in own]
+    possible = [_steps(reference.lengths[task][ALONE], max_steps) - task.optimal_steps for task in own]
+    return Cooperation(
+        len(own), plw[ALONE], plw[SILENT], plw[SEARCH], plw_own,
+        gain_share(plw_own, plw[ALONE]), gain_share(plw[SEARCH], plw[ALONE]),
+        fmean(saved), fmean(possible), fmean(steps > 0 for steps in saved),
+    )  # fmt: skip
+
+
+def gain_share(plw: float, alone: float) -> float | None:
+    """Return which share of the way from the lone humanoid to the planner a PLW goes; None if there is no way."""
+    return (plw - alone) / (1 - alone) if alone < 1 else None
+
+
+@cache
+def read_reference(split: str) -> Reference | None:
+    """Return the reference lengths of a split, or None if they are missing or of other tasks or homes."""
+    path = FOLDER / f"{split}.json"
+    if not path.is_file():
+        return None
+    data = json.loads(path.read_text(encoding="utf-8"))
+    tasks = evaluated_tasks(split)
+    if data["tasks"] != tasks_hash(tasks) or data["homes"] != _home_hashes(tasks):
+        return None
+    return Reference(data["max_steps"], {task: data["lengths"][task.id] for task in tasks})
+
+
+def reference_json(split: str, max_steps: int, episodes: dict[str, Sequence[Played]]) -> str:
+    """Return the text of a split's reference file.
+
+    Args:
+        split: the split.
+        max_steps: joint steps after which the episodes were cut.
+        episodes: variant -> its episodes on all tasks of the split.
+    """
+    tasks = evaluated_tasks(split)
+    lengths = {name: _lengths(episodes[name]) for name in VARIANTS}
+    head = {"split": split, "max_steps": max_steps, "tasks": tasks_hash(tasks), "homes": _home_hashes(tasks)}
+    rows = [f"{json.dumps(task.id)}: {json.dumps({name: lengths[name][task] for name in VARIANTS})}" for task in tasks]
+    joined = ",\n  ".join(rows)
+    return f'{json.dumps(head, indent=1)[:-2]},\n "lengths": {{\n  {joined}\n }}\n}}\n'
+
+
+def _home_hashes(tasks: Sequence[Task]) -> dict[str, str]:
+    return {home: home_hash(home) for home in sorted({task.home for task in tasks})}
+
+
+def _lengths(episodes: Sequence[Played]) -> dict[Task, list[int | None]]:
+    """Return task -> joint steps for each seed, None for a failure."""
+    lengths: dict[Task, list[int | None]] = defaultdict(list)
+    for episode in sorted(episodes, key=lambda episode: episode.seed):
+        lengths[episode.task].append(episode.steps if episode.success else None)
+    return dict(lengths)
+
+
+def _score(task: Task, lengths: Sequence[int | None]) -> float:
+    return fmean(path_weighted(steps is not None, steps or 0, task.optimal_steps) for steps in lengths)
+
+
+def _steps(lengths: Sequence[int | None], max_steps: int) -> float:
+    return fmean(max_steps if steps is None else steps for steps in lengths)

@@ -1,0 +1,190 @@
+"""The metrics: success rate and PLW as CH-MARL defines them, and what says how sure they are."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from chmarl_pb.envs.rollout import Episode
+from chmarl_pb.errors import TaskError
+from chmarl_pb.tasks.task import Task
+
+RESAMPLES = 2000
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Played:
+    """One played episode, as far as results keep it.
+
+    Attributes:
+        task: the task.
+        seed: seed of the evaluation.
+        steps: L, joint steps taken.
+        success: whether X stood on Y at the end.
+        potential: phi at the end.
+        actions: the numbers of both robots' actions in every step.
+    """
+
+    task: Task
+    seed: int
+    steps: int
+    success: bool
+    potential: float
+    actions: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def score(self) -> float:
+        """The episode's share of PLW."""
+        return path_weighted(self.success, self.steps, self.task.optimal_steps)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A metric over seeds.
+
+    Attributes:
+        mean: over seeds; None if nothing counts, as for the length on success without a success.
+        deviation: sample standard deviation over seeds; None with fewer than two.
+        low: lower end of the bootstrap interval; None where there is none.
+        high: upper end.
+    """
+
+    mean: float | None
+    deviation: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The metrics of some episodes.
+
+    Attributes:
+        episodes: how many there are.
+        success_rate: share of episodes with success.
+        plw: path-length-weighted score, the mean over all episodes of s L* / max(L, L*).
+        length_on_success: joint steps, mean over the successes.
+        final_potential: phi at the end.
+    """
+
+    episodes: int
+    success_rate: Figure
+    plw: Figure
+    length_on_success: Figure
+    final_potential: Figure
+
+
+def path_weighted(success: bool, steps: int, optimal_steps: int) -> float:
+    """Return s L* / max(L, L*): 1 for an optimal success, 0 for a failure.
+
+    Args:
+        success: s.
+        steps: L, joint steps taken.
+        optimal_steps: L*, the planner's number of steps, 1 or more.
+
+    Raises:
+        TaskError: L* is unknown.
+    """
+    if optimal_steps < 1:
+        raise TaskError(f"L* = {optimal_steps} is unknown; give the task its optimal_steps, as task files do")
+    return optimal_steps / max(steps, optimal_steps) if success else 0.0
+
+
+def played(episode: Episode, seed: int) -> Played:
+    """Return what results keep of an episode."""
+    actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
+    potential = float(next(iter(episode.infos[-1].values()))["potential"])
+    return Played(episode.task, seed, len(episode), episode.success, potential, actions)
+
+
+def summarize(episodes: Sequence[Played], intervals: bool = True) -> Summary:
+    """Return the metrics of episodes.
+
+    Args:
+        episodes: of all seeds.
+        intervals: whether to add bootstrap intervals to the success rate and PLW.
+    """
+    success, score = _figure(episodes, _success), _figure(episodes, _score)
+    if intervals:
+        success, score = _with_interval(success, episodes, _success), _with_interval(score, episodes, _score)
+    successes = [episode for episode in episodes if episode.success]
+    return Summary(
+        len(episodes), success, score, _figure(successes, lambda episode: episode.steps),
+        _figure(episodes, lambda episode: episode.potential),
+    )  # fmt: skip
+
+
+def summarize_by(episodes: Sequence[Played], key: Callable[[Task], str]) -> dict[str, Summary]:
+    """Return the metrics of groups of episodes, without intervals.
+
+    Args:
+        episodes: of all seeds.
+        key: the group of a task.
+    """
+    groups: dict[str, list[Played]] = defaultdict(list)
+    for episode in episodes:
+        groups[key(episode.task)].append(episode)
+    return {name: summarize(groups[name], intervals=False) for name in sorted(groups)}
+
+
+def bootstrap_interval(episodes: Sequence[Played], value: Callable[[Played], float]) -> tuple[float, float]:
+    """Return a stratified percentile bootstrap interval of a mean, for another draw of tasks.
+
+    Tasks, each with the mean of its seeds, are drawn anew within each home. The draw is seeded, so
+    equal results give equal intervals.
+
+    Args:
+        episodes: of at least two tasks.
+        value: what is averaged.
+    """
+    strata = _strata(episodes, value)
+    result = stats.bootstrap(
+        strata, _pooled_mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile",
+        random_state=np.random.default_rng(0),
+    )  # fmt: skip
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def _strata(episodes: Iterable[Played], value: Callable[[Played], float]) -> list[list[float]]:
+    """Return the tasks' values home by home; all in one if some home has a single task."""
+    tasks: dict[Task, list[float]] = defaultdict(list)
+    for episode in episodes:
+        tasks[episode.task].append(value(episode))
+    homes: dict[str, list[float]] = defaultdict(list)
+    for task in sorted(tasks, key=lambda task: task.id):
+        homes[task.home].append(float(np.mean(tasks[task])))
+    strata = [homes[home] for home in sorted(homes)]
+    return strata if min(map(len, strata)) > 1 else [[value for stratum in strata for value in stratum]]
+
+
+def _pooled_mean(*samples: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+    return np.asarray(np.concatenate(samples, axis=axis).mean(axis=axis))
+
+
+def _figure(episodes: Iterable[Played], value: Callable[[Played], float]) -> Figure:
+    """Return mean and standard deviation of the seeds' means."""
+    seeds: dict[int, list[float]] = defaultdict(list)
+    for episode in episodes:
+        seeds[episode.seed].append(value(episode))
+    means = [float(np.mean(seeds[seed])) for seed in sorted(seeds)]
+    if not means:
+        return Figure(None)
+    return Figure(float(np.mean(means)), float(np.std(means, ddof=1)) if len(means) > 1 else None)
+
+
+def _with_interval(figure: Figure, episodes: Sequence[Played], value: Callable[[Played], float]) -> Figure:
+    if len({episode.task for episode in episodes}) < 2:
+        return figure
+    return Figure(figure.mean, figure.deviation, *bootstrap_interval(episodes, value))
+
+
+def _success(episode: Played) -> float:
+    return float(episode.success)
+
+
+def _score(episode: Played) -> float:
+    return episode.score

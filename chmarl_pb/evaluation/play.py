@@ -1,0 +1,125 @@
+"""Play jobs (task, seed) with one policy, in this process or in several."""
+
+import pickle
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from multiprocessing import get_context
+
+import numpy as np
+
+from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.metrics import Played, played
+from chmarl_pb.evaluation.policies import Factory, find_policy
+from chmarl_pb.tasks.task import Task
+
+Job = tuple[Task, int]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What all episodes of an evaluation share.
+
+    Attributes:
+        policy: see :func:`chmarl_pb.evaluation.policies.find_policy`.
+        options: of the environment.
+    """
+
+    policy: str | Factory
+    options: Options
+
+
+class Player:
+    """One environment and one policy, for one episode after the other."""
+
+    def __init__(self, setup: Setup):
+        """Make both.
+
+        Raises:
+            OptionError: there is no such policy.
+        """
+        make = find_policy(setup.policy).make
+        self.env = HouseholdEnv(**asdict(setup.options))
+        self.policy = make(self.env)
+
+    def play(self, job: Job) -> Played:
+        """Play one job; its result does not depend on those before it."""
+        task, seed = job
+        return played(rollout(self.env, self.policy, episode_seed(task, seed), task), seed)
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.env.close()
+
+
+def episode_seed(task: Task, seed: int) -> int:
+    """Return the seed of an episode: another one for every task, so that tasks are independent."""
+    return int(np.random.SeedSequence([seed, task.seed]).generate_state(1)[0])
+
+
+def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
+    """Yield the played episodes, in no certain order.
+
+    Args:
+        setup: policy and options.
+        jobs: what to play.
+        workers: number of processes; 1 plays in this one.
+
+    Raises:
+        OptionError: the policy cannot be sent to other processes, or one of them died.
+    """
+    workers = min(workers, len(jobs))
+    if workers <= 1:
+        yield from _play_here(setup, jobs)
+        return
+    try:
+        pickle.dumps(setup)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise OptionError(
+            f"the policy cannot be sent to other processes ({error}); use a function of a module, or workers=1"
+        ) from error
+    yield from _play_apart(setup, jobs, workers)
+
+
+def _play_here(setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
+    if not jobs:
+        return
+    player = Player(setup)
+    try:
+        yield from map(player.play, jobs)
+    finally:
+        player.close()
+
+
+def _play_apart(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
+    # Forked children would share PyBullet's clients; spawned ones have their own.
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _leave_interrupts_to_the_parent)
+    try:
+        futures = [pool.submit(_play_one, setup, job) for job in jobs]
+        for future in as_completed(futures):
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise OptionError(
+            "a process of the evaluation died (out of memory?); try fewer workers, finished episodes are kept"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@lru_cache(maxsize=1)
+def _player(setup: Setup) -> Player:
+    return Player(setup)  # lives as long as its process
+
+
+def _play_one(setup: Setup, job: Job) -> Played:
+    return _player(setup).play(job)

@@ -1,0 +1,136 @@
+"""The protocol: every task of a split, once for each seed, with one policy."""
+
+import shlex
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.envs.options import MAX_STEPS, Options
+from chmarl_pb.envs.provenance import home_hash, machine, source_hash, tasks_hash, versions
+from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.evaluation.ledger import Ledger
+from chmarl_pb.evaluation.metrics import Played
+from chmarl_pb.evaluation.play import Job, Setup, play
+from chmarl_pb.evaluation.policies import Factory, Source, find_policy
+from chmarl_pb.evaluation.result import Report, in_order
+from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.tasks.task import Task
+
+SEEDS = (0, 1, 2)
+
+#: Called after each finished episode with the numbers of finished and of all episodes.
+Progress = Callable[[int, int], None]
+
+
+def evaluate(
+    policy: str | Factory,
+    split: str = "test-unseen",
+    observation: str = "scene_graph",
+    seeds: Sequence[int] = SEEDS,
+    workers: int = 2,
+    messages: bool = True,
+    feedback: bool = True,
+    max_steps: int = MAX_STEPS,
+    image_size: int = 128,
+    tasks: Sequence[Task | str] | None = None,
+    out: Path | None = None,
+    progress: Progress = lambda finished, total: None,
+) -> Report:
+    """Evaluate a policy; its numbers do not depend on the number of workers.
+
+    Args:
+        policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, or
+            such a callable; see :func:`chmarl_pb.evaluation.policies.find_policy`.
+        split: all its tasks are played; of "train", the first 250.
+        observation: "scene_graph" or "visual".
+        seeds: each plays every task once; a deterministic policy plays the first only.
+        workers: number of processes.
+        messages: whether the robots' messages are observed.
+        feedback: whether language feedback is given.
+        max_steps: joint steps after which an episode is cut.
+        image_size: width and height of camera images in pixels.
+        tasks: tasks or their ids, instead of the split's.
+        out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
+            on after an interruption.
+        progress: called after each episode.
+
+    Raises:
+        OptionError: the policy or an option is unknown.
+        TaskError: a task is unknown or has no L*.
+    """
+    options = Options(observation, split, None, messages, feedback, max_steps, image_size)
+    source = find_policy(policy)
+    chosen = _chosen(split, tasks)
+    seeds = _seeds(seeds)[: 1 if source.deterministic else None]
+    if workers < 1:
+        raise OptionError(f"workers={workers}: use at least 1")
+    settings = _settings(source, options, chosen, seeds)
+    ledger = None if out is None else Ledger(out, settings)
+    start = time.perf_counter()
+    jobs = [(task, seed) for seed in seeds for task in chosen]
+    episodes = _played(Setup(policy, options), jobs, workers, ledger, progress)
+    report = Report(settings, _run(workers, time.perf_counter() - start), in_order(episodes, chosen))
+    if out is not None and ledger is not None:
+        report.save(out)
+        ledger.remove()
+    return report
+
+
+def _chosen(split: str, tasks: Sequence[Task | str] | None) -> list[Task]:
+    if tasks is None:
+        return evaluated_tasks(split)
+    chosen = [find_task(task) if isinstance(task, str) else task for task in tasks]
+    if len(set(chosen)) < len(chosen) or not chosen:
+        raise TaskError("tasks: name at least one task, and none twice")
+    return chosen
+
+
+def _seeds(seeds: Sequence[int]) -> list[int]:
+    if not seeds or len(set(seeds)) < len(seeds) or min(seeds) < 0:
+        raise OptionError(f"seeds={list(seeds)}: give one or more different whole numbers from 0 on")
+    return [int(seed) for seed in seeds]
+
+
+def _played(setup: Setup, jobs: Sequence[Job], workers: int, ledger: Ledger | None, progress: Progress) -> list[Played]:
+    """Play what the ledger does not have."""
+    episodes = [] if ledger is None else list(ledger.episodes)
+    finished = {(episode.task, episode.seed) for episode in episodes}
+    progress(len(episodes), len(jobs))
+    for episode in play(setup, [job for job in jobs if job not in finished], workers):
+        episodes.append(episode)
+        if ledger is not None:
+            ledger.add(episode)
+        progress(len(episodes), len(jobs))
+    return episodes
+
+
+def _settings(source: Source, options: Options, tasks: Sequence[Task], seeds: Sequence[int]) -> dict[str, Any]:
+    """Return what fixes the numbers."""
+    values = asdict(options)
+    return {
+        "policy": source.name,
+        "policy_sha256": source.sha256,
+        "split": values.pop("split"),
+        "observation": values.pop("observation"),
+        "options": {name: values[name] for name in ("messages", "feedback", "max_steps", "image_size")},
+        "seeds": list(seeds),
+        "tasks": len(tasks),
+        "tasks_sha256": tasks_hash(tasks),
+        "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in tasks})},
+        "source_sha256": source_hash(),
+    }
+
+
+def _run(workers: int, seconds: float) -> dict[str, Any]:
+    """Return how the numbers came about."""
+    command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    date = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    return {
+        "command": command, "date": date, "seconds": round(seconds, 1), "workers": workers,
+        "versions": versions(), "machine": machine(),
+    }  # fmt: skip

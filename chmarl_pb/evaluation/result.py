@@ -1,0 +1,134 @@
+"""The result of an evaluation and its JSON file, which holds all that is needed to repeat it."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
+from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
+from chmarl_pb.tasks.task import Task
+
+FORMAT = "chmarl-pb result 1"
+
+
+@dataclass(frozen=True)
+class Report:
+    """One evaluation of one policy.
+
+    Attributes:
+        settings: what fixes the numbers: policy, split, observation, options, seeds, hashes of tasks,
+            homes, policy file and source code.
+        run: how they came about: versions, machine, command, workers, date, seconds.
+        episodes: seed by seed, in the order of the tasks.
+    """
+
+    settings: dict[str, Any]
+    run: dict[str, Any]
+    episodes: tuple[Played, ...]
+
+    @cached_property
+    def summary(self) -> Summary:
+        """The metrics of all episodes."""
+        return summarize(self.episodes)
+
+    @cached_property
+    def per_home(self) -> dict[str, Summary]:
+        """Home -> metrics."""
+        return summarize_by(self.episodes, lambda task: task.home)
+
+    @cached_property
+    def per_class(self) -> dict[str, dict[str, Summary]]:
+        """Role (graspable, target) -> class -> metrics."""
+        return {
+            "graspable": summarize_by(self.episodes, lambda task: task.graspable),
+            "target": summarize_by(self.episodes, lambda task: task.target),
+        }
+
+    @cached_property
+    def cooperation(self) -> Cooperation | None:
+        """What the policy gets of the possible gain from cooperation; None without reference lengths."""
+        return cooperation(self.episodes, self.settings["split"], self.settings["options"]["max_steps"])
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the episodes with success, 0 to 1."""
+        return self.summary.success_rate.mean or 0.0
+
+    @property
+    def plw(self) -> float:
+        """Path-length-weighted score, 0 to 1."""
+        return self.summary.plw.mean or 0.0
+
+    def save(self, path: Path) -> None:
+        """Write the result as JSON, whole or not at all."""
+        groups = {kind: _plain(summaries) for kind, summaries in self.per_class.items()}
+        head = {
+            "format": FORMAT,
+            "settings": self.settings,
+            "run": self.run,
+            "summary": asdict(self.summary),
+            "cooperation": asdict(self.cooperation) if self.cooperation else None,
+            "per_home": _plain(self.per_home),
+            "per_class": groups,
+        }
+        text = json.dumps(head, indent=1)[: -len("\n}")]
+        rows = ",\n".join(episode_json(episode) for episode in self.episodes)
+        write_atomically(path, f'{text},\n "episodes": [\n{rows}\n]}}\n')
+
+
+def load_result(path: Path) -> Report:
+    """Read a result; its metrics are computed anew from its episodes.
+
+    Raises:
+        ResultError: the file is missing, damaged, or of another kind.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise ResultError(f"{path}: its format is {data['format']!r}, not {FORMAT!r}; evaluate again")
+        episodes = tuple(episode_of(row) for row in data["episodes"])
+        return Report(data["settings"], data["run"], episodes)
+    except FileNotFoundError as error:
+        raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{path}: not a result of an evaluation ({error!r}); evaluate again") from error
+
+
+def episode_json(episode: Played) -> str:
+    """Return an episode as one line of JSON."""
+    return json.dumps(asdict(episode), separators=(",", ":"))
+
+
+def episode_of(row: dict[str, Any]) -> Played:
+    """Return the episode of a row that ``episode_json`` wrote."""
+    actions = tuple(tuple(pair) for pair in row["actions"])
+    return replace(Played(**row), task=Task(**row["task"]), actions=actions)
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all; its folder is made if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+
+
+def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:
+    """Return name -> mean of each metric."""
+    return {name: _means(summary) for name, summary in summaries.items()}
+
+
+def _means(summary: Summary) -> dict[str, Any]:
+    figures = asdict(summary)
+    return {"episodes": figures.pop("episodes")} | {name: figure["mean"] for name, figure in figures.items()}
+
+
+def in_order(episodes: Sequence[Played], tasks: Sequence[Task]) -> tuple[Played, ...]:
+    """Return episodes seed by seed, in the order of the tasks."""
+    place = {task: number for number, task in enumerate(tasks)}
+    return tuple(sorted(episodes, key=lambda episode: (episode.seed, place[episode.task])))
