@@ -4,10 +4,6 @@ Only the object that is being put down is dynamic; all others are frozen (mass 0
 So nothing drifts, a settle touches one body, and its result is the same after any history.
 """
 
-import os
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,21 +12,27 @@ import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.space import Size, grip_point
+from chmarl_pb.world.bodies import (
+    UPRIGHT,
+    Pose,
+    Vector,
+    link_names,
+    load_graspable,
+    load_home_body,
+    parking_place,
+    quiet,
+    yaw_quaternion,
+)
 
 TIME_STEP = 1 / 240  # seconds
-_PARKING = (0.0, 0.0, 50.0)  # metres: objects that a task does not use wait here, unseen and untouched
 _DROP = 0.004  # metres above a surface from which an object is let go
 _STILL = 1e-2  # m/s and rad/s below which an object counts as at rest; contacts may leave it a jitter of 6e-3
 _LONGEST_SETTLE = 240  # simulation steps
 _GAP = 0.01  # metres kept free between two objects
 _UPRIGHT = np.cos(np.radians(15))
-
-Vector = tuple[float, ...]
-Pose = tuple[Vector, Vector]
-UPRIGHT: Vector = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -44,23 +46,6 @@ class Support:
 
     receptacle: str
     height: float
-
-
-@dataclass(frozen=True)
-class Graspable:
-    """What physics knows of a graspable object: body, mass, size, and its frame.
-
-    Attributes:
-        body: PyBullet body id.
-        mass: kilograms.
-        size: extents x, y, z of its collision shape, metres; its origin is the bottom's centre.
-        inertial: position of its inertial frame in its own frame, metres.
-    """
-
-    body: int
-    mass: float
-    size: Size
-    inertial: Vector
 
 
 class World:
@@ -96,7 +81,7 @@ class World:
         self.supports: dict[str, Support] = {}
         self._poses: dict[str, Pose] = {}
         self._home_body = self._load(home)
-        self.links = {name: number for number, name in enumerate(_link_names(self.client, self._home_body))}
+        self.links = {name: number for number, name in enumerate(link_names(self.client, self._home_body))}
         self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
         self.bodies: dict[str, int] = {"home": self._home_body}
 
@@ -137,8 +122,7 @@ class World:
             self._park(name)
 
     def _park(self, name: str) -> None:
-        x, y, z = _PARKING
-        self._move(name, (x, y, z + 0.5 * list(self._objects).index(name)), UPRIGHT)
+        self._move(name, parking_place(catalog.class_of(name)), UPRIGHT)
         self.supports.pop(name, None)
         del self._poses[name], self.bodies[name]
 
@@ -307,64 +291,6 @@ class World:
         return any(contact[7][2] > 0.7 for contact in contacts)
 
 
-def yaw_quaternion(yaw: float) -> Vector:
-    """Return the orientation (x, y, z, w) of a turn by ``yaw`` radians about z."""
-    return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
-
-
-def load_home_body(client: int, home: Home) -> int:
-    """Load a home's URDF into a client and return the body id.
-
-    Raises:
-        HomeError: PyBullet cannot load it.
-    """
-    try:
-        return int(pybullet.loadURDF(str(home.path), useFixedBase=True, physicsClientId=client))
-    except pybullet.error as error:
-        raise HomeError(f"{home.path}: PyBullet cannot load this URDF; open it in `chmarl-pb homes check`") from error
-
-
-def load_graspable(client: int, class_name: str) -> Graspable:
-    """Load one object of a class, parked and frozen.
-
-    Raises:
-        AssetError: its URDF is missing or is not one link with one collision shape.
-    """
-    path = catalog.graspable_urdf(class_name)
-    number = list(catalog.GRASPABLES).index(class_name)
-    x, y, z = _PARKING
-    body = pybullet.loadURDF(str(path), (x, y, z + 0.5 * number), physicsClientId=client)
-    dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
-    shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)
-    if len(shapes) != 1 or pybullet.getNumJoints(body, physicsClientId=client):
-        raise AssetError(f"{path}: a graspable has one link with one collision shape, a box or a cylinder")
-    _, _, kind, size, *_ = shapes[0]
-    if kind == pybullet.GEOM_CYLINDER:
-        size = (2 * size[1], 2 * size[1], size[0])  # PyBullet gives height, radius
-    pybullet.changeDynamics(body, -1, mass=0, physicsClientId=client)
-    return Graspable(body, dynamics[0], (size[0], size[1], size[2]), dynamics[3])
-
-
-def _link_names(client: int, body: int) -> Iterable[str]:
-    """Yield the child link's name of every joint, in PyBullet's order of link indices."""
-    for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
-        yield pybullet.getJointInfo(body, joint, physicsClientId=client)[12].decode()
-
-
 def _tilt_cosine(quaternion: Vector) -> float:
     x, y, _, _ = quaternion
     return 1 - 2 * (x * x + y * y)
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Silence what the Bullet library prints from C while loading."""
-    sys.stdout.flush()
-    saved, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 1)
-        os.close(saved)
-        os.close(sink)

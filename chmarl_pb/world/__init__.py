@@ -1,0 +1,27 @@
+"""The world: one PyBullet client with one home, its movable objects and their physics."""
+
+from chmarl_pb.world.bodies import (
+    UPRIGHT,
+    Graspable,
+    Pose,
+    Vector,
+    load_graspable,
+    load_home_body,
+    quiet,
+    yaw_quaternion,
+)
+from chmarl_pb.world.world import TIME_STEP, Support, World
+
+__all__ = [
+    "TIME_STEP",
+    "UPRIGHT",
+    "Graspable",
+    "Pose",
+    "Support",
+    "Vector",
+    "World",
+    "load_graspable",
+    "load_home_body",
+    "quiet",
+    "yaw_quaternion",
+]

@@ -1,0 +1,100 @@
+"""Bodies in a PyBullet client: poses, loading a home and graspable objects."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+
+from chmarl_pb import catalog
+from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.space import Size
+
+Vector = tuple[float, ...]
+Pose = tuple[Vector, Vector]  # position in metres, orientation (x, y, z, w)
+UPRIGHT: Vector = (0.0, 0.0, 0.0, 1.0)
+
+_PARKING = (0.0, 0.0, 50.0)  # metres: objects that a task does not use wait here, unseen and untouched
+
+
+@dataclass(frozen=True)
+class Graspable:
+    """What physics knows of a graspable object: body, mass, size, and its frame.
+
+    Attributes:
+        body: PyBullet body id.
+        mass: kilograms.
+        size: extents x, y, z of its collision shape, metres; its origin is the bottom's centre.
+        inertial: position of its inertial frame in its own frame, metres.
+    """
+
+    body: int
+    mass: float
+    size: Size
+    inertial: Vector
+
+
+def yaw_quaternion(yaw: float) -> Vector:
+    """Return the orientation (x, y, z, w) of a turn by ``yaw`` radians about z."""
+    return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
+
+
+def parking_place(class_name: str) -> Vector:
+    """Return where an object of a class waits while no task uses it, metres."""
+    x, y, z = _PARKING
+    return (x, y, z + 0.5 * list(catalog.GRASPABLES).index(class_name))
+
+
+def load_home_body(client: int, home: Home) -> int:
+    """Load a home's URDF into a client and return the body id.
+
+    Raises:
+        HomeError: PyBullet cannot load it.
+    """
+    try:
+        return int(pybullet.loadURDF(str(home.path), useFixedBase=True, physicsClientId=client))
+    except pybullet.error as error:
+        raise HomeError(f"{home.path}: PyBullet cannot load this URDF; open it in `chmarl-pb homes check`") from error
+
+
+def load_graspable(client: int, class_name: str) -> Graspable:
+    """Load one object of a class, parked and frozen.
+
+    Raises:
+        AssetError: its URDF is missing or is not one link with one collision shape.
+    """
+    path = catalog.graspable_urdf(class_name)
+    body = pybullet.loadURDF(str(path), parking_place(class_name), physicsClientId=client)
+    dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
+    shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)
+    if len(shapes) != 1 or pybullet.getNumJoints(body, physicsClientId=client):
+        raise AssetError(f"{path}: a graspable has one link with one collision shape, a box or a cylinder")
+    _, _, kind, size, *_ = shapes[0]
+    if kind == pybullet.GEOM_CYLINDER:
+        size = (2 * size[1], 2 * size[1], size[0])  # PyBullet gives height, radius
+    pybullet.changeDynamics(body, -1, mass=0, physicsClientId=client)
+    return Graspable(body, dynamics[0], (size[0], size[1], size[2]), dynamics[3])
+
+
+def link_names(client: int, body: int) -> Iterator[str]:
+    """Yield the child link's name of every joint, in PyBullet's order of link indices."""
+    for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
+        yield pybullet.getJointInfo(body, joint, physicsClientId=client)[12].decode()
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Silence what the Bullet library prints from C while loading."""
+    sys.stdout.flush()
+    saved, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 1)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+        os.close(sink)
