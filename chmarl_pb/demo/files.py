@@ -20,9 +20,7 @@ def open_folder(folder: Path) -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError as error:
-        raise OptionError(
-            f"{folder}: cannot write here ({error.strerror}); choose another folder with --out"
-        ) from error
+        raise OptionError(f"{folder}: cannot write here ({error.strerror}); choose another folder") from error
 
 
 @contextmanager

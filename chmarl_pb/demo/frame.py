@@ -65,4 +65,4 @@ def _rounded(height: int, width: int) -> NDArray[np.float32]:
         for y in (corner, bottom - corner):
             cv2.circle(mask, (x, y), corner, 255, -1)
     small = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
-    return (np.asarray(small, dtype=np.float32) / 255)[..., None]
+    return (np.asarray(small, dtype=np.float32) / np.float32(255))[..., None]

@@ -37,11 +37,12 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
         _step(recording, number, pictures, plan_overlay(recording, plan, number))
         for number, pictures in enumerate(views)
     ]
+    observed = recording.observation.replace("_", " ")
     facts = (
         recording.task.id,
         recording.home.name,
         f"{recording.policy} policy",
-        f"observation: {_observed(recording)}",
+        f"observation: {observed}",
     )
     page = Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=escape(recording.instruction),
@@ -63,10 +64,6 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-
-
-def _observed(recording: Recording) -> str:
-    return recording.observation.replace("_", " ")
 
 
 def _step(recording: Recording, number: int, pictures: dict[str, Image], overlay: str) -> str:

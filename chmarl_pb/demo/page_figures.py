@@ -1,11 +1,11 @@
 """The drawings of the web page as inline SVG: what lies over the map, and the curve of the potential."""
 
-from chmarl_pb.demo.plan_map import BODY_RADIUS, Point, field_of_view, robot_mark
+from chmarl_pb.demo.plan_map import Point, field_of_view, robot_mark
 from chmarl_pb.demo.record import Recording
 from chmarl_pb.sensing.plan_view import PlanView
 
 _BADGE = 19  # pixels of the plan
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 900, 190, 34, 12, 14, 30  # of the curve, its margins included
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 1100, 170, 40, 14, 14, 32  # of the curve, its margins included
 _LEVELS = (0, 2, 4, 6, 8, 10)
 
 
@@ -25,17 +25,13 @@ def plan_overlay(recording: Recording, plan: PlanView, number: int) -> str:
         parts.append(_badge("Y", "y", plan.pixel(*recording.home.receptacles[name].centre)))
     x, y, _ = moment.rest.objects[recording.task.item][0]
     parts.append(_badge("X", "x", plan.pixel(x, y)))
-    for robot in moment.rest.robots:
-        middle, arrow = robot_mark(moment.rest, robot)
-        column, row = plan.pixel(*middle)
-        radius = BODY_RADIUS * plan.scale
-        parts.append(f'<circle class="robot {robot}" cx="{column:.1f}" cy="{row:.1f}" r="{radius:.1f}"/>')
-        parts.append(f'<polygon class="arrow" points="{_points(plan, arrow)}"/>')
-    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="Map after step {number}">{"".join(parts)}</svg>'
+    for robot in ("drone", "humanoid"):
+        parts.append(_robot(plan, *robot_mark(moment.rest, robot), robot))
+    return _svg(width, height, f"Map after step {number}", parts)
 
 
 def curve(recording: Recording) -> str:
-    """Return the potential over the steps as a staircase-free line with one dot a step."""
+    """Return the potential over the steps as a line with a dot for each step."""
     across = (_WIDTH - _LEFT - _RIGHT) / max(recording.steps, 1)
     up = (_HEIGHT - _TOP - _BOTTOM) / _LEVELS[-1]
     places = [
@@ -54,12 +50,26 @@ def curve(recording: Recording) -> str:
             parts.append(f'<text x="{x:.1f}" y="{_HEIGHT - 8}" text-anchor="middle">{number}</text>')
         dot = f'<circle class="dot" id="dot-{number}" cx="{x:.1f}" cy="{y:.1f}" r="5"/>'
         parts.append(f'<a href="#step-{number}" aria-label="Step {number}">{dot}</a>')
-    return f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="Potential after each step">{"".join(parts)}</svg>'
+    return _svg(_WIDTH, _HEIGHT, "Potential after each step", parts)
+
+
+def _svg(width: int, height: int, label: str, parts: list[str]) -> str:
+    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
 
 
 def _points(plan: PlanView, points: list[Point] | list[tuple[float, ...]]) -> str:
     pixels = (plan.pixel(x, y) for x, y in points)
     return " ".join(f"{column:.1f},{row:.1f}" for column, row in pixels)
+
+
+def _robot(plan: PlanView, discs: list[tuple[float, float, float]], arrow: list[Point], robot: str) -> str:
+    """Return a robot's mark: a white rim around all its discs, then the discs, then the arrow."""
+    circles = ""
+    for kind in ("rim", robot):
+        for x, y, radius in discs:
+            column, row = plan.pixel(x, y)
+            circles += f'<circle class="{kind}" cx="{column:.1f}" cy="{row:.1f}" r="{radius * plan.scale:.1f}"/>'
+    return f'{circles}<polygon class="arrow" points="{_points(plan, arrow)}"/>'
 
 
 def _badge(letter: str, mark: str, middle: tuple[float, float]) -> str:

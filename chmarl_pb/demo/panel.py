@@ -2,7 +2,7 @@
 
 from chmarl_pb.demo import canvas, wording
 from chmarl_pb.demo.canvas import BAD, CARD, FAINT, GOOD, INK, ITEM, MUTED, ROBOTS, TARGET, Canvas, Colour
-from chmarl_pb.demo.film import ARM_SPEED, DRIVE_SPEED
+from chmarl_pb.demo.film import SPEED
 from chmarl_pb.demo.record import Moment, Recording
 
 WIDTH, HEIGHT = 1280, 720
@@ -59,8 +59,7 @@ def _legend(sheet: Canvas, recording: Recording) -> None:
         sheet.disc(x + 8, 85, 8, colour)
         sheet.text(x + 8, 85, letter, 11, CARD, "mm")
         x += 22 + sheet.text(x + 22, 90, words, 14, MUTED) + 16
-    speed = f"driving x{DRIVE_SPEED:g}, arm x{ARM_SPEED:g}"
-    sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, speed, 12, MUTED, "rs")
+    sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, f"shown at {SPEED}x speed", 12, MUTED, "rs")
 
 
 def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, robot: str, done: bool) -> None:
@@ -125,7 +124,7 @@ def _lamps(sheet: Canvas, recording: Recording, known: Moment, x: float, end: fl
             sheet.disc(middle, y, 10, colour if lit else FAINT)
             if lit:
                 sheet.text(middle, y, letter, 13, CARD, "mm")
-    for row, (letter, words) in enumerate(
-        (("X", wording.item_words(recording.task)), ("Y", wording.target_words(recording.task)))
-    ):
-        sheet.text(x, top + 31 + 36 * row, canvas.wrap(f"{letter} {words}", 12, 74, 1)[0], 12, INK)
+    for row, words in enumerate((wording.item_words(recording.task), wording.target_words(recording.task))):
+        lines = canvas.wrap(words, 13, 74, 2)
+        for number, line in enumerate(lines):
+            sheet.text(x, top + 31 + 36 * row - 7 * (len(lines) - 1) + 15 * number, line, 13)

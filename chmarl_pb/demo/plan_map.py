@@ -1,5 +1,7 @@
 """The map: the home from above with both robots, their trails and what they see, X and the Ys."""
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,9 @@ Image = NDArray[np.uint8]
 Point = tuple[float, float]
 
 CONE_LENGTH = 1.7  # metres of the humanoid's view cone
-BODY_RADIUS = 0.27  # metres of a robot's mark
+BODY_RADIUS = 0.27  # metres of the humanoid's mark
+_ROTOR_ARM, _ROTOR_RADIUS = 0.26, 0.16  # metres of the drone's mark
+_RIM = 0.07  # metres of the white rim of marks
 _BADGE = 10  # pixels
 _TRAIL_WIDTH, _FADING, _FAINTEST = 3, 150, 0.3  # pixels, frames until a trail fades, and to what strength
 _ARROW = ((0.0, 0.72), (2.45, 0.68), (np.pi, 0.25), (-2.45, 0.68))  # angle (radians), distance (radii)
@@ -52,14 +56,14 @@ class PlanMap:
             _fill(picture, field, colour, 0.2 if robot == "humanoid" else 0.13)
         x, y, _ = scene.objects[self._item][0]
         _stamp(picture, self._item_badge, self.plan.pixel(x, y))
-        for robot, colour in ROBOTS.items():
-            self._draw_robot(picture, scene, robot, colour)
+        for robot in ("drone", "humanoid"):
+            self._draw_robot(picture, scene, robot, ROBOTS[robot])
         return picture
 
     def _draw_trail(self, picture: Image, trail: list[Point], colour: Colour) -> None:
         strength = np.zeros(picture.shape[:2], dtype=np.uint8)
         pixels = [self.plan.pixel(*point) for point in trail]
-        for number, (first, second) in enumerate(zip(pixels, pixels[1:], strict=False)):
+        for number, (first, second) in enumerate(pairwise(pixels)):
             if first != second:
                 fresh = max(0.0, 1 - (len(trail) - number) / _FADING)
                 shade = round(255 * (_FAINTEST + (0.85 - _FAINTEST) * fresh))
@@ -67,12 +71,12 @@ class PlanMap:
         _blend(picture, strength[..., None] / np.float32(255), colour)
 
     def _draw_robot(self, picture: Image, scene: Scene, robot: str, colour: Colour) -> None:
-        outline, nose = robot_mark(scene, robot)
-        for grown, shade in ((1.28, CARD), (1.0, colour)):
-            x, y = self.plan.pixel(*outline)
-            radius = round(BODY_RADIUS * self.plan.scale * grown * 2**_SHIFT)
-            cv2.circle(picture, _fixed((x, y)), radius, shade, -1, cv2.LINE_AA, _SHIFT)
-        tip = np.array([_fixed(self.plan.pixel(*point)) for point in nose], dtype=np.int32)
+        discs, arrow = robot_mark(scene, robot)
+        for grown, shade in ((_RIM, CARD), (0.0, colour)):
+            for x, y, radius in discs:
+                reach = round((radius + grown) * self.plan.scale * 2**_SHIFT)
+                cv2.circle(picture, _fixed(self.plan.pixel(x, y)), reach, shade, -1, cv2.LINE_AA, _SHIFT)
+        tip = np.array([_fixed(self.plan.pixel(*point)) for point in arrow], dtype=np.int32)
         cv2.fillPoly(picture, [tip], CARD, cv2.LINE_AA, _SHIFT)
 
 
@@ -88,15 +92,19 @@ def field_of_view(scene: Scene, robot: str) -> list[Point]:
     return [(x, y), *arc]
 
 
-def robot_mark(scene: Scene, robot: str) -> tuple[Point, list[Point]]:
-    """Return the middle of a robot's mark and the corners (metres) of the arrow on it that shows its heading."""
+def robot_mark(scene: Scene, robot: str) -> tuple[list[tuple[float, float, float]], list[Point]]:
+    """Return a robot's mark in metres: discs (x, y, radius), and the corners of the arrow that shows its heading.
+
+    The humanoid is one disc; the drone has four rotors around a smaller one.
+    """
     (x, y, _), quaternion = scene.robots[robot]
     heading = yaw(quaternion)
-    arrow = [
-        (x + r * BODY_RADIUS * float(np.cos(heading + a)), y + r * BODY_RADIUS * float(np.sin(heading + a)))
-        for a, r in _ARROW
-    ]
-    return (x, y), arrow
+    body = BODY_RADIUS if robot == "humanoid" else 0.8 * BODY_RADIUS
+    discs = [(x, y, body)]
+    if robot == "drone":
+        discs += [(x + i * _ROTOR_ARM, y + j * _ROTOR_ARM, _ROTOR_RADIUS) for i in (-1, 1) for j in (-1, 1)]
+    arrow = [(x + r * body * float(np.cos(heading + a)), y + r * body * float(np.sin(heading + a))) for a, r in _ARROW]
+    return discs, arrow
 
 
 def _fixed(point: Point) -> tuple[int, int]:

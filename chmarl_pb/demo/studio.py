@@ -19,7 +19,7 @@ from chmarl_pb.sensing.replay import Replay
 Image = NDArray[np.uint8]
 
 VIEW_SIZE = 400  # pixels of a finished view
-_FINE, _COARSE = 2.0, 1.25  # pixels drawn for each finished one, along a side: at rest and in motion
+_FINE, _COARSE = 2, 1  # pixels drawn for each finished one, along a side: at rest, and in motion where it must be quick
 _CHUNK = 8  # shots that a process draws in a row
 _FEW = 2 * _CHUNK  # shots that are not worth a second process
 
@@ -43,7 +43,7 @@ def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
 def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:
     home, shot = job
     replay = _replay(home)
-    size = round(VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE))
+    size = VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE)
     return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in AGENTS}
 
 

@@ -19,9 +19,8 @@ _ACTIONS = {
 
 
 def room_words(room: str) -> str:
-    """Return a room's name: ``livingroom`` -> ``living room``."""
-    number = room.removeprefix(catalog.room_kind(room)).strip("_")
-    return f"{catalog.ROOMS[catalog.room_kind(room)].synonyms[-1]} {number}".strip()
+    """Return a room's name: ``livingroom`` -> ``living room``, ``bedroom_2`` -> ``bedroom 2``."""
+    return room.replace("livingroom", "living room").replace("_", " ")
 
 
 def action_words(action: str, task: Task) -> str:

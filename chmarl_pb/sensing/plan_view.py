@@ -59,6 +59,6 @@ def draw_plan(home: Home, width: int, height: int) -> PlanView:
     )  # fmt: skip
     shape = (rows * _OVERSAMPLING, columns * _OVERSAMPLING, 4)
     rgb = np.reshape(rgba, shape)[..., :3].astype(np.uint8)
-    rgb = cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)
+    smooth = cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)
     corner = (middle[0] - columns / scale / 2, middle[1] + rows / scale / 2)
-    return PlanView(np.asarray(rgb, dtype=np.uint8), corner, scale)
+    return PlanView(np.asarray(smooth, dtype=np.uint8), corner, scale)

@@ -58,13 +58,6 @@ def scene_during(snapshot: Snapshot, after: Scene) -> Scene:
     return Scene(snapshot.bases, snapshot.arm, after.objects | snapshot.items)
 
 
-def between(first: Scene, second: Scene, share: float) -> Scene:
-    """Return the scene at a share (0 to 1) of the way from one scene to the next one."""
-    robots = {name: _mix_poses(pose, second.robots[name], share) for name, pose in first.robots.items()}
-    objects = {name: _mix_poses(pose, second.objects[name], share) for name, pose in first.objects.items()}
-    return Scene(robots, _mix(first.arm, second.arm, share), objects)
-
-
 class Replay:
     """Draws scenes of one home; what has not moved since the last picture is not drawn again."""
 
@@ -112,15 +105,3 @@ def _looking(heading: float, pitch: float) -> Vector:
     """Return the orientation of a camera turned by a heading and then down by a pitch, radians."""
     cy, sy, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     return float(-sy * sp), float(cy * sp), float(sy * cp), float(cy * cp)
-
-
-def _mix_poses(first: Pose, second: Pose, share: float) -> Pose:
-    if first == second:
-        return first
-    turned = np.array(second[1]) * (1.0 if np.dot(first[1], second[1]) >= 0 else -1.0)
-    quaternion = np.array(_mix(first[1], tuple(turned), share))
-    return _mix(first[0], second[0], share), tuple((quaternion / np.linalg.norm(quaternion)).tolist())
-
-
-def _mix(first: Vector, second: Vector, share: float) -> Vector:
-    return tuple(((1 - share) * np.array(first) + share * np.array(second)).tolist())
