@@ -14,6 +14,7 @@ from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
+_STREAMS = (0, 3, 4)  # of a task's seed: places, starts, states; words use 1 and 2
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
 
 
@@ -40,20 +41,21 @@ def set_up(world: World, space: Space, task: Task) -> Setting:
     Raises:
         TaskError: X does not fit on the source, or the home cannot hold the objects.
     """
-    rng = np.random.default_rng([task.seed, 0])
+    # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
+    things, starts, moods = (np.random.default_rng([task.seed, stream]) for stream in _STREAMS)
     world.clear()
     goal = Goal(task.item, receptacles_of(space.home, task.target))
     sources = list(receptacles_of(space.home, task.source))
-    rng.shuffle(sources)
-    if not any(put_somewhere(world, space, task.item, source, rng) for source in sources):
+    things.shuffle(sources)
+    if not any(put_somewhere(world, space, task.item, source, things) for source in sources):
         raise TaskError(
             f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
         )
-    _dress(world, space, task, rng)
-    states = {thing.name: _state(thing.class_name, rng) for thing in space.home.things}
-    states |= {name: _state(catalog.class_of(name), rng) for name in world.objects}
-    humanoid = int(rng.integers(len(space.lattice.points) * HEADINGS))
-    drone = int(rng.integers(len(space.drone_lattice.points)))
+    _dress(world, space, task, things)
+    states = {thing.name: _state(thing.class_name, moods) for thing in space.home.things}
+    states |= {name: _state(catalog.class_of(name), moods) for name in world.objects}
+    humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
+    drone = int(starts.integers(len(space.drone_lattice.points)))
     return Setting(goal, states, humanoid, drone)
 
 
