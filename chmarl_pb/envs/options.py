@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.tasks.feedback import STYLES
 from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
 
 OBSERVATIONS = ("scene_graph", "visual")
@@ -21,7 +22,7 @@ class Options:
         split: split of the benchmark that tasks are drawn from.
         home: name or path of a home to play in instead of the split's homes.
         messages: whether the robots' messages are observed; if not, they read as zeros.
-        feedback: whether language feedback is given; if not, it is empty.
+        feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False.
         max_steps: joint steps after which an episode is truncated.
         image_size: width and height of camera images in pixels.
         execution: "instant" or "simulated".
@@ -32,7 +33,7 @@ class Options:
     split: str = "train"
     home: str | Path | None = None
     messages: bool = True
-    feedback: bool = True
+    feedback: bool | str = True
     max_steps: int = MAX_STEPS
     image_size: int = 128
     execution: str = "instant"
@@ -48,10 +49,17 @@ class Options:
         _one_of("split", self.split, SPLITS)
         _one_of("execution", self.execution, EXECUTIONS)
         _one_of("render_mode", self.render_mode, RENDER_MODES)
-        for name in ("messages", "feedback"):
-            _one_of(name, getattr(self, name), (True, False))
+        _one_of("messages", self.messages, (True, False))
+        _one_of("feedback", self.feedback, (True, False, *STYLES))
         _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
+
+    @property
+    def feedback_style(self) -> str | None:
+        """The style of feedback, or None if there is none."""
+        if isinstance(self.feedback, str):
+            return self.feedback
+        return STYLES[0] if self.feedback else None
 
     @property
     def homes(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
+from chmarl_pb.envs.advice import ADVISERS, Adviser
 from chmarl_pb.envs.observations import Observation, observation_space, observe
 from chmarl_pb.envs.options import MAX_STEPS, Options
 from chmarl_pb.envs.stage import Stage
@@ -18,7 +19,6 @@ from chmarl_pb.robots.execution import Snapshot, execute
 from chmarl_pb.robots.motion import Motion
 from chmarl_pb.sensing.window import show, side_by_side
 from chmarl_pb.tasks import language
-from chmarl_pb.tasks.feedback import feedback
 from chmarl_pb.tasks.messages import no_messages, update
 from chmarl_pb.tasks.outcome import Outcome, judge, reward
 from chmarl_pb.tasks.setting import Setting
@@ -62,7 +62,7 @@ class HouseholdEnv(ParallelEnv):
         split: str = "train",
         home: str | Path | None = None,
         messages: bool = True,
-        feedback: bool = True,
+        feedback: bool | str = True,
         max_steps: int = MAX_STEPS,
         image_size: int = 128,
         execution: str = "instant",
@@ -133,6 +133,8 @@ class HouseholdEnv(ParallelEnv):
         self.instruction = language.instruction(self.task)
         self._instruction_tokens = language.tokenize(self.instruction, language.INSTRUCTION_LENGTH)
         self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
+        style = self.options.feedback_style
+        self._adviser: Adviser | None = ADVISERS[style](self.stage, self.setting.goal) if style else None
         told = dict.fromkeys(AGENTS, "")
         return self._observe(told), self._infos(told, dict.fromkeys(AGENTS, True))
 
@@ -147,11 +149,13 @@ class HouseholdEnv(ParallelEnv):
             ActionError: an action is missing, not a whole number, or out of range.
         """
         names = self._check(actions)
+        if self._adviser:
+            self._adviser.before(names["humanoid"], self.outcome)
         succeeded, self.snapshots = execute(self.world, self._plan(names), self.options.execution == "simulated")
         previous, self.outcome = self.outcome, self._look()
         self.messages = update(self.messages, self.outcome, self.setting.goal, self.rooms)
         gained = reward(previous, self.outcome)
-        told = {name: self._tell(previous, name, action) for name, action in names.items()}
+        told = {"humanoid": self._advise(names["humanoid"], succeeded["humanoid"], previous), "drone": ""}
         self.steps += 1
         terminated = self.outcome.success
         truncated = not terminated and self.steps >= self.options.max_steps
@@ -247,10 +251,13 @@ class HouseholdEnv(ParallelEnv):
         room = list(stage.home.rooms)[stage.humanoid.room]
         return judge(stage.world, self.setting.goal, seen, room)
 
-    def _tell(self, previous: Outcome, robot: str, action: str) -> str:
-        if not self.options.feedback:
+    def _advise(self, action: str, succeeded: bool, previous: Outcome) -> str:
+        """Return the feedback for the humanoid's last action; empty if there is nothing to say."""
+        better = self._adviser.after(succeeded) if self._adviser else None
+        if better is None:
             return ""
-        return feedback(self.task, self.setting.goal, previous, robot, action)
+        holding = previous.held == self.setting.goal.item
+        return language.say(self.task, self.steps, language.Advice(action, succeeded, better, holding))
 
     def _observe(self, told: dict[str, str]) -> dict[str, Observation]:
         return {

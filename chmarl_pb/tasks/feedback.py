@@ -1,26 +1,35 @@
-"""When a robot is told what it should have done (the paper's style: a missed pick or place)."""
+"""When the humanoid is told what it should have done.
+
+Two styles. ``paper`` (CH-MARL): it could have picked X, or placed it on Y, and did something else.
+``planner``: it did something that does not shorten the optimal plan. Whether Pick or Place would
+have worked, and what the optimal plan was, is for those who know the robots and the planner to find
+out; here is what follows from it.
+"""
 
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.tasks import language
 from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.task import Task
+
+STYLES = ("paper", "planner")
 
 
-def feedback(task: Task, goal: Goal, previous: Outcome, robot: str, action: str) -> str:
-    """Return what to tell a robot about its last action; an empty string if there is nothing to say.
+def within_sight(goal: Goal, outcome: Outcome) -> str | None:
+    """Return "pick" or "place" if the humanoid sees what that needs and its hand is ready for it, else None."""
+    seen = outcome.seen["humanoid"]
+    if outcome.held is None and goal.item in seen:
+        return "pick"
+    if outcome.held == goal.item and not set(goal.receptacles).isdisjoint(seen):
+        return "place"
+    return None
+
+
+def better_action(plan: list[str] | None, action: str, plan_after: list[str] | None) -> str | None:
+    """Return what would have shortened the optimal plan, or None if the action did so.
 
     Args:
-        task: the task.
-        goal: X and Y.
-        previous: the outcome on which the robot acted.
-        robot: its name; only the humanoid can pick and place.
-        action: name of the action that it took.
+        plan: the optimal plan before the action; None if there is none.
+        action: name of the action that was taken.
+        plan_after: the optimal plan after it.
     """
-    if robot != "humanoid":
-        return ""
-    seen = previous.seen[robot]
-    if previous.held is None and goal.item in seen and action != "pick":
-        return language.missed_pick(task, action)
-    if previous.held == goal.item and not set(goal.receptacles).isdisjoint(seen) and action != "place":
-        return language.missed_place(task, action)
-    return ""
+    if not plan or plan_after is None or plan[0] == action or len(plan_after) < len(plan):
+        return None
+    return plan[0]

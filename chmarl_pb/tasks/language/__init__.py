@@ -1,0 +1,33 @@
+"""Plain English: instructions, feedback, the vocabulary, and reading an instruction back."""
+
+from chmarl_pb.tasks.language.corpus import CorpusStatistics, all_words, corpus_statistics
+from chmarl_pb.tasks.language.feedback import Advice, say
+from chmarl_pb.tasks.language.instructions import instruction, parse_instruction
+from chmarl_pb.tasks.language.vocabulary import (
+    FEEDBACK_LENGTH,
+    INSTRUCTION_LENGTH,
+    PADDING,
+    UNKNOWN,
+    tokenize,
+    vocabulary,
+    vocabulary_size,
+    words,
+)
+
+__all__ = [
+    "FEEDBACK_LENGTH",
+    "INSTRUCTION_LENGTH",
+    "PADDING",
+    "UNKNOWN",
+    "Advice",
+    "CorpusStatistics",
+    "all_words",
+    "corpus_statistics",
+    "instruction",
+    "parse_instruction",
+    "say",
+    "tokenize",
+    "vocabulary",
+    "vocabulary_size",
+    "words",
+]

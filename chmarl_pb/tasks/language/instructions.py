@@ -1,0 +1,72 @@
+"""Instructions: from a task to a sentence, and from a sentence back to what it asks for."""
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
+from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
+from chmarl_pb.tasks.language.templates import INSTRUCTIONS
+from chmarl_pb.tasks.language.vocabulary import words
+from chmarl_pb.tasks.task import Task
+
+
+def instruction(task: Task) -> str:
+    """Return the task's instruction; its seed chooses the template, the names and the articles."""
+    rng = np.random.default_rng([task.seed, 1])
+    held_out = may_use_held_out(task)
+    template = pick_from(INSTRUCTIONS.pool(held_out), rng)
+    x = pick_from(names_of(task.graspable, held_out), rng)
+    y = pick_from(names_of(task.target, held_out), rng)
+    return phrase(template, x, y, *(bool(bit) for bit in rng.integers(2, size=2)))
+
+
+def names_of(class_name: str, held_out: bool) -> list[catalog.Name]:
+    """Return the names of a class, with or without those held out of training."""
+    return [name for name in catalog.CLASSES[class_name].names if held_out or not name.held_out]
+
+
+def phrase(template: str, x: catalog.Name, y: catalog.Name, the_x: bool, the_y: bool) -> str:
+    """Return an instruction.
+
+    Args:
+        template: the sentence with slots.
+        x: name of the object.
+        y: name of the receptacle.
+        the_x: whether the object takes the rather than a, an or some.
+        the_y: the same for the receptacle.
+    """
+    slots = {"the_x": definite(x), "a_x": indefinite(x), **agreement(x)}
+    slots |= {"x": definite(x) if the_x else indefinite(x), "y": definite(y) if the_y else indefinite(y)}
+    return sentence(template, slots)
+
+
+def parse_instruction(text: str) -> tuple[str, str]:
+    """Return the classes (graspable, receptacle) that an instruction names.
+
+    Names are read from left to right, the longest that fits at each word: "the wine glass" is no glass.
+
+    Raises:
+        ValueError: it does not name exactly one graspable and one receptacle.
+    """
+    left = words(text)
+    found: dict[str, set[str]] = {"graspable": set(), "receptacle": set()}
+    while left:
+        length = next((n for n in range(_LONGEST, 0, -1) if tuple(left[:n]) in _MEANINGS), 0)
+        if length:
+            row = _MEANINGS[tuple(left[:length])]
+            found[row.kind].add(row.name)
+        left = left[max(length, 1) :]
+    for kind, classes in found.items():
+        if len(classes) != 1:
+            named = " and ".join(sorted(classes)) or "none"
+            raise ValueError(f"{text!r} must name one known {kind}, but names {named}")
+    return min(found["graspable"]), min(found["receptacle"])
+
+
+#: Words of a name -> the class that it names.
+_MEANINGS = {
+    tuple(words(name)): row
+    for row in [*catalog.GRASPABLES.values(), *catalog.RECEPTACLES.values()]
+    for name in row.synonyms
+}
+_LONGEST = max(map(len, _MEANINGS))
