@@ -34,6 +34,13 @@ def action_words(action: str, task: Task) -> str:
     return _ACTIONS[action]
 
 
+def short_action_words(action: str) -> str:
+    """Return an action in few words: ``goto_livingroom`` -> ``go to living room``, ``turn_left`` -> ``turn left``."""
+    if action.startswith("goto_"):
+        return f"go to {room_words(action.removeprefix('goto_'))}"
+    return action.replace("_", " ")
+
+
 def item_words(task: Task) -> str:
     """Return the noun of X."""
     return catalog.GRASPABLES[task.graspable].noun
