@@ -44,7 +44,7 @@ def build_all(folder: Path, workers: int) -> int:
     taken: set[Kind] = set()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns) as bar:
-        for split in SPLITS:
+        for split in reversed(SPLITS):  # train comes last: it gives way to what the others have
             path = folder / f"{split}.csv"
             row = bar.add_task(split, total=SPLIT_SIZES[split])
             if path.is_file():
