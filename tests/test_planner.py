@@ -1,0 +1,228 @@
+"""The planner takes the least number of steps, leaves the world as it is, and its plans work in both executions."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pybullet
+import pytest
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.rollout import core_of, make_policy, rollout
+from chmarl_pb.envs.stage import Stage
+from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.planner.search import SearchPolicy
+from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
+
+
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[HouseholdEnv]:
+    env = HouseholdEnv(execution="simulated")
+    yield env
+    env.close()
+
+
+def act(env: HouseholdEnv, actions: list[str]) -> bool:
+    """Play a task from its start, the drone staying; return whether it ends in success."""
+    for name in actions:
+        env.step(
+            {"humanoid": env.action_names["humanoid"].index(name), "drone": env.action_names["drone"].index("stay")}
+        )
+    return env.outcome.success
+
+
+def state_of(env: HouseholdEnv) -> tuple:
+    return env.stage.humanoid.pose, env.world.held, tuple(sorted(env.world.supports.items()))
+
+
+def solved_within(env: HouseholdEnv, task: Task, steps: int) -> bool:
+    """Return whether any sequence of that many actions of the humanoid succeeds: all are tried, by breadth.
+
+    Two sequences that lead to the same state go on in the same way, so only one of them is followed.
+    """
+    env.reset(options={"task": task})
+    frontier: list[list[str]] = [[]]
+    known = {state_of(env)}
+    for _ in range(steps):
+        following = []
+        for actions in frontier:
+            for name in env.action_names["humanoid"][:-1]:  # staying leads nowhere
+                env.reset(options={"task": task})
+                if act(env, [*actions, name]):
+                    return True
+                if state_of(env) not in known:
+                    known.add(state_of(env))
+                    following.append([*actions, name])
+        frontier = following
+    return False
+
+
+def test_plans_are_shortest_against_brute_force(env: HouseholdEnv, tasks: list[Task]) -> None:
+    """Every sequence that is one step shorter than the plan fails; the plan succeeds."""
+    short = [task for task in tasks if 2 <= task.optimal_steps <= 4]
+    short.sort(key=lambda task: task.optimal_steps)
+    for task in [*short[:2], *short[-2:]]:
+        env.reset(options={"task": task})
+        plan = env.stage.oracle.plan(env.setting.goal)
+        assert len(plan) == task.optimal_steps and act(env, plan), task
+        assert not solved_within(env, task, len(plan) - 1), task
+
+
+def signature(stage: Stage) -> dict[str, Any]:
+    """Return all of a world's state that an episode depends on."""
+    world, client = stage.world, stage.world.client
+    bodies = world.bodies.items()
+    return {
+        "bodies": {name: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for name, b in bodies},
+        "objects": {name: world.pose(name) for name in world.objects},
+        "held": world.held,
+        "supports": dict(world.supports),
+        "robots": (stage.humanoid.pose, stage.humanoid.turn, stage.drone.pose),
+        "arm": stage.humanoid.arm.configuration(),
+        "constraints": pybullet.getNumConstraints(physicsClientId=client),
+    }
+
+
+def test_planning_leaves_the_world_as_it_is(stage: Stage, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == stage.home.name)
+    goal = stage.begin(task).goal
+    before = signature(stage)
+    plan = stage.oracle.plan(goal)
+    assert signature(stage) == before
+    stage.humanoid.turn = 0.3
+    stage.humanoid.hold(goal.item)
+    stage.world.supports.pop(goal.item, None)
+    held = signature(stage)
+    stage.oracle.plan(goal)
+    assert signature(stage) == held
+    assert stage.solve(task) == plan
+
+
+def test_the_planner_refuses_what_cannot_be_done(stage_of: Callable[[str], Stage], tasks: list[Task]) -> None:
+    stage = stage_of("home_1")
+    task = next(task for task in tasks if task.home == "home_1")
+    goal, before = stage.begin(task).goal, stage.begin(task)
+    (x, y, _), quaternion = stage.world.pose(goal.item)
+    stage.world.place(goal.item, (x, y, 2.4), quaternion, stage.world.supports[goal.item].receptacle)
+    high = signature(stage)
+    with pytest.raises(TaskError, match="cannot be reached"):
+        stage.oracle.plan(goal)
+    assert signature(stage) == high
+    assert stage.begin(task) == before
+
+
+def test_nothing_to_do_when_x_is_on_y(stage: Stage, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == stage.home.name)
+    item = stage.begin(task).goal.item
+    assert stage.oracle.plan(Goal(item, (stage.world.supports[item].receptacle,))) == []
+
+
+def symbolic(env: HouseholdEnv) -> tuple:
+    return env.outcome, env.stage.humanoid.pose, env.stage.drone.pose
+
+
+def both_executions(instant: HouseholdEnv, simulated: HouseholdEnv, task: Task) -> None:
+    """The planner solves a task in L* steps; the other execution goes through the same outcomes."""
+    episode = rollout(instant, make_policy("planner", instant), seed=0, task=task)
+    assert episode.success and len(episode) == task.optimal_steps, task
+    for env in (instant, simulated):
+        env.reset(options={"task": task})
+    for actions in episode.actions:
+        for env in (instant, simulated):
+            env.step(actions)
+        assert symbolic(instant) == symbolic(simulated), task
+    assert simulated.outcome.success
+
+
+def test_planner_solves_tasks_in_both_executions(env: HouseholdEnv, simulated: HouseholdEnv, tasks: list[Task]) -> None:
+    for task in tasks[:7]:
+        both_executions(env, simulated, task)
+
+
+def test_planner_solves_tasks(env: HouseholdEnv, tasks: list[Task]) -> None:
+    policy = make_policy("planner", env)
+    for task in tasks[7:40]:
+        episode = rollout(env, policy, seed=0, task=task)
+        assert episode.success and len(episode) == task.optimal_steps, task
+
+
+@pytest.mark.slow
+def test_planner_solves_200_tasks_in_both_executions(
+    env: HouseholdEnv, simulated: HouseholdEnv, tasks: list[Task]
+) -> None:
+    for task in tasks[:200]:
+        both_executions(env, simulated, task)
+
+
+def test_planner_goes_on_from_a_detour(env: HouseholdEnv, tasks: list[Task]) -> None:
+    """After random steps a plan from there succeeds."""
+    for number, task in enumerate(tasks[:14]):
+        rng = np.random.default_rng(number)
+        env.reset(options={"task": task})
+        for _ in range(6):
+            if env.agents:
+                env.step({"humanoid": int(rng.integers(10)), "drone": int(rng.integers(9))})
+        if env.agents:
+            assert act(env, env.stage.oracle.plan(env.setting.goal)), task
+
+
+class BlindEnv:
+    """An environment that shows a policy nothing but the names of its actions and rooms."""
+
+    def __init__(self, env: HouseholdEnv):
+        self.action_names, self.rooms = env.action_names, env.rooms
+
+    def __getattr__(self, name: str) -> Any:
+        raise AssertionError(f"the policy looked at env.{name}")
+
+
+def test_search_policy_uses_only_what_the_robots_saw_and_told(tasks: list[Task]) -> None:
+    """It plays from copies of observations and infos alone, on a home that it has never seen."""
+    env = HouseholdEnv(split="test-unseen")
+    blind = BlindEnv(env)
+    policy = SearchPolicy(blind.action_names, blind.rooms)
+    keys = {"instruction", "visible", "feedback", "action_success", "action_mask"}
+    solved, played = 0, load_tasks("test-unseen")[:16]
+    for number, task in enumerate(played):
+        observations, infos = env.reset(seed=number, options={"task": task})
+        policy.reset(number)
+        while env.agents:
+            told = {name: {key: info[key] for key in keys} for name, info in infos.items()}
+            observations, _, _, _, infos = env.step(policy.act(observations, told))
+        solved += env.outcome.success
+    env.close()
+    assert solved >= 0.7 * len(played), f"the search policy solved only {solved} of {len(played)}"
+
+
+def test_each_search_depends_on_its_own_robot_alone(env: HouseholdEnv, tasks: list[Task]) -> None:
+    policy, other = make_policy("search", env), make_policy("search", env)
+    assert isinstance(policy, SearchPolicy) and isinstance(other, SearchPolicy)
+    observations, infos = env.reset(options={"task": tasks[0]})
+    policy.reset(0)
+    other.reset(0)
+    while env.agents:
+        actions = policy.act(observations, infos)
+        for name, search in other.searches.items():
+            assert search.act(observations[name], infos[name]) == actions[name]
+        observations, _, _, _, infos = env.step(actions)
+
+
+def test_search_repeats_with_its_seed(env: HouseholdEnv, tasks: list[Task]) -> None:
+    episodes = [rollout(env, make_policy("search", env), seed=5, task=tasks[3]) for _ in range(2)]
+    assert episodes[0].actions == episodes[1].actions
+
+
+def test_policies_by_name(env: HouseholdEnv) -> None:
+    assert core_of(env) is env
+    with pytest.raises(OptionError, match=r"unknown policy 'oracle'.*random, planner, search"):
+        make_policy("oracle", env)
+
+
+def test_rollout_keeps_everything(env: HouseholdEnv, tasks: list[Task]) -> None:
+    episode = rollout(env, make_policy("random", env), seed=1, task=tasks[2].id)
+    assert len(episode) == len(episode.rewards) == len(episode.observations) - 1 == len(episode.infos) - 1
+    assert episode.task == tasks[2]
+    again = rollout(env, make_policy("random", env), seed=1, task=tasks[2])
+    assert again.actions == episode.actions and (again.rewards == episode.rewards).all()
