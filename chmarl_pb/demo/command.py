@@ -12,10 +12,11 @@ from chmarl_pb.demo.film import Shot, storyboard
 from chmarl_pb.demo.frame import Image, compose
 from chmarl_pb.demo.page import write_page
 from chmarl_pb.demo.panel import HEIGHT, WIDTH
-from chmarl_pb.demo.record import Recording, choose_task, record
+from chmarl_pb.demo.record import Recording, choose_task, record, record_file
 from chmarl_pb.demo.studio import draw_views
 from chmarl_pb.demo.table import print_table
 from chmarl_pb.demo.video import write_video
+from chmarl_pb.envs.episode_file import EpisodeFile
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.tasks.splits import find_task
 
@@ -38,12 +39,35 @@ def demo(task: str | None, observation: str, out: Path, policy: str = "planner")
     with _progress(console) as progress:
         bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
         recording = record(chosen, observation, policy, lambda: progress.advance(bar))
+    _show(recording, folder, console)
+    return 0
+
+
+def show_episode(file: EpisodeFile, out: Path) -> int:
+    """Show an episode file as the demo shows its episode; return the exit code.
+
+    Args:
+        file: the episode.
+        out: folder for ``demo.mp4`` and ``demo.html``.
+
+    Raises:
+        OptionError: the folder cannot be written to.
+    """
+    folder, console = open_folder(out), Console()
+    with _progress(console) as progress:
+        bar = progress.add_task("Playing", total=len(file.actions))
+        recording = record_file(file, lambda: progress.advance(bar))
+    _show(recording, folder, console)
+    return 0
+
+
+def _show(recording: Recording, folder: Path, console: Console) -> None:
+    """Print a recording, and write its video and its page."""
     print_table(recording, console)
     with _progress(console) as progress:
         write_files(recording, storyboard(recording), folder, progress)
     for name, sentence in (("demo.mp4", "the video"), ("demo.html", "the same, step by step")):
         console.print(f"{folder / name}  [dim]{sentence}[/dim]", soft_wrap=True)
-    return 0
 
 
 def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress) -> None:

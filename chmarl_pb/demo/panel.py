@@ -1,7 +1,21 @@
 """What stands around the pictures of a video frame: instruction, actions, potential, messages, feedback."""
 
-from chmarl_pb.demo import canvas, wording
-from chmarl_pb.demo.canvas import BAD, CARD, FAINT, GOOD, INK, ITEM, MUTED, ROBOTS, TARGET, Canvas, Colour
+from chmarl_pb.demo import wording
+from chmarl_pb.demo.canvas import (
+    BAD,
+    CARD,
+    FAINT,
+    GOOD,
+    INK,
+    ITEM,
+    MUTED,
+    ROBOTS,
+    TARGET,
+    Canvas,
+    Colour,
+    width_of,
+    wrap,
+)
 from chmarl_pb.demo.film import SPEED
 from chmarl_pb.demo.record import Moment, Recording
 
@@ -23,19 +37,20 @@ def draw_panel(recording: Recording, step: int, done: bool) -> Canvas:
         step: index of the moment.
         done: whether the step is over; if not, potential and messages are those before it.
     """
-    canvas_ = Canvas(WIDTH, HEIGHT)
+    sheet = Canvas(WIDTH, HEIGHT)
     now = recording.moments[step]
     known = now if done else recording.moments[step - 1]
-    _header(canvas_, recording, step, done)
+    _header(sheet, recording, step, done)
+    _legend(sheet, recording)
     for left, robot in zip(COLUMNS, ROBOTS, strict=False):
-        _robot_card(canvas_, left, recording, now, robot, done)
-    _score_card(canvas_, recording, known, now.reward if done and step else None)
-    return canvas_
+        _robot_card(sheet, left, recording, now, known, robot)
+    _score_card(sheet, recording, known, now.reward if done and step else None)
+    return sheet
 
 
 def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
     left, right = COLUMNS[0], COLUMNS[2] + COLUMN_WIDTH
-    sheet.text(left, 50, recording.instruction, 29)
+    _instruction(sheet, left, recording.instruction, right - left - 200)
     finished = done and step == recording.steps
     colour = (GOOD if recording.success else BAD) if finished else INK
     words = f"Step {step} of {recording.steps}"
@@ -47,7 +62,16 @@ def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
         sheet.disc(x + 5, 85, 5, ROBOTS[robot])
         words = "Humanoid's view" if robot == "humanoid" else "Drone's view, straight down"
         sheet.text(x + 17, 90, words, 14, MUTED)
-    _legend(sheet, recording)
+
+
+def _instruction(sheet: Canvas, x: float, words: str, width: float) -> None:
+    """Write the instruction as large as it fits into one line, or small in two."""
+    for size in (29, 26, 23):
+        if width_of(words, size) <= width:
+            sheet.text(x, 50, words, size)
+            return
+    for number, row in enumerate(wrap(words, 21, width, 2)):
+        sheet.text(x, 34 + 26 * number, row, 21)
 
 
 def _legend(sheet: Canvas, recording: Recording) -> None:
@@ -62,25 +86,23 @@ def _legend(sheet: Canvas, recording: Recording) -> None:
     sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, f"shown at {SPEED}x speed", 12, MUTED, "rs")
 
 
-def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, robot: str, done: bool) -> None:
+def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, known: Moment, robot: str) -> None:
     sheet.box(left, _CARD_TOP, left + COLUMN_WIDTH, _CARD_BOTTOM, CARD, 10)
     sheet.box(left, _CARD_TOP + 14, left + 4, _CARD_TOP + 52, ROBOTS[robot], 2)
     x, width = left + _PAD, COLUMN_WIDTH - 2 * _PAD
     sheet.text(x, _CARD_TOP + 26, wording.ROBOT_WORDS[robot], 13, MUTED)
     action = now.actions.get(robot)
     words = "Start" if action is None else wording.action_words(action, recording.task)
-    end = x + sheet.text(x, _CARD_TOP + 52, canvas.wrap(words, 22, width - 40, 1)[0], 22)
-    if done and action is not None:
+    end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
+    if known is now and action is not None:
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
-    if not done:
-        return
-    seen = ", ".join(wording.seen_words(now, robot)) or "nothing"
+    seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
     y = _CARD_TOP + 82
-    for row in canvas.wrap(f"Sees {seen}", 14, width, 2):
+    for row in wrap(f"Sees {seen}", 14, width, 3):
         sheet.text(x, y, row, 14, MUTED)
         y += 20
-    if now.feedback[robot]:
-        for row in canvas.wrap(now.feedback[robot], 15, width, 2):
+    if known is now and now.feedback[robot]:
+        for row in wrap(now.feedback[robot], 15, width, 2):
             sheet.text(x, y + 10, row, 15, _AMBER)
             y += 20
 
@@ -125,6 +147,6 @@ def _lamps(sheet: Canvas, recording: Recording, known: Moment, x: float, end: fl
             if lit:
                 sheet.text(middle, y, letter, 13, CARD, "mm")
     for row, words in enumerate((wording.item_words(recording.task), wording.target_words(recording.task))):
-        lines = canvas.wrap(words, 13, 74, 2)
+        lines = wrap(words, 13, 74, 2)
         for number, line in enumerate(lines):
             sheet.text(x, top + 31 + 36 * row - 7 * (len(lines) - 1) + 15 * number, line, 13)

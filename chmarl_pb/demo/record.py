@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from chmarl_pb.envs.episode_file import EpisodeFile, Replayed
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, make_policy, rollout
 from chmarl_pb.homes.home import Home, load_home
@@ -116,12 +117,24 @@ def record(
         TaskError: the task cannot be set up.
     """
     env = HouseholdEnv(observation, home=task.home, execution="simulated")
+    return _recorded(env, task, make_policy(policy, env), policy, on_step)
+
+
+def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -> Recording:
+    """Play the actions of an episode file with driven motions and note every step; see :func:`record`."""
+    options = file.options | {"execution": "simulated"}
+    env = HouseholdEnv(home=file.task.home, **options)
+    return _recorded(env, file.task, Replayed(file.actions, env), file.policy, on_step)
+
+
+def _recorded(env: HouseholdEnv, task: Task, policy: Policy, name: str, on_step: Callable[[], None]) -> Recording:
+    """Play one episode and close the environment."""
     try:
-        witness = _Witness(env, make_policy(policy, env), on_step)
+        witness = _Witness(env, policy, on_step)
         episode = rollout(env, witness, seed=task.seed, task=task)
         witness.note()
         return Recording(
-            task, load_home(task.home), env.instruction, policy, observation, env.rooms,
+            task, load_home(task.home), env.instruction, name, env.options.observation, env.rooms,
             env.setting.goal.receptacles, _moments(env, episode, witness), episode.success,
         )  # fmt: skip
     finally:
