@@ -35,6 +35,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_homes(commands)
     _add_tasks(commands)
     _add_evaluate(commands)
+    _add_episode(commands)
     bench = _add(commands, "bench", "measure the speed on this machine", _bench)
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
     return parser
@@ -92,6 +93,22 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     evaluate.add_argument(
         "--out", type=Path, metavar="JSON", help="write the result here; the same command goes on after an interruption"
     )
+
+
+def _add_episode(commands: argparse._SubParsersAction) -> None:
+    episode = commands.add_parser("episode", help="save, replay and show single episodes")
+    verbs = episode.add_subparsers(required=True, metavar="VERB")
+    save = _add(verbs, "save", "play a task with a policy and save the episode as a file", _episode_save)
+    save.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
+    save.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
+    save.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    save.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
+    save.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write")
+    replay = _add(verbs, "replay", "play a file again and compare every state", _episode_replay)
+    replay.add_argument("file", type=Path, metavar="FILE", help="episode file")
+    show = _add(verbs, "show", "make the demo's video and page of an episode file", _episode_show)
+    show.add_argument("file", type=Path, metavar="FILE", help="episode file")
+    show.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder to write to (default: out)")
 
 
 # Each command imports what it needs, so that --help and --version answer at once.
@@ -156,6 +173,25 @@ def _evaluate(options: argparse.Namespace) -> int:
         options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
         options.feedback, options.max_steps or MAX_STEPS, options.task, options.out,
     )  # fmt: skip
+
+
+def _episode_save(options: argparse.Namespace) -> int:
+    from chmarl_pb.evaluation.episodes import save
+
+    return save(options.policy, options.task, options.observation, options.seed, options.out)
+
+
+def _episode_replay(options: argparse.Namespace) -> int:
+    from chmarl_pb.evaluation.episodes import replay
+
+    return replay(options.file)
+
+
+def _episode_show(options: argparse.Namespace) -> int:
+    from chmarl_pb.demo.command import show_episode
+    from chmarl_pb.envs.episode_file import load_episode
+
+    return show_episode(load_episode(options.file), options.out)
 
 
 def _bench(options: argparse.Namespace) -> int:

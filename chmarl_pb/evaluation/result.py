@@ -90,13 +90,13 @@ def load_result(path: Path) -> Report:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data["format"] != FORMAT:
-            raise ResultError(f"{path}: its format is {data['format']!r}, not {FORMAT!r}; evaluate again")
+            raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         episodes = tuple(episode_of(row) for row in data["episodes"])
         return Report(data["settings"], data["run"], episodes)
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{path}: not a result of an evaluation ({error!r}); evaluate again") from error
+        raise ResultError(f"{path}: not a whole result of an evaluation: {error!r}; evaluate again") from error
 
 
 def episode_json(episode: Played) -> str:
