@@ -34,7 +34,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_demo(commands)
     _add_homes(commands)
     _add_tasks(commands)
+    _add_dataset(commands)
     _add_evaluate(commands)
+    _add_baselines(commands)
     _add_episode(commands)
     bench = _add(commands, "bench", "measure the speed on this machine", _bench)
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
@@ -76,6 +78,25 @@ def _add_tasks(commands: argparse._SubParsersAction) -> None:
     build.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
 
 
+def _add_dataset(commands: argparse._SubParsersAction) -> None:
+    dataset = commands.add_parser("dataset", help="make, verify and describe data sets of planner trajectories")
+    verbs = dataset.add_subparsers(required=True, metavar="VERB")
+    generate = _add(verbs, "generate", "let the planner play all tasks and store it as Minari data sets", _generate)
+    generate.add_argument("--observation", choices=("scene_graph", "visual", "both"), default="scene_graph")
+    generate.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
+    generate.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
+    generate.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
+    verify = _add(verbs, "verify", "check the files of data sets and replay their episodes", _verify)
+    verify.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
+    for verb in (generate, verify):
+        verb.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
+        verb.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    stats = _add(verbs, "stats", "print statistics of tasks, data sets and language", _dataset_stats)
+    stats.add_argument("--json", type=Path, metavar="FILE", help="write them here as well")
+    for verb in (generate, verify, stats):
+        verb.add_argument("--out", type=Path, metavar="DIR", help="folder of data sets (default: Minari's own)")
+
+
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     evaluate = _add(commands, "evaluate", "play all tasks of a split with a policy and print its metrics", _evaluate)
     evaluate.add_argument(
@@ -92,6 +113,18 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     evaluate.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     evaluate.add_argument(
         "--out", type=Path, metavar="JSON", help="write the result here; the same command goes on after an interruption"
+    )
+
+
+def _add_baselines(commands: argparse._SubParsersAction) -> None:
+    text = "evaluate the built-in policies on all splits and print the tables"
+    baselines = _add(commands, "baselines", text, _baselines)
+    baselines.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
+    baselines.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    baselines.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    baselines.add_argument("--out", type=Path, default=Path("out/baselines"), metavar="DIR", help="folder for results")
+    baselines.add_argument(
+        "--references", type=Path, metavar="DIR", help="write the reference lengths of cooperation here"
     )
 
 
@@ -165,6 +198,27 @@ def _tasks_build(options: argparse.Namespace) -> int:
     return build_all(options.out, options.workers)
 
 
+def _generate(options: argparse.Namespace) -> int:
+    from chmarl_pb.data.command import run_generate
+
+    return run_generate(
+        options.split or (), options.observation, options.workers, options.noise, options.seed, options.limit,
+        options.out,
+    )  # fmt: skip
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from chmarl_pb.data.command import run_verify
+
+    return run_verify(options.split or (), options.share, options.workers, options.out)
+
+
+def _dataset_stats(options: argparse.Namespace) -> int:
+    from chmarl_pb.data.command import run_stats
+
+    return run_stats(options.out, options.json)
+
+
 def _evaluate(options: argparse.Namespace) -> int:
     from chmarl_pb.envs.options import MAX_STEPS
     from chmarl_pb.evaluation.command import run_evaluation
@@ -173,6 +227,13 @@ def _evaluate(options: argparse.Namespace) -> int:
         options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
         options.feedback, options.max_steps or MAX_STEPS, options.task, options.out,
     )  # fmt: skip
+
+
+def _baselines(options: argparse.Namespace) -> int:
+    from chmarl_pb.evaluation.baselines import run_baselines
+    from chmarl_pb.tasks.splits import SPLITS
+
+    return run_baselines(options.split or SPLITS, options.seeds, options.workers, options.out, options.references)
 
 
 def _episode_save(options: argparse.Namespace) -> int:

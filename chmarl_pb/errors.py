@@ -31,3 +31,7 @@ class NotResetError(ChmarlError, RuntimeError):
 
 class ResultError(ChmarlError, ValueError):
     """A file of results or of an episode is missing, damaged, or does not fit this version."""
+
+
+class DatasetError(ChmarlError, ValueError):
+    """A data set is missing, damaged, or does not fit this version."""

@@ -1,0 +1,66 @@
+"""Make data sets: the planner plays every task of a split once, in several processes."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from chmarl_pb.data.processes import in_processes
+from chmarl_pb.data.read import Dataset
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.record import NoisyPlanner, make_env, record
+from chmarl_pb.data.store import dataset_folder, is_whole, join_parts, parts_folder, write_part
+from chmarl_pb.envs.rollout import core_of
+from chmarl_pb.errors import DatasetError
+
+Progress = Callable[[int], Any]
+
+
+def generate(recipe: Recipe, root: Path, workers: int = 2, progress: Progress = lambda _: None) -> Dataset:
+    """Make a data set, or finish one that was interrupted; one that is complete is left as it is.
+
+    Args:
+        recipe: what to make.
+        root: folder of Minari data sets.
+        workers: number of processes.
+        progress: called with the number of episodes that are done since its last call.
+
+    Raises:
+        DatasetError: another data set of this name is in the folder, or a process died.
+    """
+    folder = dataset_folder(root, recipe.dataset_id)
+    if folder.exists():
+        dataset = Dataset(folder)
+        if dataset.recipe != recipe.facts():
+            raise DatasetError(f"{folder}: made by another recipe or version; remove it or choose another --out")
+        progress(dataset.episodes)
+        return dataset
+    parts = _parts(recipe, root)
+    missing = [number for number, part in enumerate(parts) if not is_whole(part)]
+    progress(len(parts) - len(missing))
+    for _ in in_processes(partial(_play, recipe, parts[0].parent), missing, workers):
+        progress(1)
+    return Dataset(join_parts(root, recipe, parts))
+
+
+def _parts(recipe: Recipe, root: Path) -> list[Path]:
+    """Return the files of all episodes, in order; files left of another recipe or version are not used."""
+    folder = parts_folder(root, recipe)
+    folder.mkdir(parents=True, exist_ok=True)
+    return [folder / f"{task.id}.hdf5" for task in recipe.tasks]
+
+
+def _play(recipe: Recipe, folder: Path, number: int) -> None:
+    """Play one task and write its episode; the environment is kept for the next one."""
+    task = recipe.tasks[number]
+    env = environment(recipe)
+    driver = NoisyPlanner(core_of(env), recipe.noise, recipe.seed)
+    write_part(folder / f"{task.id}.hdf5", record(env, driver, task))
+
+
+@lru_cache(maxsize=1)
+def environment(recipe: Recipe) -> gymnasium.Env:
+    """Return this process's environment for a recipe; it lives as long as the process."""
+    return make_env(recipe)

@@ -1,0 +1,103 @@
+"""Read data sets from disk; whatever is damaged is refused with the file's name."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
+from chmarl_pb.data.record import Arrays
+from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, file_sha256, h5py
+from chmarl_pb.errors import DatasetError
+
+
+class Dataset:
+    """One finished data set on disk.
+
+    Attributes:
+        folder: its folder; its name is the end of the data set's id.
+        main: the file with its episodes.
+        metadata: Minari's metadata, with ``recipe``, ``sha256`` and ``made_with``.
+    """
+
+    def __init__(self, folder: Path):
+        """Read the metadata.
+
+        Raises:
+            DatasetError: it is missing or damaged.
+        """
+        self.folder = folder
+        self.main = folder / "data" / MAIN_FILE
+        path = folder / "data" / METADATA_FILE
+        try:
+            self.metadata: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            self.episodes = int(self.metadata["total_episodes"])
+            self.steps = int(self.metadata["total_steps"])
+            self.recipe: dict[str, Any] = self.metadata["recipe"]
+            self.sha256 = str(self.metadata["sha256"])
+        except FileNotFoundError as error:
+            raise DatasetError(f"{path}: missing; generate the data set again") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise DatasetError(f"{path}: damaged ({error!r}); generate the data set again") from error
+
+    @property
+    def dataset_id(self) -> str:
+        """Name for ``minari.load_dataset``."""
+        return f"{NAMESPACE}/{self.folder.name}"
+
+    @cached_property
+    def size(self) -> int:
+        """Bytes on disk."""
+        return sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
+
+    def check(self) -> None:
+        """Check that the file of episodes is as it was made.
+
+        Raises:
+            DatasetError: it is missing, cut or changed.
+        """
+        if not self.main.is_file():
+            raise DatasetError(f"{self.main}: missing; generate the data set again")
+        if file_sha256(self.main) != self.sha256:
+            raise DatasetError(f"{self.main}: corrupted or cut, its sha256 has changed; generate the data set again")
+
+    @contextmanager
+    def open(self) -> Iterator["h5py.File"]:
+        """Open the file of episodes for reading.
+
+        Raises:
+            DatasetError: it cannot be read.
+        """
+        try:
+            with h5py.File(self.main, "r") as file:
+                yield file
+        except (OSError, KeyError) as error:
+            raise DatasetError(f"{self.main}: cannot be read ({error}); generate the data set again") from error
+
+    def episode(self, number: int) -> tuple[Arrays, dict[str, Any]]:
+        """Return arrays and metadata of an episode, as :class:`chmarl_pb.data.record.Recording` has them.
+
+        Raises:
+            DatasetError: the file cannot be read.
+        """
+        with self.open() as file:
+            group = file[f"episode_{number}"]
+            return read_group(group), dict(group.attrs)
+
+
+def find_datasets(root: Path) -> list[Dataset]:
+    """Return the finished data sets in a folder of Minari data sets, by name.
+
+    Raises:
+        DatasetError: one of them is damaged.
+    """
+    folders = sorted((root / NAMESPACE).glob("*"))
+    return [Dataset(folder) for folder in folders if is_dataset_name(folder.name)]
+
+
+def read_group(group: "h5py.Group", *names: str) -> Arrays:
+    """Return the arrays of a group, or of some of its members."""
+    members = {name: group[name] for name in names or group}
+    return {name: read_group(item) if isinstance(item, h5py.Group) else item[()] for name, item in members.items()}

@@ -1,0 +1,96 @@
+"""What makes a data set: everything that its contents depend on, and its name."""
+
+import hashlib
+import json
+import re
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import chmarl_pb
+from chmarl_pb.envs.options import OBSERVATIONS
+from chmarl_pb.envs.provenance import home_hash, source_hash, tasks_hash
+from chmarl_pb.errors import OptionError
+from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.task import Task
+
+NAMESPACE = "chmarl"
+FORMAT = 0  # of the contents; the version at the end of every data set's id
+
+ENV_IDS = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a data set is made; two data sets of one recipe are equal, byte by byte.
+
+    Attributes:
+        split: the split whose tasks are played, each once, in the order of its file.
+        observation: "scene_graph" or "visual".
+        noise: probability of a random action, for each robot and step: 0, 0.01, ... 1.
+        seed: of the random actions.
+        limit: number of tasks, from the first; None plays all.
+    """
+
+    split: str = "train"
+    observation: str = "scene_graph"
+    noise: float = 0.0
+    seed: int = 0
+    limit: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            OptionError: an option has a value that it does not know.
+        """
+        for name, value, known in (
+            ("split", self.split, SPLITS),
+            ("observation", self.observation, OBSERVATIONS),
+        ):
+            if value not in known:
+                raise OptionError(f"{name} {value!r} is not known; use one of: {', '.join(known)}")
+        if not 0 <= self.noise <= 1 or round(100 * self.noise) != round(100 * self.noise, 9):
+            raise OptionError(f"noise {self.noise}: use whole per cents from 0 to 1, like 0.2")
+        if self.seed < 0:
+            raise OptionError(f"seed {self.seed}: use 0 or more")
+        if self.limit is not None and self.limit < 1:
+            raise OptionError(f"limit {self.limit}: use at least 1")
+
+    @property
+    def dataset_id(self) -> str:
+        """Minari's name, e.g. ``chmarl/scene-graph-train-v0`` or ``chmarl/visual-train-noise20-v0``."""
+        noise = f"-noise{round(100 * self.noise)}" if self.noise else ""
+        return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}-v{FORMAT}"
+
+    @property
+    def env_id(self) -> str:
+        """The joint Gymnasium environment that the data set is recorded in."""
+        return ENV_IDS[self.observation]
+
+    @property
+    def tasks(self) -> list[Task]:
+        """The tasks, one for each episode, in order."""
+        return load_tasks(self.split)[: self.limit]
+
+    def facts(self) -> dict[str, Any]:
+        """Return everything that the contents depend on, but the code."""
+        return {
+            **asdict(self),
+            "noise": float(self.noise),
+            "format": FORMAT,
+            "version": chmarl_pb.__version__,
+            "tasks_sha256": tasks_hash(self.tasks),
+            "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in self.tasks})},
+        }
+
+    def key(self) -> str:
+        """Return a short text that another recipe or another code would not have."""
+        tasks = tasks_hash(load_tasks(self.split))  # of all, so that episodes serve a higher limit as well
+        facts = {**self.facts(), "limit": None, "tasks_sha256": tasks, "source": source_hash()}
+        return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def is_dataset_name(name: str) -> bool:
+    """Return whether a folder's name is one that :attr:`Recipe.dataset_id` gives."""
+    modes, splits = ("|".join(names).replace("_", "-") for names in (OBSERVATIONS, SPLITS))
+    return re.fullmatch(rf"({modes})-({splits})(-noise\d+)?-v{FORMAT}", name) is not None

@@ -1,0 +1,149 @@
+"""The files of a data set: HDF5 in Minari's layout, read by plain ``minari.load_dataset``.
+
+While a data set is made, every episode is one file ``ROOT/chmarl/.parts/NAME-KEY/EPISODE.hdf5``, written whole or
+not at all. At the end all are joined to ``ROOT/chmarl/NAME/data/main_data.hdf5``, in the order of the tasks; so the
+file does not depend on the number of processes. Arrays are compressed without loss; Minari itself would not.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.data.recipe import NAMESPACE, Recipe
+from chmarl_pb.data.record import Arrays, Recording, make_env
+from chmarl_pb.envs.provenance import versions
+from chmarl_pb.errors import DatasetError
+
+try:
+    import h5py
+    import minari
+    from minari.dataset.minari_storage import MinariStorage
+except ImportError as error:
+    raise DatasetError('data sets need Minari; run `pip install "chmarl-pb[data]"`') from error
+
+_LIBVER = ("v110", "v110")  # far less overhead for small arrays than the oldest format
+MAIN_FILE, METADATA_FILE = "main_data.hdf5", "metadata.json"  # Minari's names
+_WORTH_PACKING = 256  # bytes
+
+
+def default_root() -> Path:
+    """Return the folder where Minari keeps its data sets: ``$MINARI_DATASETS_PATH``, or one in the home folder."""
+    folder = os.environ.get("MINARI_DATASETS_PATH")
+    return Path(folder) if folder else Path.home() / ".minari" / "datasets"
+
+
+def dataset_folder(root: Path, dataset_id: str) -> Path:
+    """Return the folder of a data set."""
+    return root / dataset_id
+
+
+def parts_folder(root: Path, recipe: Recipe) -> Path:
+    """Return the folder of the episodes of an unfinished data set."""
+    return root / NAMESPACE / ".parts" / f"{recipe.dataset_id.rpartition('/')[2]}-{recipe.key()}"
+
+
+# Writing
+
+
+def write_part(path: Path, recording: Recording) -> None:
+    """Write one episode, whole or not at all."""
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    with h5py.File(temporary, "w", libver=_LIBVER) as file:
+        group = file.create_group("episode")
+        _write(group, recording.arrays)
+        group.attrs.update(recording.metadata)
+    temporary.replace(path)
+
+
+def _write(group: "h5py.Group", arrays: Arrays) -> None:
+    for name, values in arrays.items():
+        if isinstance(values, dict):
+            _write(group.create_group(name), values)
+        elif values.nbytes < _WORTH_PACKING:
+            group.create_dataset(name, data=values)
+        else:
+            group.create_dataset(
+                name, data=values, chunks=values.shape, compression="gzip", compression_opts=4, shuffle=True
+            )
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a part can be read."""
+    try:
+        with h5py.File(path, "r") as file:
+            return "episode" in file
+    except OSError:
+        return False
+
+
+def join_parts(root: Path, recipe: Recipe, parts: list[Path]) -> Path:
+    """Join episodes to a data set, whole or not at all, and remove them; return its folder."""
+    folder = dataset_folder(root, recipe.dataset_id)
+    making = parts[0].parent / "joined"
+    shutil.rmtree(making, ignore_errors=True)
+    making.mkdir()
+    storage = _new_storage(making / "data", recipe)
+    steps = _copy(parts, making / "data" / MAIN_FILE)
+    storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
+    making.replace(folder)
+    _describe_namespace(root)
+    shutil.rmtree(parts[0].parent)
+    return folder
+
+
+def _new_storage(path: Path, recipe: Recipe) -> "MinariStorage":
+    env = make_env(recipe)
+    try:
+        # Without JPEG, which changes pixels.
+        return MinariStorage.new(path, env.observation_space, env.action_space, env.spec, jpeg_encoding=False)
+    finally:
+        env.close()
+
+
+def _copy(parts: list[Path], path: Path) -> int:
+    """Copy all parts into one file and return their number of steps."""
+    steps = 0
+    with h5py.File(path, "w", libver=_LIBVER) as file:
+        for number, part in enumerate(parts):
+            with h5py.File(part, "r") as source:
+                source.copy("episode", file, f"episode_{number}")
+            attributes = file[f"episode_{number}"].attrs
+            attributes["id"] = number
+            steps += int(attributes["total_steps"])
+    return steps
+
+
+def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str, Any]:
+    who = "planner" if not recipe.noise else f"planner with {recipe.noise:.0%} random actions"
+    return {
+        "dataset_id": recipe.dataset_id,
+        "minari_version": minari.__version__,
+        "total_episodes": episodes,
+        "total_steps": steps,
+        "dataset_size": round(path.stat().st_size / 1e6, 1),
+        "algorithm_name": who,
+        "description": f"A humanoid and a drone solve the tasks of {recipe.split} in simulated homes, driven by the "
+        f"{who}. One episode for each task, in the order of the task file.",
+        "requirements": ["chmarl-pb"],
+        "sha256": file_sha256(path),
+        "recipe": recipe.facts(),
+        "made_with": versions(),
+    }
+
+
+def _describe_namespace(root: Path) -> None:
+    path = root / NAMESPACE / "namespace_metadata.json"
+    if not path.exists():
+        path.write_text(json.dumps({"description": "Cooperative, heterogeneous robots in homes (chmarl_pb)"}))
+
+
+def file_sha256(path: Path) -> str:
+    """Return the sha256 of a file of any size."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(2**20):
+            digest.update(block)
+    return digest.hexdigest()

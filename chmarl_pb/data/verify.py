@@ -1,0 +1,110 @@
+"""Verify data sets: check their files, replay the stored actions, and compare all that is stored."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb.data.generate import environment
+from chmarl_pb.data.processes import in_processes
+from chmarl_pb.data.read import Dataset
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.record import Arrays, Replayer, record
+from chmarl_pb.errors import DatasetError, OptionError
+
+Progress = Callable[[int], Any]
+
+_NOT_REPLAYED = "infos/planner_action"  # a replay does not plan
+
+
+def chosen(episodes: int, share: float) -> list[int]:
+    """Return the numbers of a share of episodes, evenly spread, at least one.
+
+    Raises:
+        OptionError: the share is not above 0 and at most 1.
+    """
+    if not 0 < share <= 1:
+        raise OptionError(f"share {share}: use a number above 0 and up to 1")
+    count = max(1, round(share * episodes))
+    return np.unique(np.linspace(0, episodes - 1, count).astype(int)).tolist()
+
+
+def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Progress = lambda _: None) -> int:
+    """Check a data set's file and replay a share of its episodes.
+
+    Args:
+        dataset: what to verify.
+        share: of its episodes, above 0 and up to 1.
+        workers: number of processes.
+        progress: called with 1 for each replayed episode.
+
+    Returns:
+        Number of replayed episodes.
+
+    Raises:
+        DatasetError: the file is damaged, the data set belongs to another version, or a replay differs.
+    """
+    numbers = chosen(dataset.episodes, share)
+    recipe = _recipe(dataset)
+    dataset.check()
+    for _ in in_processes(partial(_replay, dataset.folder, recipe), numbers, workers):
+        progress(1)
+    return len(numbers)
+
+
+def _recipe(dataset: Dataset) -> Recipe:
+    """Return the recipe that made a data set.
+
+    Raises:
+        DatasetError: homes, tasks or version are not those that it was made with.
+    """
+    options: dict[str, Any] = {field.name: dataset.recipe.get(field.name) for field in fields(Recipe)}
+    recipe = Recipe(**options)
+    facts = recipe.facts()
+    other = [name for name, value in facts.items() if dataset.recipe.get(name) != value]
+    if other:
+        raise DatasetError(
+            f"{dataset.folder}: made by version {dataset.recipe.get('version')} from another {' and '.join(other)}; "
+            "verify it with what it was made with, or generate it again"
+        )
+    return recipe
+
+
+def _replay(folder: Path, recipe: Recipe, number: int) -> None:
+    dataset, task = Dataset(folder), recipe.tasks[number]
+    stored, metadata = dataset.episode(number)
+    place = f"{dataset.main}: episode {number}"
+    if metadata.get("options/task") != task.id:
+        raise DatasetError(f"{place} is of task {metadata.get('options/task')!r} instead of {task.id!r}")
+    actions = stored["actions"]
+    assert isinstance(actions, np.ndarray)
+    replayed = record(environment(recipe), Replayer(actions), task).arrays
+    difference = first_difference(stored, replayed)
+    if difference:
+        raise DatasetError(f"{place} ({task.id}): the replay differs in {difference}")
+
+
+def first_difference(stored: Arrays, replayed: Arrays) -> str | None:
+    """Return the name of the first array that differs and the first step at which it does; None if all are equal."""
+    mine, other = dict(_flat(stored)), dict(_flat(replayed))
+    if mine.keys() != other.keys():
+        return "the names of its arrays: " + ", ".join(sorted(mine.keys() ^ other.keys()))
+    for name in sorted(mine, key=lambda name: name != "infos/state_hash"):  # the most telling first
+        if name == _NOT_REPLAYED or np.array_equal(mine[name], other[name]):
+            continue
+        if mine[name].shape != other[name].shape:
+            return f"{name}: shape {mine[name].shape} instead of {other[name].shape}"
+        unlike = (mine[name] != other[name]).reshape(len(mine[name]), -1).any(axis=1)
+        return f"{name} at step {int(np.argmax(unlike))}"
+    return None
+
+
+def _flat(arrays: Arrays, prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    for name, values in arrays.items():
+        if isinstance(values, dict):
+            yield from _flat(values, f"{prefix}{name}/")
+        else:
+            yield f"{prefix}{name}", values
