@@ -6,6 +6,7 @@ from chmarl_pb.sensing.plan_view import PlanView
 
 _BADGE = 19  # pixels of the plan
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 1100, 170, 40, 14, 14, 32  # of the curve, its margins included
+_INSET = 16  # pixels between the axis and the start
 _LEVELS = (0, 2, 4, 6, 8, 10)
 
 
@@ -32,10 +33,10 @@ def plan_overlay(recording: Recording, plan: PlanView, number: int) -> str:
 
 def curve(recording: Recording) -> str:
     """Return the potential over the steps as a line with a dot for each step."""
-    across = (_WIDTH - _LEFT - _RIGHT) / max(recording.steps, 1)
+    across = (_WIDTH - _LEFT - _INSET - _RIGHT) / max(recording.steps, 1)
     up = (_HEIGHT - _TOP - _BOTTOM) / _LEVELS[-1]
     places = [
-        (_LEFT + number * across, _HEIGHT - _BOTTOM - up * moment.potential)
+        (_LEFT + _INSET + number * across, _HEIGHT - _BOTTOM - up * moment.potential)
         for number, moment in enumerate(recording.moments)
     ]
     parts = []

@@ -117,20 +117,22 @@ def record(
         TaskError: the task cannot be set up.
     """
     env = HouseholdEnv(observation, home=task.home, execution="simulated")
-    return _recorded(env, task, make_policy(policy, env), policy, on_step)
+    return _recorded(env, task, lambda: make_policy(policy, env), policy, on_step)
 
 
 def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -> Recording:
     """Play the actions of an episode file with driven motions and note every step; see :func:`record`."""
     options = file.options | {"execution": "simulated"}
     env = HouseholdEnv(home=file.task.home, **options)
-    return _recorded(env, file.task, Replayed(file.actions, env), file.policy, on_step)
+    return _recorded(env, file.task, lambda: Replayed(file.actions, env), file.policy, on_step)
 
 
-def _recorded(env: HouseholdEnv, task: Task, policy: Policy, name: str, on_step: Callable[[], None]) -> Recording:
+def _recorded(
+    env: HouseholdEnv, task: Task, make: Callable[[], Policy], name: str, on_step: Callable[[], None]
+) -> Recording:
     """Play one episode and close the environment."""
     try:
-        witness = _Witness(env, policy, on_step)
+        witness = _Witness(env, make(), on_step)
         episode = rollout(env, witness, seed=task.seed, task=task)
         witness.note()
         return Recording(
