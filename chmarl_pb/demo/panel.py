@@ -53,7 +53,7 @@ def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
     _instruction(sheet, left, recording.instruction, right - left - 200)
     finished = done and step == recording.steps
     colour = (GOOD if recording.success else BAD) if finished else INK
-    words = f"Step {step} of {recording.steps}"
+    words = f"Step {step} of {recording.steps}" if step else "Start"
     if finished:
         words = f"{'Solved' if recording.success else 'Not solved'} in {recording.steps} steps"
     sheet.text(right, 42, words, 20, colour, "rs")
@@ -96,15 +96,12 @@ def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, kno
     end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
     if known is now and action is not None:
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
+    told = now.feedback[robot] if known is now else ""
     seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
-    y = _CARD_TOP + 82
-    for row in wrap(f"Sees {seen}", 14, width, 3):
-        sheet.text(x, y, row, 14, MUTED)
-        y += 20
-    if known is now and now.feedback[robot]:
-        for row in wrap(now.feedback[robot], 15, width, 2):
-            sheet.text(x, y + 10, row, 15, _AMBER)
-            y += 20
+    lines = [(line, MUTED) for line in wrap(f"Sees {seen}", 14, width, 2 if told else 4)]
+    lines += [(line, _AMBER) for line in wrap(told, 14, width, 3)] if told else []
+    for number, (line, colour) in enumerate(lines):
+        sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, colour)
 
 
 def _verdict(sheet: Canvas, x: float, y: float, succeeded: bool) -> None:

@@ -17,7 +17,7 @@ Point = tuple[float, float]
 
 CONE_LENGTH = 1.7  # metres of the humanoid's view cone
 BODY_RADIUS = 0.27  # metres of the humanoid's mark
-_ROTOR_ARM, _ROTOR_RADIUS = 0.26, 0.16  # metres of the drone's mark
+_ROTOR_ARM, _ROTOR_RADIUS = 0.24, 0.14  # metres of the drone's mark
 _RIM = 0.07  # metres of the white rim of marks
 _BADGE = 10  # pixels
 _TRAIL_WIDTH, _FADING, _FAINTEST = 3, 150, 0.3  # pixels, frames until a trail fades, and to what strength
