@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium import spaces
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.errors import ActionError
+from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.planner.search import DroneSearch
 from chmarl_pb.world import World
 
@@ -26,7 +26,13 @@ class JointEnv(gymnasium.Env):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     def __init__(self, flat_actions: bool = False, **options: Any):
-        """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
+        """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options.
+
+        Raises:
+            OptionError: an option has a value that it does not know.
+        """
+        if not isinstance(flat_actions, bool):
+            raise OptionError(f"flat_actions={flat_actions!r} is not known; use one of: True, False")
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
         self.flat_actions = flat_actions
@@ -66,7 +72,10 @@ class JointEnv(gymnasium.Env):
         return _joined(observations), rewards[robot], terminated[robot], truncated[robot], _info(infos)
 
     def _split(self, action: Any) -> dict[str, int]:
-        numbers = np.asarray(action)
+        try:
+            numbers = np.asarray(action)
+        except ValueError as error:
+            raise ActionError(f"action {action!r} is not an array of numbers") from error
         if self.flat_actions:
             if numbers.size != 1 or numbers.dtype.kind not in "iu" or not 0 <= numbers.item() < np.prod(self._counts):
                 raise ActionError(f"action {action!r} is not a whole number from 0 to {np.prod(self._counts) - 1}")
@@ -100,6 +109,7 @@ class HumanoidEnv(gymnasium.Env):
         self.action_space = self.parallel.action_space("humanoid")
         self.observation_space = self.parallel.observation_space("humanoid")
         self._drone = DroneSearch(self.parallel.action_names["drone"], self.parallel.rooms)
+        self._drone_action = 0
 
     @property
     def world(self) -> World:
@@ -113,7 +123,7 @@ class HumanoidEnv(gymnasium.Env):
         super().reset(seed=seed)
         observations, infos = self.parallel.reset(seed=seed, options=options)
         self._drone.reset(seed)
-        self._seen_by_drone = observations["drone"], infos["drone"]
+        self._drone_action = self._drone.act(observations["drone"], infos["drone"])
         return observations["humanoid"], _alone(infos)
 
     def step(self, action: Any) -> Step:
@@ -123,10 +133,10 @@ class HumanoidEnv(gymnasium.Env):
             ActionError: the action does not lie in the action space.
             NotResetError: there is no episode to go on with.
         """
-        drone = self._drone.act(*self._seen_by_drone) if self.parallel.agents else 0
-        results = self.parallel.step({"humanoid": action, "drone": drone})
+        results = self.parallel.step({"humanoid": action, "drone": self._drone_action})
         observations, rewards, terminated, truncated, infos = results
-        self._seen_by_drone = observations["drone"], infos["drone"]
+        # Chosen here rather than in the next step, which may refuse its action and be called again.
+        self._drone_action = self._drone.act(observations["drone"], infos["drone"])
         robot = "humanoid"
         return observations[robot], rewards[robot], terminated[robot], truncated[robot], _alone(infos)
 

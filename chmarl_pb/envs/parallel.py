@@ -126,6 +126,7 @@ class HouseholdEnv(ParallelEnv):
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self.task = self._choose_task(options or {})
+        self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
         self.setting: Setting = self.stage.begin(self.task)
         self.outcome = self._look()
@@ -227,8 +228,8 @@ class HouseholdEnv(ParallelEnv):
         """Return robot -> name of its action."""
         if not self.agents:
             raise NotResetError("step() without a running episode; call reset() first")
-        if set(actions) != set(AGENTS):
-            raise ActionError(f"actions are for {sorted(actions)}, but each of {list(AGENTS)} needs one")
+        if not isinstance(actions, dict) or set(actions) != set(AGENTS):
+            raise ActionError(f"actions {actions!r} are not a dict with one action for each of {list(AGENTS)}")
         return {name: self._action_name(name, actions[name]) for name in AGENTS}
 
     def _action_name(self, robot: str, action: Any) -> str:

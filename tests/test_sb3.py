@@ -1,0 +1,56 @@
+"""Stable-Baselines3 takes the environments as they are."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium
+import pytest
+
+from chmarl_pb.envs.registration import ENV_IDS
+
+# Found without importing them: collecting the other tests stays quick.
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+@pytest.fixture(scope="module")
+def sb3() -> Any:
+    return pytest.importorskip("stable_baselines3")
+
+
+@pytest.fixture
+def make() -> Iterator[Callable[..., Any]]:
+    """``gym.make`` that closes what it made."""
+    made = []
+
+    def make(env_id: str, **options: Any) -> Any:
+        made.append(gymnasium.make(env_id, **options))
+        return made[-1]
+
+    yield make
+    for env in made:
+        env.close()
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_checker(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
+    from stable_baselines3.common.env_checker import check_env
+
+    check_env(make(env_id, image_size=64), warn=False)
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_ppo_takes_1000_steps(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
+    env = make(env_id, image_size=36)
+    model = sb3.PPO("MultiInputPolicy", env, n_steps=250, batch_size=125, n_epochs=1, seed=0, device="cpu")
+    model.learn(1000)
+    assert model.num_timesteps == 1000
+    observation, _ = env.reset(seed=0)
+    action, _ = model.predict(observation)
+    assert env.action_space.contains(action if getattr(action, "shape", ()) else int(action))
+
+
+def test_dqn_takes_the_flat_actions(sb3: Any, make: Callable[..., Any]) -> None:
+    env = make("CHMARL/SceneGraph-v0", flat_actions=True)
+    model = sb3.DQN("MultiInputPolicy", env, buffer_size=200, learning_starts=50, seed=0, device="cpu")
+    model.learn(100)
+    assert model.num_timesteps == 100
