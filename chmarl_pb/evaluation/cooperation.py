@@ -6,7 +6,7 @@ without hearing it, and by the humanoid alone. `chmarl-pb baselines --references
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -108,7 +108,7 @@ def read_reference(split: str) -> Reference | None:
     return Reference(data["max_steps"], {task: data["lengths"][task.id] for task in tasks})
 
 
-def reference_json(split: str, max_steps: int, episodes: dict[str, Sequence[Played]]) -> str:
+def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[Played]]) -> str:
     """Return the text of a split's reference file.
 
     Args:

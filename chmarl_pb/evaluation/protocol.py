@@ -16,7 +16,7 @@ from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.policies import Factory, Source, find_policy
-from chmarl_pb.evaluation.result import Report, in_order
+from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
@@ -39,6 +39,7 @@ def evaluate(
     image_size: int = 128,
     tasks: Sequence[Task | str] | None = None,
     out: Path | None = None,
+    reuse: bool = False,
     progress: Progress = lambda finished, total: None,
 ) -> Report:
     """Evaluate a policy; its numbers do not depend on the number of workers.
@@ -57,6 +58,7 @@ def evaluate(
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
             on after an interruption.
+        reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
 
     Raises:
@@ -70,6 +72,8 @@ def evaluate(
     if workers < 1:
         raise OptionError(f"workers={workers}: use at least 1")
     settings = _settings(source, options, chosen, seeds)
+    if out is not None and reuse and out.is_file() and (kept := load_result(out)).settings == settings:
+        return kept
     ledger = None if out is None else Ledger(out, settings)
     start = time.perf_counter()
     jobs = [(task, seed) for seed in seeds for task in chosen]
