@@ -133,8 +133,8 @@ DETOUR = Templates(
         "Instead of {done}, you should have {past} to get to {goal}.",
         "A quicker way to {goal} was to {base} instead of {done}.",
         "{doing} would have led you to {goal} sooner than {done}.",
-        "The shortest plan for you was to {base} instead of {done}.",
-        "If you want to get to {goal}, {doing} was better than {done}.",
+        "The shortest plan was to {base} instead of {done}.",
+        "To get to {goal}, {doing} would have been better than {done}.",
         "Rather than {done}, you should have {past}, because you need {goal}.",
     ),
     held_out=(
