@@ -1,5 +1,6 @@
 """The map: the home from above with both robots, their trails and what they see, X and the Ys."""
 
+from collections import deque
 from itertools import pairwise
 
 import cv2
@@ -20,7 +21,8 @@ BODY_RADIUS = 0.27  # metres of the humanoid's mark
 _ROTOR_ARM, _ROTOR_RADIUS = 0.24, 0.14  # metres of the drone's mark
 _RIM = 0.07  # metres of the white rim of marks
 _BADGE = 10  # pixels
-_TRAIL_WIDTH, _FADING, _FAINTEST = 3, 150, 0.3  # pixels, frames until a trail fades, and to what strength
+_TRAIL_WIDTH, _FADING = 3, 150  # pixels, and shots until a trail has faded
+_FRESHEST, _FAINTEST = 0.85, 0.3  # strength of a trail at first and at last
 _ARROW = ((0.0, 0.72), (2.45, 0.68), (np.pi, 0.25), (-2.45, 0.68))  # angle (radians), distance (radii)
 _SHIFT = 4  # binary digits of OpenCV's subpixel coordinates
 
@@ -37,20 +39,17 @@ class PlanMap:
         self.plan: PlanView = draw_plan(recording.home, width, height)
         self._item = recording.task.item
         self._item_badge = badge("X", ITEM, _BADGE)
+        self._trails: dict[str, deque[Point]] = {robot: deque() for robot in ROBOTS}
+        self._worn = {robot: np.zeros(self.plan.rgb.shape[:2], dtype=np.uint8) for robot in ROBOTS}
         self._base = self.plan.rgb.copy()
         for name in recording.targets:
             _stamp(self._base, badge("Y", TARGET, _BADGE), self.plan.pixel(*recording.home.receptacles[name].centre))
 
-    def draw(self, scene: Scene, trails: dict[str, list[Point]]) -> Image:
-        """Draw one moment.
-
-        Args:
-            scene: the moment.
-            trails: robot -> where it has been so far, one point (x, y in metres) a shot.
-        """
+    def draw(self, scene: Scene) -> Image:
+        """Draw the next moment; the trails grow to it."""
         picture = self._base.copy()
-        for robot, trail in trails.items():
-            self._draw_trail(picture, trail, ROBOTS[robot])
+        for robot, colour in ROBOTS.items():
+            _blend(picture, self._grow_trail(robot, scene), 1.0, colour)
         for robot, colour in ROBOTS.items():
             field = [self.plan.pixel(*point) for point in field_of_view(scene, robot)]
             _fill(picture, field, colour, 0.2 if robot == "humanoid" else 0.13)
@@ -60,15 +59,17 @@ class PlanMap:
             self._draw_robot(picture, scene, robot, ROBOTS[robot])
         return picture
 
-    def _draw_trail(self, picture: Image, trail: list[Point], colour: Colour) -> None:
-        strength = np.zeros(picture.shape[:2], dtype=np.uint8)
-        pixels = [self.plan.pixel(*point) for point in trail]
-        for number, (first, second) in enumerate(pairwise(pixels)):
-            if first != second:
-                fresh = max(0.0, 1 - (len(trail) - number) / _FADING)
-                shade = round(255 * (_FAINTEST + (0.85 - _FAINTEST) * fresh))
-                cv2.line(strength, _fixed(first), _fixed(second), shade, _TRAIL_WIDTH, cv2.LINE_AA, _SHIFT)
-        _blend(picture, strength[..., None] / np.float32(255), colour)
+    def _grow_trail(self, robot: str, scene: Scene) -> Image:
+        """Return how strong a robot's trail is in each pixel: fresh parts fade, older ones stay faint for good."""
+        trail, worn = self._trails[robot], self._worn[robot]
+        x, y, _ = scene.robots[robot][0]
+        trail.append(self.plan.pixel(x, y))
+        if len(trail) > _FADING:
+            _stroke(worn, trail.popleft(), trail[0], _FAINTEST)
+        strength = worn.copy()
+        for number, (first, second) in enumerate(pairwise(trail), start=_FADING - len(trail)):
+            _stroke(strength, first, second, _FAINTEST + (_FRESHEST - _FAINTEST) * number / _FADING)
+        return strength
 
     def _draw_robot(self, picture: Image, scene: Scene, robot: str, colour: Colour) -> None:
         discs, arrow = robot_mark(scene, robot)
@@ -112,15 +113,25 @@ def _fixed(point: Point) -> tuple[int, int]:
     return round(point[0] * 2**_SHIFT), round(point[1] * 2**_SHIFT)
 
 
+def _stroke(strength: Image, first: Point, second: Point, value: float) -> None:
+    """Draw a piece of a trail with a strength from 0 to 1."""
+    if first != second:
+        cv2.line(strength, _fixed(first), _fixed(second), round(255 * value), _TRAIL_WIDTH, cv2.LINE_AA, _SHIFT)
+
+
 def _fill(picture: Image, corners: list[Point], colour: Colour, strength: float) -> None:
     """Lay a translucent polygon with a soft edge over a picture."""
     mask = np.zeros(picture.shape[:2], dtype=np.uint8)
     cv2.fillPoly(mask, [np.array([_fixed(corner) for corner in corners], dtype=np.int32)], 255, cv2.LINE_AA, _SHIFT)
-    _blend(picture, mask[..., None] / np.float32(255) * np.float32(strength), colour)
+    _blend(picture, mask, strength, colour)
 
 
-def _blend(picture: Image, strength: NDArray[np.float32], colour: Colour) -> None:
-    picture[:] = picture + strength * (np.array(colour, dtype=np.float32) - picture) + 0.5
+def _blend(picture: Image, strength: Image, share: float, colour: Colour) -> None:
+    """Lay a share of a colour over a picture, as strongly as ``strength`` (0 to 255) says in each pixel."""
+    touched = strength > 0
+    under = picture[touched]
+    alpha = strength[touched, None] * np.float32(share / 255)
+    picture[touched] = under + alpha * (np.array(colour, dtype=np.float32) - under) + np.float32(0.5)
 
 
 def _stamp(picture: Image, sprite: Image, middle: Point) -> None:

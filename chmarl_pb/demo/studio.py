@@ -23,6 +23,7 @@ Image = NDArray[np.uint8]
 VIEW_SIZE = 400  # pixels of a finished view
 _FINE, _COARSE = 2, 1  # pixels drawn for each finished one, along a side: at rest, and in motion where it must be quick
 _CHUNK = 8  # shots that a process draws in a row
+_MOST_WORKERS = 8
 _FEW = 2 * _CHUNK  # shots that are not worth a second process
 
 
@@ -34,7 +35,7 @@ def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
         shots: what to draw.
     """
     jobs = [(home, shot) for shot in shots]
-    workers = os.cpu_count() or 1
+    workers = min(os.cpu_count() or 1, _MOST_WORKERS)
     if workers == 1 or len(jobs) <= _FEW:
         yield from map(_draw, jobs)
         return
