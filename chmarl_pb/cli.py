@@ -37,6 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_evaluate(commands)
     _add_baselines(commands)
+    _add_report(commands)
     _add_episode(commands)
     bench = _add(commands, "bench", "measure the speed on this machine", _bench)
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
@@ -110,6 +111,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     evaluate.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
     evaluate.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
     evaluate.add_argument("--max-steps", type=int, metavar="N", help="joint steps in an episode (default: 50)")
+    evaluate.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     evaluate.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     evaluate.add_argument(
         "--out", type=Path, metavar="JSON", help="write the result here; the same command goes on after an interruption"
@@ -126,6 +128,15 @@ def _add_baselines(commands: argparse._SubParsersAction) -> None:
     baselines.add_argument(
         "--references", type=Path, metavar="DIR", help="write the reference lengths of cooperation here"
     )
+
+
+def _add_report(commands: argparse._SubParsersAction) -> None:
+    report = _add(commands, "report", "gather results into one web page, beside the paper's", _report)
+    report.add_argument(
+        "results", type=Path, nargs="*", default=[Path("out/baselines")], metavar="RESULT.json",
+        help="result files or folders of them (default: out/baselines)",
+    )  # fmt: skip
+    report.add_argument("--out", type=Path, default=Path("out/report.html"), metavar="HTML", help="page to write")
 
 
 def _add_episode(commands: argparse._SubParsersAction) -> None:
@@ -226,6 +237,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     return run_evaluation(
         options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
         options.feedback, options.max_steps or MAX_STEPS, options.task, options.out,
+        options.label,
     )  # fmt: skip
 
 
@@ -234,6 +246,12 @@ def _baselines(options: argparse.Namespace) -> int:
     from chmarl_pb.tasks.splits import SPLITS
 
     return run_baselines(options.split or SPLITS, options.seeds, options.workers, options.out, options.references)
+
+
+def _report(options: argparse.Namespace) -> int:
+    from chmarl_pb.evaluation.report import write_report
+
+    return write_report(options.results, options.out)
 
 
 def _episode_save(options: argparse.Namespace) -> int:

@@ -13,14 +13,14 @@ from chmarl_pb.evaluation.result import Report
 
 def run_evaluation(
     policy: str, split: str, observation: str, seeds: int, workers: int, messages: bool, feedback: bool,
-    max_steps: int, tasks: list[str] | None, out: Path | None,
+    max_steps: int, tasks: list[str] | None, out: Path | None, label: str | None,
 ) -> int:  # fmt: skip
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     with progress_bar() as bar:
         row = bar.add_task(f"{policy} on {split}", total=None)
         report = evaluate(
-            policy, split, observation, range(seeds), workers, messages, feedback, max_steps, tasks=tasks, out=out,
-            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
+            policy, split, observation, range(seeds), workers, messages, feedback, max_steps, tasks=tasks,
+            out=out, label=label, progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
     if out is not None:

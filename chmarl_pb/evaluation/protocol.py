@@ -39,6 +39,7 @@ def evaluate(
     image_size: int = 128,
     tasks: Sequence[Task | str] | None = None,
     out: Path | None = None,
+    label: str | None = None,
     reuse: bool = False,
     progress: Progress = lambda finished, total: None,
 ) -> Report:
@@ -58,6 +59,7 @@ def evaluate(
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
             on after an interruption.
+        label: name of the row in reports; the policy's name if None.
         reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
 
@@ -78,7 +80,7 @@ def evaluate(
     start = time.perf_counter()
     jobs = [(task, seed) for seed in seeds for task in chosen]
     episodes = _played(Setup(policy, options), jobs, workers, ledger, progress)
-    report = Report(settings, _run(workers, time.perf_counter() - start), in_order(episodes, chosen))
+    report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
     if out is not None and ledger is not None:
         report.save(out)
         ledger.remove()
@@ -130,11 +132,11 @@ def _settings(source: Source, options: Options, tasks: Sequence[Task], seeds: Se
     }
 
 
-def _run(workers: int, seconds: float) -> dict[str, Any]:
+def _run(label: str | None, workers: int, seconds: float) -> dict[str, Any]:
     """Return how the numbers came about."""
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     date = datetime.now(timezone.utc).isoformat(timespec="seconds")
     return {
-        "command": command, "date": date, "seconds": round(seconds, 1), "workers": workers,
+        "label": label, "command": command, "date": date, "seconds": round(seconds, 1), "workers": workers,
         "versions": versions(), "machine": machine(),
     }  # fmt: skip

@@ -1,0 +1,141 @@
+"""The report's tables: the paper's numbers beside ours in the same layout, and all results one by one."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+import numpy as np
+
+from chmarl_pb.evaluation.metrics import Figure, Summary
+from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
+from chmarl_pb.evaluation.result import Report
+
+_NONE = "-"
+
+
+def paper_table(table: PaperTable, reports: Sequence[Report], others: bool) -> str:
+    """Return one of the paper's tables as HTML; each cell holds the paper's number and, below it, ours.
+
+    Args:
+        table: of the paper.
+        reports: our results.
+        others: whether to add rows for those of our results that the paper has no row for.
+    """
+    rows = [_paper_row(table, row, reports) for row in table.rows]
+    if others:
+        rows += _other_rows(table, reports)
+    groups = "".join(f'<th colspan="{len(SPLITS)}">{name} (%)</th>' for name in ("Success rate", "PLW"))
+    splits = "".join(f"<th>{split}</th>" for split in SPLITS * 2)
+    head = f'<tr><th rowspan="2">policy</th><th rowspan="2"></th>{groups}</tr><tr>{splits}</tr>'
+    return f"<h3>{escape(table.title)}</h3>{_table(head, rows)}"
+
+
+def _paper_row(table: PaperTable, row: Row, reports: Sequence[Report]) -> str:
+    same = [report for report in reports if _stands_beside(row, report)]
+    name = row.name
+    if len({(other.observation, other.feedback) for other in table.rows}) > 1:
+        name = f"{row.observation.replace('_', ' ')}, {'feedback' if row.feedback else 'none'}"
+    paper = "".join(f"<td>{value:.2f}</td>" for value in (*row.success, *row.plw))
+    return (
+        f'<tr class="paper"><th rowspan="2">{escape(name)}</th><td>paper</td>{paper}</tr>'
+        f'<tr class="ours"><td>ours</td>{_our_cells(same)}</tr>'
+    )
+
+
+def _stands_beside(row: Row, report: Report) -> bool:
+    settings = report.settings
+    return (
+        label_of(report).casefold() == row.name.casefold()
+        and settings["observation"] == row.observation
+        and bool(settings["options"]["feedback"]) == row.feedback
+    )
+
+
+def _other_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
+    """Return rows of our results of the table's observation that stand beside none of its rows."""
+    observation = table.rows[0].observation
+    left: dict[str, list[Report]] = {}
+    for report in reports:
+        if report.settings["observation"] == observation and not any(_stands_beside(row, report) for row in table.rows):
+            left.setdefault(title_of(report), []).append(report)
+    return [
+        f'<tr class="ours"><th>{escape(name)}</th><td>ours</td>{_our_cells(same)}</tr>' for name, same in left.items()
+    ]
+
+
+def _our_cells(reports: Sequence[Report]) -> str:
+    cells = []
+    for metric in ("success_rate", "plw"):
+        for split in SPLITS:
+            values = [100 * getattr(report, metric) for report in reports if report.settings["split"] == split]
+            cells.append(f"<td>{_mean_of(values)}</td>")
+    return "".join(cells)
+
+
+def _mean_of(values: Sequence[float]) -> str:
+    if not values:
+        return _NONE
+    deviation = f"<small> ± {np.std(values, ddof=1):.2f}</small>" if len(values) > 1 else ""
+    return f"{np.mean(values):.2f}{deviation}"
+
+
+def result_table(reports: Sequence[Report]) -> str:
+    """Return a table of all results, one row each."""
+    head = (
+        "<tr><th>policy</th><th>split</th><th>observation</th><th>tasks</th><th>seeds</th><th>success %</th>"
+        "<th>PLW %</th><th>steps if solved</th><th>final potential</th><th>gain from cooperation</th></tr>"
+    )
+    return _table(head, map(_result_row, reports))
+
+
+def _result_row(report: Report) -> str:
+    settings, summary = report.settings, report.summary
+    gain = report.cooperation
+    share = _NONE if gain is None or gain.share is None else f"{100 * gain.share:.0f} %"
+    values = (
+        settings["split"], settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
+        _rate(summary.success_rate), _rate(summary.plw), _plain(summary.length_on_success),
+        _plain(summary.final_potential), share,
+    )  # fmt: skip
+    return f"<tr><th>{escape(title_of(report))}</th>{''.join(f'<td>{value}</td>' for value in values)}</tr>"
+
+
+def group_table(title: str, summaries: dict[str, Summary]) -> str:
+    """Return a table of the metrics of homes or classes, folded."""
+    head = "<tr><th></th><th>episodes</th><th>success %</th><th>PLW %</th><th>steps if solved</th></tr>"
+    rows = (
+        f"<tr><th>{escape(name.replace('_', ' '))}</th><td>{summary.episodes}</td>"
+        f"<td>{_rate(summary.success_rate)}</td><td>{_rate(summary.plw)}</td><td>{_plain(summary.length_on_success)}</td></tr>"
+        for name, summary in summaries.items()
+    )
+    return f"<details><summary>{escape(title)}</summary>{_table(head, rows)}</details>"
+
+
+def label_of(report: Report) -> str:
+    """Return the label under which a result is shown: the given one, else the policy's name."""
+    return str(report.run.get("label") or report.settings["policy"])
+
+
+def title_of(report: Report) -> str:
+    """Return a result's label and what was switched off."""
+    off = [name for name in ("messages", "feedback") if not report.settings["options"][name]]
+    return label_of(report) + (f" (no {', no '.join(off)})" if off else "")
+
+
+def _table(head: str, rows: Iterable[str]) -> str:
+    return f'<div class="wide"><table><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
+
+
+def _rate(figure: Figure) -> str:
+    """Return mean, deviation over seeds and interval of a rate in per cent."""
+    if figure.mean is None:
+        return _NONE
+    text = f"{100 * figure.mean:.2f}"
+    if figure.deviation is not None:
+        text += f"<small> ± {100 * figure.deviation:.2f}</small>"
+    if figure.low is not None and figure.high is not None:
+        text += f"<br><small>{100 * figure.low:.1f} to {100 * figure.high:.1f}</small>"
+    return text
+
+
+def _plain(figure: Figure) -> str:
+    return _NONE if figure.mean is None else f"{figure.mean:.1f}"
