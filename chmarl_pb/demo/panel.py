@@ -98,7 +98,7 @@ def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, kno
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
     told = now.feedback[robot] if known is now else ""
     seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
-    lines = [(line, MUTED) for line in wrap(f"Sees {seen}", 14, width, 2 if told else 4)]
+    lines = [(line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if told else 4)]
     lines += [(line, _AMBER) for line in wrap(told, 14, width, 3)] if told else []
     for number, (line, colour) in enumerate(lines):
         sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, colour)
