@@ -8,13 +8,16 @@ import pytest
 
 from chmarl_pb.envs.registration import ENV_IDS
 
-# Found without importing them: collecting the other tests stays quick.
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
 
 @pytest.fixture(scope="module")
 def sb3() -> Any:
-    return pytest.importorskip("stable_baselines3")
+    found = pytest.importorskip("stable_baselines3")
+    import torch
+
+    torch.set_num_threads(1)  # the networks are small: more threads only wait for each other
+    return found
 
 
 @pytest.fixture
@@ -38,19 +41,29 @@ def test_checker(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
     check_env(make(env_id, image_size=64), warn=False)
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
-def test_ppo_takes_1000_steps(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
-    env = make(env_id, image_size=36)
-    model = sb3.PPO("MultiInputPolicy", env, n_steps=250, batch_size=125, n_epochs=1, seed=0, device="cpu")
-    model.learn(1000)
-    assert model.num_timesteps == 1000
+def learn(sb3: Any, env: Any, steps: int) -> None:
+    """Learn by PPO for some steps and act once."""
+    model = sb3.PPO("MultiInputPolicy", env, n_steps=steps // 4, batch_size=steps // 4, n_epochs=1, device="cpu")
+    model.learn(steps)
+    assert model.num_timesteps == steps
     observation, _ = env.reset(seed=0)
     action, _ = model.predict(observation)
     assert env.action_space.contains(action if getattr(action, "shape", ()) else int(action))
 
 
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_ppo_learns(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
+    learn(sb3, make(env_id, image_size=36), 100)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_ppo_takes_1000_steps(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
+    learn(sb3, make(env_id), 1000)
+
+
 def test_dqn_takes_the_flat_actions(sb3: Any, make: Callable[..., Any]) -> None:
     env = make("CHMARL/SceneGraph-v0", flat_actions=True)
-    model = sb3.DQN("MultiInputPolicy", env, buffer_size=200, learning_starts=50, seed=0, device="cpu")
-    model.learn(100)
-    assert model.num_timesteps == 100
+    model = sb3.DQN("MultiInputPolicy", env, buffer_size=200, learning_starts=30, seed=0, device="cpu")
+    model.learn(60)
+    assert model.num_timesteps == 60
