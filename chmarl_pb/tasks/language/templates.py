@@ -91,16 +91,16 @@ MISSED_PICK = Templates(
         "Instead of {done}, you should have picked up {the_x}.",
         "Rather than {done}, you should have reached for {the_x}.",
         "It was time to pick up {the_x} instead of {done}.",
-        "Picking up {the_x} right away would have been better than {done}.",
-        "Next time, pick up {the_x} when you see {it} instead of {done}.",
+        "Picking up {the_x} would have been better than {done}.",
+        "Next time, pick up {the_x} instead of {done}.",
         "You could have picked up {the_x}, but you were busy {done}.",
     ),
     held_out=(
-        "{done} cost you a step: you could have taken {the_x} at once.",
+        "{done} cost you a step: you could have taken {the_x}.",
         "What was the point of {done} with {the_x} in view?",
         "The correct choice was to take hold of {the_x}, not {done}.",
         "You overlooked {the_x}: a pick would have beaten {done}.",
-        "With {the_x} visible, a pick would have been wiser than {done}.",
+        "With {the_x} visible, a pick was wiser than {done}.",
     ),
 )
 
@@ -112,8 +112,8 @@ MISSED_PLACE = Templates(
         "{y} was in view: place {the_x} there instead of {done}.",
         "Instead of {done}, you should have placed {the_x} on {y}.",
         "Rather than {done}, you should have set {it} on {y}.",
-        "It was time to place {the_x} on {y} instead of {done}.",
-        "Placing {it} on {y} right away was better than {done}.",
+        "It was time to place {it} on {y} instead of {done}.",
+        "Placing {it} on {y} was better than {done}.",
         "Next time, place {the_x} on {y} instead of {done}.",
         "You could have placed {it} on {y}, but you were busy {done}.",
     ),
@@ -122,7 +122,7 @@ MISSED_PLACE = Templates(
         "What was the point of {done} with {y} in view?",
         "The correct choice was to leave {it} on {y}, not {done}.",
         "You overlooked {y}: setting {it} down would have beaten {done}.",
-        "With {y} visible, setting {it} down would have been wiser than {done}.",
+        "With {y} visible, setting {it} down was wiser than {done}.",
     ),
 )
 
