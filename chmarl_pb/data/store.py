@@ -82,15 +82,15 @@ def is_whole(path: Path) -> bool:
 def join_parts(root: Path, recipe: Recipe, parts: list[Path]) -> Path:
     """Join episodes to a data set, whole or not at all, and remove them; return its folder."""
     folder = dataset_folder(root, recipe.dataset_id)
-    making = parts[0].parent / "joined"
-    shutil.rmtree(making, ignore_errors=True)
+    making = parts[0].parent / f"joined.{os.getpid()}"
     making.mkdir()
     storage = _new_storage(making / "data", recipe)
     steps = _copy(parts, making / "data" / MAIN_FILE)
     storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
     making.replace(folder)
     _describe_namespace(root)
-    shutil.rmtree(parts[0].parent)
+    for parts_of_any_version in parts[0].parent.parent.glob(f"{folder.name}-*"):
+        shutil.rmtree(parts_of_any_version)
     return folder
 
 
