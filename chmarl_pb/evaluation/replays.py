@@ -100,9 +100,9 @@ def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:
         actions = "".join(
             f"<td>{kinds[number].replace('_', ' ')}</td>" for kinds, number in zip(names, numbers, strict=True)
         )
-        rows.append(f"<tr><td>{step}</td>{actions}<td>{reward:+.0f}</td></tr>")
+        rows.append(f"<tr><td>{step}</td>{actions}<td>{f'{reward:+.0f}' if reward else 0}</td></tr>")
     head = "<tr><th>step</th><th>humanoid</th><th>drone</th><th>reward</th></tr>"
-    return f'<table class="steps"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table>'
+    return f'<div class="scroll"><table class="steps"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
 
 
 def _drawing(env: HouseholdEnv, tracker: _Tracker) -> str:

@@ -81,12 +81,9 @@ def _curves(reports: Sequence[Report]) -> list[str]:
 
 def _groups(report: Report) -> str:
     name = f"{title_of(report)}, {report.settings['split']}, {report.settings['observation'].replace('_', ' ')}"
-    classes = report.per_class
-    return (
-        group_table(f"{name}: homes", report.per_home)
-        + group_table(f"{name}: objects", classes["graspable"])
-        + group_table(f"{name}: target receptacles", classes["target"])
-    )
+    tables = [group_table("home", report.per_home)]
+    tables += [group_table(role, summaries) for role, summaries in report.per_class.items()]
+    return f"<details><summary>{escape(name)}</summary>{''.join(tables)}</details>"
 
 
 def _source(report: Report) -> str:

@@ -100,14 +100,14 @@ def _result_row(report: Report) -> str:
 
 
 def group_table(title: str, summaries: dict[str, Summary]) -> str:
-    """Return a table of the metrics of homes or classes, folded."""
-    head = "<tr><th></th><th>episodes</th><th>success %</th><th>PLW %</th><th>steps if solved</th></tr>"
+    """Return a table of the metrics of homes or classes."""
+    head = f"<tr><th>{escape(title)}</th><th>episodes</th><th>success %</th><th>PLW %</th><th>steps if solved</th></tr>"
     rows = (
         f"<tr><th>{escape(name.replace('_', ' '))}</th><td>{summary.episodes}</td>"
         f"<td>{_rate(summary.success_rate)}</td><td>{_rate(summary.plw)}</td><td>{_plain(summary.length_on_success)}</td></tr>"
         for name, summary in summaries.items()
     )
-    return f"<details><summary>{escape(title)}</summary>{_table(head, rows)}</details>"
+    return _table(head, rows)
 
 
 def label_of(report: Report) -> str:
