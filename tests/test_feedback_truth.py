@@ -7,6 +7,7 @@ import pytest
 from feedback_reader import read
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.state_hash import state_hash
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.task import Task
 
@@ -175,3 +176,14 @@ def test_something_is_said_exactly_when_a_pick_or_place_was_missed(env: Househol
             assert np.count_nonzero(tokens) == len(language.words(text)), text
             told += bool(text)
     assert told > 20
+
+
+def test_advice_leaves_the_world_alone(
+    env: HouseholdEnv, planner_env: HouseholdEnv, twin: HouseholdEnv, tasks: list[Task]
+) -> None:
+    hashes = {
+        (number, style): [state_hash(watched) for _ in played(watched, task, number, 0.5)]
+        for number, task in enumerate(tasks[:3])
+        for style, watched in (("paper", env), ("planner", planner_env), ("none", twin))
+    }
+    assert all(states == hashes[number, "none"] for (number, _), states in hashes.items())
