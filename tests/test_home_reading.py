@@ -1,5 +1,6 @@
 """A home is read from its URDF alone; what is unsafe, broken or unplayable is refused with a message that helps."""
 
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -308,3 +309,32 @@ def test_benchmark_home_has_no_problems(number: int) -> None:
 def test_homes_of_training_hold_all_receptacle_classes() -> None:
     homes = [load_home(f"home_{number}") for number in range(1, 6)]
     assert len({thing.class_name for home in homes for thing in home.receptacles.values()}) == 16
+
+
+def test_files_that_a_mesh_names_stay_in_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "cube.mtl").write_text("newmtl m\nmap_Kd ../../secret.png\n")
+    (tmp_path / "cube.obj").write_text(
+        "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 1 3 4\n"
+    )
+    home = tmp_path / "home.urdf"
+    home.write_text(
+        '<robot name="h"><link name="home"/>\n<link name="kitchen/stove_1"><visual><geometry>\n'
+        '<mesh filename="cube.obj"/></geometry></visual></link>\n<joint name="j" type="fixed">\n'
+        '<parent link="home"/><child link="kitchen/stove_1"/></joint></robot>'
+    )
+    with pytest.raises(HomeError, match=r"kitchen/stove_1.*secret\.png"):
+        load_home(home)
+
+
+def test_a_very_long_chain_of_links_is_read(tmp_path: Path) -> None:
+    names = ["home", *(f"frame_{number}" for number in range(1500))]
+    joints = itertools.pairwise(names)
+    home = tmp_path / "home.urdf"
+    lines = [f'<link name="{name}"/>' for name in names]
+    lines += [
+        f'<joint name="to_{child}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for parent, child in joints
+    ]
+    home.write_text("\n".join(['<robot name="h">', *lines, "</robot>"]))
+    with pytest.raises(HomeError, match="no floor"):
+        load_home(home)

@@ -1,5 +1,6 @@
 """Read the URDF of a home into links with their convex solids, refusing what is unsafe or broken."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,22 @@ def _check_files(path: Path, root: ElementTree.Element) -> None:
                 raise HomeError(f"{label} is of an unknown kind; use {', '.join(sorted(_MESH_ENDINGS))}")
             if not target.is_file():
                 raise HomeError(f"{label} does not exist; add the file {target.name} or remove the {element.tag}")
+            for inner in _referred_files(target):
+                if not (target.parent / inner).resolve().is_relative_to(folder):
+                    raise HomeError(f"{label} refers to {inner!r}, which leaves the home's folder; copy it there")
+
+
+def _referred_files(file: Path) -> Iterator[str]:
+    """Yield the files that an OBJ mesh names: its material libraries, and their textures."""
+    if file.suffix.lower() not in (".obj", ".mtl") or not file.is_file():
+        return
+    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+        keyword, _, name = line.strip().partition(" ")
+        if keyword == "mtllib":
+            yield name
+            yield from _referred_files(file.parent / name)
+        elif keyword.startswith(("map_", "bump", "disp", "decal", "refl")):
+            yield name.split()[-1] if name.split() else ""
 
 
 def _check_shapes(path: Path, root: ElementTree.Element) -> None:
@@ -162,18 +179,17 @@ def _frames(path: Path, model: Any) -> dict[str, Points]:
     """Return the world frame (4 x 4) of every link."""
     joints = {joint.child: joint for joint in model.joints}
     frames: dict[str, Points] = {}
-
-    def frame(name: str, depth: int = 0) -> Points:
-        if depth > len(model.links):
-            raise HomeError(f"{path}: link {name!r} is its own ancestor; a URDF is a tree")
-        if name not in frames:
-            joint = joints.get(name)
-            origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
-            frames[name] = origin if joint is None else frame(joint.parent, depth + 1) @ origin
-        return frames[name]
-
     for link in model.links:
-        frame(link.name)
+        chain = [link.name]
+        while chain[-1] in joints and chain[-1] not in frames:
+            chain.append(joints[chain[-1]].parent)
+            if len(chain) > len(model.links):
+                raise HomeError(f"{path}: link {link.name!r} is its own ancestor; a URDF is a tree")
+        for name in reversed(chain):
+            if name not in frames:
+                joint = joints.get(name)
+                origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
+                frames[name] = origin if joint is None else frames[joint.parent] @ origin
     return frames
 
 
