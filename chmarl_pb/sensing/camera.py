@@ -53,12 +53,12 @@ class Picture:
     Attributes:
         colour: (size, size) uint32, the four bytes of each pixel's RGBA as one number.
         depth: (size, size) float32, TinyRenderer's depth buffer in [0, 1].
-        segmentation: (size, size) int32; meaning as the maker of the picture says.
+        segmentation: (size, size) integers; meaning as the maker of the picture says.
     """
 
     colour: NDArray[np.uint32]
     depth: NDArray[np.float32]
-    segmentation: NDArray[np.int32]
+    segmentation: NDArray[np.integer]
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

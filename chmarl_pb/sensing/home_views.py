@@ -6,7 +6,7 @@ moves (see :mod:`chmarl_pb.sensing.movables`).
 
 from collections import OrderedDict
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 import pybullet
@@ -18,7 +18,7 @@ from chmarl_pb.sensing.camera import Picture, Vector, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
 from chmarl_pb.world import load_home_body, quiet
 
-_CAPACITY = 256 * 2**20  # bytes of kept pictures per home
+CAPACITY = 384 * 2**20  # bytes of kept pictures in this process
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class HomeView:
         return count_pixels(self.picture.segmentation, 0)
 
 
-def count_pixels(segmentation: NDArray[np.int32], length: int) -> NDArray[np.int64]:
+def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
     """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
     return np.bincount(segmentation.ravel() + 1, minlength=length + 1)[1:]
 
@@ -53,8 +53,7 @@ class HomeViews:
         self.client = pybullet.connect(pybullet.DIRECT)
         with quiet():
             load_home_body(self.client, home)
-        self._kept: OrderedDict[tuple[str, int, int], HomeView] = OrderedDict()
-        self._bytes = 0
+        self._kept = _kept()
 
     def look(self, robot: str, pose: int, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
@@ -64,22 +63,46 @@ class HomeViews:
             pose: its pose on its lattice.
             size: width and height in pixels.
         """
-        key = (robot, pose, size)
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        view = view_matrix(eye(self.space, robot, pose))
-        drawn = render(self.client, CAMERAS[robot], view, size)
-        links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1)
-        kept = HomeView(view, Picture(drawn.colour, drawn.depth, links))
-        self._keep(key, kept)
-        return kept
+        key = (self.client, robot, pose, size)
+        view = self._kept.get(key)
+        if view is None:
+            matrix = view_matrix(eye(self.space, robot, pose))
+            drawn = render(self.client, CAMERAS[robot], matrix, size)
+            links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
+            view = HomeView(matrix, Picture(drawn.colour, drawn.depth, links))
+            self._kept.put(key, view)
+        return view
 
-    def _keep(self, key: tuple[str, int, int], view: HomeView) -> None:
-        self._kept[key] = view
+
+Key = tuple[int, str, int, int]  # client, robot, pose, size
+
+
+class KeptViews:
+    """The views of all homes of this process; those that were not used for longest give way."""
+
+    def __init__(self, capacity: int):
+        """Keep at most this many bytes of pictures."""
+        self._capacity, self._bytes = capacity, 0
+        self._views: OrderedDict[Key, HomeView] = OrderedDict()
+
+    def get(self, key: Key) -> HomeView | None:
+        """Return a kept view, or None."""
+        view = self._views.get(key)
+        if view is not None:
+            self._views.move_to_end(key)
+        return view
+
+    def put(self, key: Key, view: HomeView) -> None:
+        """Keep a view."""
+        self._views[key] = view
         self._bytes += _size(view)
-        while self._bytes > _CAPACITY:
-            self._bytes -= _size(self._kept.popitem(last=False)[1])
+        while self._bytes > self._capacity:
+            self._bytes -= _size(self._views.popitem(last=False)[1])
+
+
+@cache
+def _kept() -> KeptViews:
+    return KeptViews(CAPACITY)
 
 
 def _size(view: HomeView) -> int:
