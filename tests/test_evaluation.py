@@ -333,7 +333,9 @@ def test_cooperation_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     alone = cooperation(of_split(split, lengths["search-alone"]), split, 50)
     assert alone is not None and (alone.share, alone.steps_saved, alone.faster) == pytest.approx((0, 0, 0))
     assert cooperation([], split, 50) is None
-    assert cooperation(of_split(split, lengths["search"]), split, 30) is None  # another max_steps
+    assert cooperation(of_split(split, lengths["search"]), split, 60) is None  # cut later than the references
+    cut = cooperation(of_split(split, lambda task: task.optimal_steps), split, 1)
+    assert cut is not None and (cut.plw_alone, cut.plw_search) == (0, 0)  # no reference is as short as one step
     (tmp_path / f"{split}.json").write_text(text.replace('"tasks": "', '"tasks": "0'))
     read_reference.cache_clear()
     assert read_reference(split) is None  # of other tasks

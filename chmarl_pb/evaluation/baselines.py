@@ -14,7 +14,7 @@ from chmarl_pb.evaluation.policies import BUILT_IN
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report, write_atomically
 
-_CUTS = range(20, MAX_STEPS + 1, 5)  # joint steps
+_CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
 
 
 def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, references: Path | None) -> int:

@@ -73,16 +73,17 @@ def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Coope
     Args:
         episodes: of the policy, all seeds.
         split: that they belong to.
-        max_steps: joint steps after which they were cut.
+        max_steps: joint steps after which they were cut; the reference lengths are cut there, too.
     """
     reference = read_reference(split)
     own = _lengths(episodes)
-    if reference is None or reference.max_steps != max_steps or not own or not own.keys() <= reference.lengths.keys():
+    if reference is None or reference.max_steps < max_steps or not own or not own.keys() <= reference.lengths.keys():
         return None
-    plw = {name: fmean(_score(task, reference.lengths[task][name]) for task in own) for name in VARIANTS}
+    known = {task: {name: _cut(reference.lengths[task][name], max_steps) for name in VARIANTS} for task in own}
+    plw = {name: fmean(_score(task, known[task][name]) for task in own) for name in VARIANTS}
     plw_own = fmean(_score(task, own[task]) for task in own)
-    saved = [_steps(reference.lengths[task][ALONE], max_steps) - _steps(own[task], max_steps) for task in own]
-    possible = [_steps(reference.lengths[task][ALONE], max_steps) - task.optimal_steps for task in own]
+    saved = [_steps(known[task][ALONE], max_steps) - _steps(own[task], max_steps) for task in own]
+    possible = [_steps(known[task][ALONE], max_steps) - task.optimal_steps for task in own]
     return Cooperation(
         len(own), plw[ALONE], plw[SILENT], plw[SEARCH], plw_own,
         gain_share(plw_own, plw[ALONE]), gain_share(plw[SEARCH], plw[ALONE]),
@@ -134,6 +135,11 @@ def _lengths(episodes: Sequence[Played]) -> dict[Task, list[int | None]]:
     for episode in sorted(episodes, key=lambda episode: episode.seed):
         lengths[episode.task].append(episode.steps if episode.success else None)
     return dict(lengths)
+
+
+def _cut(lengths: Sequence[int | None], max_steps: int) -> list[int | None]:
+    """Return the lengths that episodes cut at ``max_steps`` would have had."""
+    return [None if steps is None or steps > max_steps else steps for steps in lengths]
 
 
 def _score(task: Task, lengths: Sequence[int | None]) -> float:
