@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from chmarl_pb.cli import main
+from chmarl_pb.demo.record import record_file
 from chmarl_pb.envs.episode_file import EpisodeFile, load_episode, record_episode, replay_episode, save_episode
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import make_policy
@@ -40,6 +41,13 @@ def test_replay_after_other_episodes_is_the_same(env: HouseholdEnv) -> None:
     for task in load_tasks("test-unseen")[:3]:
         file = record_episode(env, policy, "planner", 0, task)
     assert file.success and replay_episode(file) is None
+
+
+def test_an_episode_can_be_shown(episode: EpisodeFile) -> None:
+    """The demo plays the actions with driven motions; they end in the same way, also where the episode was cut."""
+    recording = record_file(episode)
+    assert (recording.steps, recording.success, recording.policy) == (20, episode.success, "random")
+    assert [moment.reward for moment in recording.moments[1:]] == list(episode.rewards)
 
 
 @pytest.mark.parametrize(
