@@ -518,7 +518,7 @@ def test_a_reset_that_fails_leaves_no_half_episode(env: HouseholdEnv) -> None:
 
 
 BAD_ACTIONS: list[Any] = [
-    -1, 10, 10**30, 1.0, 1.5, float("nan"), "1", None, True, [1, 2], np.array([1.0]), np.float32(2), object(),
+    -1, 10, 10**30, 1.0, 1.5, float("nan"), "1", None, True, [1, 2], np.array([1.0]), np.float32(2), object,
 ]  # fmt: skip
 
 
