@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import chmarl_pb
-from chmarl_pb.envs.options import OBSERVATIONS
+from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS
 from chmarl_pb.envs.provenance import home_hash, source_hash, tasks_hash
 from chmarl_pb.errors import OptionError
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
@@ -79,6 +79,7 @@ class Recipe:
             "noise": float(self.noise),
             "format": FORMAT,
             "version": chmarl_pb.__version__,
+            "max_steps": MAX_STEPS,
             "tasks_sha256": tasks_hash(self.tasks),
             "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in self.tasks})},
         }
