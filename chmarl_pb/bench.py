@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.tasks.splits import load_tasks
 
 RUNS = 5
 _WARM_UP, _COUNTED = 300, 500  # joint steps
@@ -43,6 +44,7 @@ def bench(runs: int = RUNS) -> Iterator[Row]:
     with_graphs = HouseholdEnv(split=_SPLIT)
     yield _row("scene graph, both robots", "joint steps/s", partial(_steps_per_second, with_graphs), runs)
     yield _row("reset", "resets/s", partial(_resets_per_second, with_graphs), runs)
+    yield _row("planner, one task", "ms", partial(_planning_milliseconds, with_graphs), runs)
     with_graphs.close()
     for size in (64, 128, 224):
         env = HouseholdEnv("visual", split=_SPLIT, image_size=size)
@@ -83,6 +85,17 @@ def _resets_per_second(env: HouseholdEnv) -> float:
     for _ in range(50):
         env.reset()
     return 50 / (time.perf_counter() - start)
+
+
+def _planning_milliseconds(env: HouseholdEnv) -> float:
+    """Return the median time that the planner takes for a task of the split; the first run also draws the views."""
+    times = []
+    for task in load_tasks(_SPLIT):
+        env.reset(options={"task": task})
+        start = time.perf_counter()
+        env.stage.oracle.plan(env.setting.goal)
+        times.append(1000 * (time.perf_counter() - start))
+    return statistics.median(times)
 
 
 _MEMORY = """
