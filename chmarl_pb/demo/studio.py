@@ -1,10 +1,8 @@
 """Draws the robots' views of all shots, on all processors."""
 
 import os
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,6 +15,7 @@ from chmarl_pb.demo.film import Shot
 from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.sensing.replay import Replay
+from chmarl_pb.world import quiet
 
 Image = NDArray[np.uint8]
 
@@ -40,7 +39,7 @@ def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
         yield from map(_draw, jobs)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        with _silent_errors():
+        with quiet(2):  # workers inherit it: PyBullet greets on stderr when it is imported
             views = pool.map(_draw, jobs, chunksize=_CHUNK)
         yield from views
 
@@ -54,20 +53,6 @@ def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:
 
 def _shrink(picture: Image) -> Image:
     return np.asarray(cv2.resize(picture, (VIEW_SIZE, VIEW_SIZE), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-@contextmanager
-def _silent_errors() -> Iterator[None]:
-    """Let processes that start meanwhile inherit a mute stderr: PyBullet greets there when it is imported."""
-    sys.stderr.flush()
-    saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(sink)
 
 
 @cache

@@ -18,14 +18,14 @@ def eye(space: Space, robot: str, pose: int) -> Pose:
     """Return the camera's pose in the world for a robot's lattice pose."""
     if robot == "drone":
         x, y = space.drone_lattice.points[pose]
-        return (float(x), float(y), DRONE_HEIGHT + DRONE_EYE), _quaternion(DRONE_HEADING, np.pi / 2)
+        return (float(x), float(y), DRONE_HEIGHT + DRONE_EYE), looking(DRONE_HEADING, np.pi / 2)
     x, y, yaw = space.lattice.pose(pose)
     forward, _, height = HUMANOID_EYE
     position = (x + forward * float(np.cos(yaw)), y + forward * float(np.sin(yaw)), height)
-    return position, _quaternion(yaw, PITCH)
+    return position, looking(yaw, PITCH)
 
 
-def _quaternion(yaw: float, pitch: float) -> tuple[float, float, float, float]:
-    """Return the orientation (x, y, z, w) of a turn about z after one down about y, radians."""
+def looking(yaw: float, pitch: float) -> tuple[float, float, float, float]:
+    """Return the orientation (x, y, z, w) of a camera turned by a yaw and then down by a pitch, radians."""
     cy, sy, cp, sp = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     return float(-sy * sp), float(cy * sp), float(sy * cp), float(cy * cp)

@@ -14,7 +14,7 @@ from chmarl_pb.homes.lattice import DRONE_HEADING
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.execution import Snapshot
 from chmarl_pb.sensing.camera import Picture, render, view_matrix
-from chmarl_pb.sensing.eyes import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH
+from chmarl_pb.sensing.eyes import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH, looking
 from chmarl_pb.sensing.home_views import home_views
 from chmarl_pb.sensing.movables import merge, movables
 from chmarl_pb.world import Pose, Vector, World
@@ -38,12 +38,12 @@ class Scene:
         """Return the pose of link "camera" of a robot; its +x looks along the line of sight."""
         (x, y, z), quaternion = self.robots[robot]
         if robot == "drone":
-            return (x, y, z + DRONE_EYE), _looking(DRONE_HEADING, np.pi / 2)
+            return (x, y, z + DRONE_EYE), looking(DRONE_HEADING, np.pi / 2)
         heading = yaw(quaternion)
         forward, _, height = HUMANOID_EYE
         lift = self.arm[0]
         position = (x + forward * float(np.cos(heading)), y + forward * float(np.sin(heading)), height + lift)
-        return position, _looking(heading, PITCH)
+        return position, looking(heading, PITCH)
 
 
 def scene_of(world: World) -> Scene:
@@ -99,9 +99,3 @@ class Replay:
 def yaw(quaternion: Vector) -> float:
     """Return the angle about z in radians of an upright orientation (x, y, z, w)."""
     return float(2 * np.arctan2(quaternion[2], quaternion[3]))
-
-
-def _looking(heading: float, pitch: float) -> Vector:
-    """Return the orientation of a camera turned by a heading and then down by a pitch, radians."""
-    cy, sy, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(pitch / 2), np.sin(pitch / 2)
-    return float(-sy * sp), float(cy * sp), float(sy * cp), float(cy * cp)

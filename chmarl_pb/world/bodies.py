@@ -87,14 +87,19 @@ def link_names(client: int, body: int) -> Iterator[str]:
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Silence what the Bullet library prints from C while loading."""
+def quiet(descriptor: int = 1) -> Iterator[None]:
+    """Silence what the Bullet library, or a process that starts meanwhile, prints from C.
+
+    Args:
+        descriptor: 1 for standard output, 2 for standard error.
+    """
     sys.stdout.flush()
-    saved, sink = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
+    sys.stderr.flush()
+    saved, sink = os.dup(descriptor), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, descriptor)
     try:
         yield
     finally:
-        os.dup2(saved, 1)
+        os.dup2(saved, descriptor)
         os.close(saved)
         os.close(sink)
