@@ -1,5 +1,6 @@
 """The benchmark's tasks: files, refusals, and the home that a task's seed lays out."""
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.setting import receptacles_of
-from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
+from chmarl_pb.tasks.splits import FIELDS, FOLDER, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
 from chmarl_pb.tasks.task import Task
 
 GOOD = dict(id="t-1", home="home_1", graspable="mug", source="bed", target="desk", seed=3, optimal_steps=5)
@@ -199,3 +200,10 @@ def test_everything_is_inside_the_home(stage: Stage, tasks: list[Task]) -> None:
             assert any(inside(floor, np.array([x, y])) for floor in floors) and 0.2 < z < 1.6
         assert stage.humanoid.pose == setting.humanoid and stage.drone.pose == setting.drone
         assert set(setting.states) == {thing.name for thing in stage.home.things} | set(stage.world.objects)
+
+
+def test_task_files_are_those_of_the_release() -> None:
+    for line in (FOLDER / "SHA256SUMS").read_text().splitlines():
+        digest, name = line.split()
+        assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == digest, f"{name} has changed"
+    assert {split: len(load_tasks(split)) for split in SPLITS} == SPLIT_SIZES

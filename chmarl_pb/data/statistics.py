@@ -3,10 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
+from functools import cache
 from typing import Any
 
 from chmarl_pb.data.read import Dataset, read_group
 from chmarl_pb.envs.parallel import AGENTS
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.tasks.language import corpus_statistics, instruction
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
@@ -15,7 +17,7 @@ Facts = dict[str, Any]
 
 
 def task_statistics(tasks: Iterable[Task]) -> Facts:
-    """Return numbers of tasks by class, home and L*; everything as plain data for JSON."""
+    """Return numbers of tasks by class, home, room and L*; everything as plain data for JSON."""
     tasks = list(tasks)
     steps = [task.optimal_steps for task in tasks]
     return {
@@ -26,7 +28,16 @@ def task_statistics(tasks: Iterable[Task]) -> Facts:
         "graspables": _counts(task.graspable for task in tasks),
         "sources": _counts(task.source for task in tasks),
         "targets": _counts(task.target for task in tasks),
+        "rooms_with_a_source": _counts(room for task in tasks for room in _rooms(task.home, task.source)),
+        "rooms_with_a_target": _counts(room for task in tasks for room in _rooms(task.home, task.target)),
     }
+
+
+@cache
+def _rooms(home: str, class_name: str) -> tuple[str, ...]:
+    """Return the rooms of a home in which receptacles of a class stand."""
+    things = load_home(home).receptacles.values()
+    return tuple(sorted({thing.room for thing in things if thing.class_name == class_name}))
 
 
 def dataset_statistics(dataset: Dataset) -> Facts:

@@ -14,6 +14,12 @@ from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.space import Size
 
+if not pybullet.isNumpyEnabled():  # happens when pip builds PyBullet itself, as on Python 3.12 and newer
+    raise ImportError(
+        "this PyBullet was built without NumPy, so pictures would be slow tuples; run `pip install numpy setuptools "
+        "wheel`, then `pip install --force-reinstall --no-cache-dir --no-build-isolation pybullet`"
+    )
+
 Vector = tuple[float, ...]
 Pose = tuple[Vector, Vector]  # position in metres, orientation (x, y, z, w)
 UPRIGHT: Vector = (0.0, 0.0, 0.0, 1.0)
