@@ -32,7 +32,10 @@ def assert_same(stage: Stage, robot: str, size: int) -> None:
     merged = stage.sight.picture(robot, stage.world.robots[robot].pose, size)
     np.testing.assert_array_equal(merged.segmentation, full.segmentation)
     np.testing.assert_array_equal(merged.depth, full.depth)
-    np.testing.assert_array_equal(merged.rgb, full.rgb)
+    # Once in some hundred thousand pixels TinyRenderer rounds a colour to the next of 256 levels in one client and not
+    # in the other, and not in every process: everything that decides what is visible is equal to the bit.
+    apart = np.abs(merged.rgb.astype(int) - full.rgb)
+    assert apart.max() <= 1 and (apart > 0).sum() <= 2
 
 
 def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
