@@ -87,11 +87,6 @@ def render(client: int, camera: Camera, view: Vector, size: int) -> Picture:
         size, size, view, camera.projection, renderer=pybullet.ER_TINY_RENDERER, flags=_FLAGS,
         physicsClientId=client, **_LIGHT,
     )  # fmt: skip
-    # TinyRenderer rounds a rare pixel's colour differently at every other picture of a client: an unseen second
-    # picture of one pixel lets every picture be an odd one, so that equal scenes give equal bits.
-    pybullet.getCameraImage(
-        1, 1, view, camera.projection, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client, **_LIGHT
-    )
     shape = (size, size)
     colour = np.ascontiguousarray(rgba, dtype=np.uint8).reshape(-1).view(np.uint32).reshape(shape)
     return Picture(

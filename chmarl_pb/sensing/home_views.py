@@ -68,6 +68,9 @@ class HomeViews:
         if view is None:
             matrix = view_matrix(eye(self.space, robot, pose))
             drawn = render(self.client, CAMERAS[robot], matrix, size)
+            # TinyRenderer rounds rare colours differently in every other picture of a client: a second one of a single
+            # pixel lets each kept view be an odd one, whatever was drawn before.
+            render(self.client, CAMERAS[robot], matrix, 1)
             links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
             view = HomeView(matrix, Picture(drawn.colour, drawn.depth, links))
             self._kept.put(key, view)
