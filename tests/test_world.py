@@ -147,6 +147,27 @@ def test_clear_parks_all_objects(space: Space, world: World) -> None:
     assert world.read_pose("mug_1") == parked
 
 
+def test_every_change_is_a_new_version(space: Space, world: World) -> None:
+    humanoid = Humanoid(world, space)
+    receptacle, position, yaw = place_on(space, world, "mug_1")
+    changes = {
+        "place": lambda: world.place("mug_1", FLOOR, UPRIGHT),
+        "set down": lambda: world.set_down("mug_1", position, yaw, receptacle),
+        "hold": lambda: humanoid.hold("mug_1"),
+        "release": world.release,
+        "clear": world.clear,
+    }
+    for name, change in changes.items():
+        before = world.version
+        change()
+        assert world.version > before, name
+    before = world.version
+    world.clear()
+    world.release()
+    world.step()
+    assert world.version == before
+
+
 def test_a_held_object_follows_the_hand_until_released(space: Space, world: World) -> None:
     humanoid = Humanoid(world, space)
     humanoid.spawn(0)

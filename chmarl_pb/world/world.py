@@ -59,6 +59,8 @@ class World:
         held: name of the object in the gripper, or None.
         supports: object -> what carries it; the held object is not in it.
         links: name of a thing of the home -> PyBullet link index.
+        version: grows with every change of ``objects``, ``pose``, ``supports`` or ``held``; an equal one means
+            equal answers.
     """
 
     def __init__(self, home: Home):
@@ -80,6 +82,7 @@ class World:
         self._constraint: int | None = None
         self.supports: dict[str, Support] = {}
         self._poses: dict[str, Pose] = {}
+        self.version = 0
         self._home_body = self._load(home)
         self.links = {name: number for number, name in enumerate(link_names(self.client, self._home_body))}
         self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
@@ -143,6 +146,7 @@ class World:
 
     def _move(self, name: str, position: Vector, quaternion: Vector) -> None:
         self._poses[name] = (tuple(position), tuple(quaternion))
+        self.version += 1
         thing = self._objects[name]
         centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
         pybullet.resetBasePositionAndOrientation(thing.body, centre, quaternion, physicsClientId=self.client)
@@ -201,6 +205,7 @@ class World:
         """
         self.release()
         self.held = name
+        self.version += 1
         thing = self._objects[name]
         position, quaternion = self._poses[name]
         centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
@@ -229,6 +234,7 @@ class World:
         """Open the gripper: remove the constraint."""
         if self._constraint is not None:
             pybullet.removeConstraint(self._constraint, physicsClientId=self.client)
+            self.version += 1
         self._constraint, self.held = None, None
 
     def thaw(self, name: str, solid: bool = True) -> None:
