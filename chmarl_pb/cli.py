@@ -39,8 +39,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_baselines(commands)
     _add_report(commands)
     _add_episode(commands)
-    bench = _add(commands, "bench", "measure the speed on this machine", _bench)
-    bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
+    _add_bench(commands)
+    cache = _add(commands, "cache", "show the pictures of homes that are kept on disk", _cache)
+    cache.add_argument("--clear", action="store_true", help="remove them")
     return parser
 
 
@@ -153,6 +154,15 @@ def _add_episode(commands: argparse._SubParsersAction) -> None:
     show = _add(verbs, "show", "make the demo's video and page of an episode file", _episode_show)
     show.add_argument("file", type=Path, metavar="FILE", help="episode file")
     show.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder to write to (default: out)")
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    bench = _add(commands, "bench", "measure the speed on this machine", _bench)
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
+    bench.add_argument(
+        "--only", action="append", metavar="NAME", help="only figures whose name contains this; may be repeated"
+    )
+    bench.add_argument("--runs", type=int, default=5, metavar="N", help="runs of each figure (default: 5)")
 
 
 # Each command imports what it needs, so that --help and --version answer at once.
@@ -274,9 +284,15 @@ def _episode_show(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from chmarl_pb import bench
+    from chmarl_pb.bench.command import run
 
-    return bench.run(options.json)
+    return run(options.json, options.only or (), options.runs)
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from chmarl_pb.sensing.command import run_cache
+
+    return run_cache(options.clear)
 
 
 if __name__ == "__main__":

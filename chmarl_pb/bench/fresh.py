@@ -1,0 +1,173 @@
+"""Figures that each need a process of their own: ``python -m chmarl_pb.bench.fresh NAME [ARGUMENT ...]``.
+
+Each function here prints one sample, unit -> value, as JSON. Nothing but the standard library is imported
+before it is called, so that the time of the first reset holds all imports but that of ``chmarl_pb`` itself.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from chmarl_pb.envs.parallel import HouseholdEnv
+    from chmarl_pb.sensing.camera import Picture
+
+SPLIT = "test-unseen"
+_IMPORT = """
+import time
+start = time.perf_counter()
+import chmarl_pb
+import json, sys
+assert "torch" not in sys.modules, "chmarl_pb imports torch"
+print(json.dumps({"s": time.perf_counter() - start}))
+"""
+
+
+def samples(name: str, *arguments: object, keep: bool = False) -> Generator[dict[str, float], None, None]:
+    """Yield what a function of this module measures, each time in a fresh process.
+
+    Args:
+        name: the function's; "importing" measures the import of the package.
+        *arguments: for it.
+        keep: whether the view store on disk is kept from one sample to the next; if not, it is empty each time.
+    """
+    script = ["-c", _IMPORT] if name == "importing" else ["-m", __name__, name, *map(str, arguments)]
+    with tempfile.TemporaryDirectory() as kept:
+        if keep:
+            _run(script, kept)
+        while True:
+            with tempfile.TemporaryDirectory() as empty:
+                yield _run(script, kept if keep else empty)
+
+
+def _run(script: list[str], cache: str) -> dict[str, float]:
+    done = subprocess.run(
+        [sys.executable, *script], env={**os.environ, "CHMARL_CACHE": cache}, stdout=subprocess.PIPE, text=True
+    )
+    if done.returncode:
+        raise RuntimeError(f"`{' '.join([sys.executable, *script])}` failed, see above")
+    sample: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return sample
+
+
+def first_reset() -> dict[str, float]:
+    """Measure the seconds from after the import of the package to after the first reset of a home."""
+    import chmarl_pb
+
+    start = time.perf_counter()
+    env = chmarl_pb.parallel_env(split=SPLIT)
+    env.reset(seed=0)
+    taken = time.perf_counter() - start
+    env.close()
+    return {"s": taken}
+
+
+def first_visits(size: str, count: str) -> dict[str, float]:
+    """Measure views from poses that no camera has been at, beside plain TinyRenderer pictures of the same.
+
+    Args:
+        size: width and height of the pictures in pixels.
+        count: how many poses of each robot.
+    """
+    import numpy as np
+
+    from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+    from chmarl_pb.homes.lattice import HEADINGS
+
+    env = HouseholdEnv("visual", split=SPLIT, image_size=int(size))
+    env.reset(seed=0)
+    space = env.stage.space
+    poses = {"humanoid": len(space.lattice.points) * HEADINGS, "drone": len(space.drone_lattice.points)}
+    rng = np.random.default_rng(0)
+    ours = plain = 0.0
+    views = 0
+    for robot in AGENTS:
+        for pose in rng.permutation(poses[robot])[: int(count)].tolist():
+            getattr(env.stage, robot).spawn(pose)
+            start = time.perf_counter()
+            env.stage.sight.picture(robot, pose, int(size))
+            middle = time.perf_counter()
+            plain_picture(env, robot, int(size))
+            ours, plain, views = ours + middle - start, plain + time.perf_counter() - middle, views + 1
+    env.close()
+    return {
+        "ms a view": 1000 * ours / views,
+        "ms a view, plain TinyRenderer": 1000 * plain / views,
+        "times plain TinyRenderer": ours / plain,
+    }
+
+
+def plain_picture(env: "HouseholdEnv", robot: str, size: int) -> "Picture":
+    """Draw everything in an environment's world with TinyRenderer, as a robot's camera sees it, and keep nothing."""
+    from chmarl_pb.sensing.camera import render, view_matrix
+    from chmarl_pb.sensing.eyes import CAMERAS, eye
+
+    view = view_matrix(eye(env.stage.space, robot, env.world.robots[robot].pose))
+    return render(env.world.client, CAMERAS[robot], view, size)
+
+
+def memory(observation: str, more: str = "5") -> dict[str, float]:
+    """Measure the resident memory that an environment adds to a process that has one already; nan off Linux.
+
+    Args:
+        observation: "scene_graph" or "visual".
+        more: how many are added.
+    """
+    from chmarl_pb.envs.parallel import HouseholdEnv
+
+    first = HouseholdEnv(observation, split=SPLIT)
+    first.reset(seed=0)
+    before = _resident()
+    others = [HouseholdEnv(observation, split=SPLIT) for _ in range(int(more))]
+    for number, env in enumerate(others):
+        env.reset(seed=number)
+    return {"MB": (_resident() - before) / len(others)}
+
+
+def _resident() -> float:
+    statistics = Path("/proc/self/statm")
+    if not statistics.is_file():
+        return float("nan")
+    return int(statistics.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def loads(episodes: str) -> dict[str, float]:
+    """Count the URDF files that are loaded in episodes after each home of a split has been entered once.
+
+    Args:
+        episodes: how many.
+    """
+    import numpy as np
+
+    from chmarl_pb.bench.playing import play
+    from chmarl_pb.envs.parallel import HouseholdEnv
+    from chmarl_pb.tasks.splits import SPLIT_HOMES, load_tasks
+    from chmarl_pb.world import bodies
+
+    split, load, count = "test-seen", bodies.pybullet.loadURDF, 0
+
+    def counted(*arguments: object, **options: object) -> int:
+        nonlocal count
+        count += 1
+        return int(load(*arguments, **options))
+
+    bodies.pybullet.loadURDF = counted
+    env = HouseholdEnv(split=split)
+    for home in SPLIT_HOMES[split]:
+        env.reset(options={"task": next(task for task in load_tasks(split) if task.home == home)})
+    needed, rng = count, np.random.default_rng(0)
+    for number in range(int(episodes)):
+        env.reset(seed=number)
+        play(env, rng, 10)
+    env.close()
+    return {"files": count - needed}
+
+
+if __name__ == "__main__":
+    print(json.dumps(globals()[sys.argv[1]](*sys.argv[2:])))

@@ -1,0 +1,168 @@
+"""Figures that are measured inside this process: each is an endless stream of samples, unit -> value."""
+
+import statistics
+import time
+from collections.abc import Callable, Generator, Iterable
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import cycle
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+
+import chmarl_pb
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.rollout import make_policy
+from chmarl_pb.planner.policy import Policy
+from chmarl_pb.robots.execution import TICKS_PER_FRAME
+from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.sight import SIGHT_SIZE
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import TIME_STEP
+
+SPLIT = "test-unseen"
+Sample = dict[str, float]
+Samples = Generator[Sample, None, None]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is spent on a figure.
+
+    Attributes:
+        runs: samples taken; the table shows their median, the least and the greatest.
+        seconds: least duration of one sample.
+        scouted: joint steps of a random policy whose camera poses count as warm.
+    """
+
+    runs: int = 5
+    seconds: float = 1.0
+    scouted: int = 100_000
+
+
+def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE) -> Samples:
+    """Yield joint steps a second of a random policy, resets included, when the views of the home are warm.
+
+    The episodes of all samples differ, and differ from those of the warm-up.
+    """
+    with closing(HouseholdEnv(observation, split=SPLIT, image_size=size)) as env:
+        warm_up(env, scouted_poses(effort.scouted))
+        rng = np.random.default_rng(1)
+        env.reset(seed=1)
+        play(env, rng, 100)
+        while True:
+            rate = per_second(lambda: play(env, rng, 50), effort.seconds, 50)
+            yield {"joint steps/s": rate} | ({"frames/s": len(AGENTS) * rate} if observation == "visual" else {})
+
+
+def resets(effort: Effort) -> Samples:
+    """Yield resets a second, when the views of the home are warm."""
+    with closing(HouseholdEnv(split=SPLIT)) as env:
+        for task in load_tasks(SPLIT):
+            env.reset(options={"task": task})
+        env.reset(seed=1)
+        while True:
+            yield {"resets/s": per_second(env.reset, effort.seconds)}
+
+
+def planning(effort: Effort) -> Samples:
+    """Yield the median time in milliseconds that the planner takes for a task, when the views are warm."""
+    with closing(HouseholdEnv(split=SPLIT)) as env:
+        tasks = load_tasks(SPLIT)[: max(1, round(50 * effort.seconds))]
+
+        def plan(task: Task) -> float:
+            env.reset(options={"task": task})
+            start = time.perf_counter()
+            env.stage.oracle.plan(env.setting.goal)
+            return 1000 * (time.perf_counter() - start)
+
+        for task in tasks:
+            plan(task)
+        while True:
+            yield {"ms": statistics.median(plan(task) for task in tasks)}
+
+
+def driving(effort: Effort) -> Samples:
+    """Yield how many times faster than the robots themselves their driven motions run, in episodes of the planner."""
+    with closing(HouseholdEnv(split=SPLIT, execution="simulated")) as env:
+        policy, tasks = make_policy("planner", env), cycle(load_tasks(SPLIT))
+        env.reset(seed=0)
+        while True:
+            start, moved = time.perf_counter(), 0.0
+            while time.perf_counter() - start < effort.seconds or not moved:
+                moved += _drive(env, policy, next(tasks))
+            yield {"times real time": moved / (time.perf_counter() - start)}
+
+
+def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:
+    """Play an episode and return how long its motions last, in seconds of the robots' time."""
+    observations, infos = env.reset(options={"task": task})
+    policy.reset(None)
+    snapshots = 0
+    while env.agents:
+        observations, _, _, _, infos = env.step(policy.act(observations, infos))
+        snapshots += len(env.snapshots)
+    return snapshots * TICKS_PER_FRAME * TIME_STEP
+
+
+def processes(effort: Effort, env_id: str, each: int = 4) -> Samples:
+    """Yield joint steps a second of one and of two worker processes, each with the same number of environments."""
+    with ExitStack() as stack:
+        rates = {}
+        for workers in (1, 2):
+            envs = chmarl_pb.vector_env(workers * each, env_id, workers=workers, split=SPLIT)
+            stack.callback(envs.close)
+            envs.action_space.seed(1)
+            envs.reset(seed=1)
+            per_second(partial(_step_all, envs), 10 * effort.seconds)  # draws most of the views
+            rates[workers] = partial(per_second, partial(_step_all, envs), effort.seconds, workers * each)
+        while True:
+            one, two = rates[1](), rates[2]()
+            yield {"joint steps/s, 1 process": one, "joint steps/s, 2 processes": two, "times 1 process": two / one}
+
+
+def _step_all(envs: VectorEnv) -> None:
+    envs.step(envs.action_space.sample())
+
+
+@cache
+def scouted_poses(count: int) -> tuple[tuple[str, int], ...]:
+    """Return the camera poses, as robot and number, that a random policy comes by in some joint steps."""
+    poses: set[tuple[str, int]] = set()
+    with closing(HouseholdEnv(split=SPLIT)) as env:
+        rng = np.random.default_rng(0)
+        env.reset(seed=0)
+        for _ in range(count):
+            play(env, rng, 1)
+            poses |= {(name, robot.pose) for name, robot in env.world.robots.items()}
+    return tuple(sorted(poses))
+
+
+def warm_up(env: HouseholdEnv, poses: Iterable[tuple[str, int]]) -> None:
+    """Draw the empty home as it is seen from camera poses, in the sizes that an environment needs."""
+    views = home_views(env.world.home)
+    for size in {SIGHT_SIZE, env.options.image_size}:
+        for robot, pose in poses:
+            views.look(robot, pose, size)
+
+
+def play(env: HouseholdEnv, rng: np.random.Generator, count: int) -> None:
+    """Take joint steps of a random policy, and reset whenever an episode ends."""
+    choices = [len(env.action_names[name]) for name in AGENTS]
+    for humanoid, drone in rng.integers(choices, size=(count, len(choices))).tolist():
+        if not env.agents:
+            env.reset()
+        env.step({"humanoid": humanoid, "drone": drone})
+
+
+def per_second(work: Callable[[], object], seconds: float, count: int = 1) -> float:
+    """Return how often something is done in a second, repeating work that does it ``count`` times."""
+    start, done = time.perf_counter(), 0
+    while True:
+        work()
+        done += count
+        taken = time.perf_counter() - start
+        if taken >= seconds:
+            return done / taken
