@@ -1,5 +1,8 @@
 """What several tests share: the benchmark homes with their stages, environments and small homes made on the spot."""
 
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,6 +12,15 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each run a view store of its own; its workers and subprocesses inherit the variable."""
+    if not hasattr(config, "workerinput"):
+        folder = tempfile.mkdtemp(prefix="chmarl-views-")
+        os.environ["CHMARL_CACHE"] = folder
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
 
 HOMES = tuple(f"home_{number}" for number in range(1, 8))
 

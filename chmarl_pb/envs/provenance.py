@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import chmarl_pb
+from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.tasks.task import Task
 
@@ -20,7 +21,7 @@ _PACKAGES = ("pybullet", "numpy", "scipy", "gymnasium", "pettingzoo", "trimesh",
 
 @cache
 def home_hash(home: str) -> str:
-    """Return the sha256 of a home: its URDF and the meshes that it names.
+    """Return the sha256 of a home: its URDF and all files that it names.
 
     Args:
         home: name of a packaged home or path of a URDF.
@@ -28,22 +29,19 @@ def home_hash(home: str) -> str:
     Raises:
         HomeError: the home cannot be used.
     """
-    path = load_home(home).path
-    text = path.read_bytes()
-    meshes = sorted({name.decode() for name in re.findall(rb'<mesh[^>]*filename="([^"]+)"', text)})
-    return _sha256([text, *((path.parent / mesh).read_bytes() for mesh in meshes)])
+    return content_hash(load_home(home))
 
 
 def tasks_hash(tasks: Iterable[Task]) -> str:
     """Return the sha256 of tasks, in their order."""
-    return _sha256(json.dumps(asdict(task), sort_keys=True).encode() for task in tasks)
+    return sha256_of(json.dumps(asdict(task), sort_keys=True).encode() for task in tasks)
 
 
 @cache
 def source_hash() -> str:
     """Return the sha256 of this package's Python files: it tells versions apart between releases."""
     folder = Path(chmarl_pb.__file__).parent
-    return _sha256(path.read_bytes() for path in sorted(folder.rglob("*.py")))
+    return sha256_of(path.read_bytes() for path in sorted(folder.rglob("*.py")))
 
 
 def file_hash(path: Path) -> str:
@@ -74,11 +72,3 @@ def _processor() -> str:
         if models:
             return str(models[0])
     return platform.processor() or platform.machine()
-
-
-def _sha256(parts: Iterable[bytes]) -> str:
-    """Return the sha256 of parts; the length before each keeps their borders."""
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(len(part).to_bytes(8, "big") + part)
-    return digest.hexdigest()

@@ -126,12 +126,12 @@ def _check_files(path: Path, root: ElementTree.Element) -> None:
                 raise HomeError(f"{label} is of an unknown kind; use {', '.join(sorted(_MESH_ENDINGS))}")
             if not target.is_file():
                 raise HomeError(f"{label} does not exist; add the file {target.name} or remove the {element.tag}")
-            for inner in _referred_files(target):
+            for inner in referred_files(target):
                 if not (target.parent / inner).resolve().is_relative_to(folder):
                     raise HomeError(f"{label} refers to {inner!r}, which leaves the home's folder; copy it there")
 
 
-def _referred_files(file: Path) -> Iterator[str]:
+def referred_files(file: Path) -> Iterator[str]:
     """Yield the files that an OBJ mesh names: its material libraries, and their textures."""
     if file.suffix.lower() not in (".obj", ".mtl") or not file.is_file():
         return
@@ -139,7 +139,7 @@ def _referred_files(file: Path) -> Iterator[str]:
         keyword, _, name = line.strip().partition(" ")
         if keyword == "mtllib":
             yield name
-            yield from _referred_files(file.parent / name)
+            yield from referred_files(file.parent / name)
         elif keyword.startswith(("map_", "bump", "disp", "decal", "refl")):
             yield name.split()[-1] if name.split() else ""
 

@@ -1,24 +1,38 @@
 """Pictures of the empty home, drawn once for each camera pose and kept.
 
 A home's static geometry seen from a lattice pose never changes, so a step only has to draw what
-moves (see :mod:`chmarl_pb.sensing.movables`).
+moves (see :mod:`chmarl_pb.sensing.movables`). Pictures are kept on disk where that is possible (see
+:mod:`chmarl_pb.sensing.view_store`) and in memory otherwise.
 """
 
+import platform
+import sys
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
+from importlib.metadata import version
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.homes.space import Space, space_of
+from chmarl_pb.sensing import camera
 from chmarl_pb.sensing.camera import Picture, Vector, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
-from chmarl_pb.world import load_home_body, quiet
+from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
+from chmarl_pb.world import bodies, load_home_body, quiet
 
-CAPACITY = 384 * 2**20  # bytes of kept pictures in this process
+CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
+
+_OWN = 4096  # bytes of a kept view beside its picture
+_numbers = count()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +59,26 @@ def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.i
 
 
 class HomeViews:
-    """All views of one home, shared by every environment of this process."""
+    """All views of one home, shared by every environment of this process, and with others through the disk."""
 
     def __init__(self, home: Home):
-        """Load the home into a client of its own."""
+        """Prepare to draw a home; it is loaded at the first view that is not on disk."""
         self.space: Space = space_of(home)
-        self.client = pybullet.connect(pybullet.DIRECT)
-        with quiet():
-            load_home_body(self.client, home)
+        self._content = content_hash(home)
+        self._number = next(_numbers)
+        self._store = view_store()
+        self._files: dict[tuple[str, int], ViewFile | None] = {}
         self._kept = _kept()
+
+    @cached_property
+    def client(self) -> int:
+        """A PyBullet client with the empty home, for pictures by other cameras."""
+        return self._load()
+
+    @cached_property
+    def _drawer(self) -> int:
+        """The client that draws the views: a picture of another kind would change the rounding of its colours."""
+        return self._load()
 
     def look(self, robot: str, pose: int, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
@@ -62,22 +87,63 @@ class HomeViews:
             robot: "humanoid" or "drone".
             pose: its pose on its lattice.
             size: width and height in pixels.
+
+        Raises:
+            HomeError: the home's files have changed since it was read.
         """
-        key = (self.client, robot, pose, size)
+        key = (self._number, robot, pose, size)
         view = self._kept.get(key)
         if view is None:
             matrix = view_matrix(eye(self.space, robot, pose))
-            drawn = render(self.client, CAMERAS[robot], matrix, size)
-            # TinyRenderer rounds rare colours differently in every other picture of a client: a second one of a single
-            # pixel lets each kept view be an odd one, whatever was drawn before.
-            render(self.client, CAMERAS[robot], matrix, 1)
-            links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
-            view = HomeView(matrix, Picture(drawn.colour, drawn.depth, links))
-            self._kept.put(key, view)
+            file, taken = self._file(robot, size), _OWN
+            picture = file.get(pose, matrix) if file else None
+            if picture is None:
+                drawn = self._draw(robot, matrix, size)
+                picture = file.put(pose, matrix, drawn) if file else None
+                if picture is None:
+                    picture, taken = drawn, _OWN + _bytes(drawn)
+            view = HomeView(matrix, picture)
+            self._kept.put(key, view, taken)
         return view
 
+    def _draw(self, robot: str, matrix: Vector, size: int) -> Picture:
+        drawn = render(self._drawer, CAMERAS[robot], matrix, size)
+        # TinyRenderer rounds rare colours differently in every other picture of a client: a second one of a single
+        # pixel lets each kept view be an odd one, whatever was drawn before.
+        render(self._drawer, CAMERAS[robot], matrix, 1)
+        links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
+        for array in (drawn.colour, drawn.depth, links):
+            array.flags.writeable = False
+        return Picture(drawn.colour, drawn.depth, links)
 
-Key = tuple[int, str, int, int]  # client, robot, pose, size
+    def _load(self) -> int:
+        client = pybullet.connect(pybullet.DIRECT)
+        home = self.space.home
+        with quiet():
+            load_home_body(client, home)
+        if content_hash(home) != self._content:
+            pybullet.disconnect(client)
+            raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+        return client
+
+    def _file(self, robot: str, size: int) -> ViewFile | None:
+        """Return the views on disk of a robot's camera at a size, or None if there is no store."""
+        key = (robot, size)
+        if key not in self._files:
+            poses, name = _poses(self.space, robot), self._file_name(robot, size)
+            self._files[key] = self._store.open(name, poses, size) if self._store else None
+        return self._files[key]
+
+    def _file_name(self, robot: str, size: int) -> str:
+        """Return a name with a hash of everything that the pictures depend on."""
+        lattice = self.space.drone_lattice if robot == "drone" else self.space.lattice
+        some_views = [view_matrix(eye(self.space, robot, pose)) for pose in range(min(HEADINGS, len(lattice.points)))]
+        facts = (self._content, robot, size, FORMAT, some_views, _library())
+        depends_on = [repr(facts).encode(), lattice.points.tobytes(), *_drawing_code()]
+        return f"{self.space.home.name[:40]}_{robot}_{size}_{sha256_of(depends_on)}"
+
+
+Key = tuple[int, str, int, int]  # number of the home's views, robot, pose, size
 
 
 class KeptViews:
@@ -86,21 +152,22 @@ class KeptViews:
     def __init__(self, capacity: int):
         """Keep at most this many bytes of pictures."""
         self._capacity, self._bytes = capacity, 0
-        self._views: OrderedDict[Key, HomeView] = OrderedDict()
+        self._views: OrderedDict[Key, tuple[HomeView, int]] = OrderedDict()
 
     def get(self, key: Key) -> HomeView | None:
         """Return a kept view, or None."""
-        view = self._views.get(key)
-        if view is not None:
-            self._views.move_to_end(key)
-        return view
+        kept = self._views.get(key)
+        if kept is None:
+            return None
+        self._views.move_to_end(key)
+        return kept[0]
 
-    def put(self, key: Key, view: HomeView) -> None:
-        """Keep a view."""
-        self._views[key] = view
-        self._bytes += _size(view)
+    def put(self, key: Key, view: HomeView, size: int) -> None:
+        """Keep a view that takes so many bytes of memory."""
+        self._views[key] = view, size
+        self._bytes += size
         while self._bytes > self._capacity:
-            self._bytes -= _size(self._views.popitem(last=False)[1])
+            self._bytes -= self._views.popitem(last=False)[1][1]
 
 
 @cache
@@ -108,9 +175,25 @@ def _kept() -> KeptViews:
     return KeptViews(CAPACITY)
 
 
-def _size(view: HomeView) -> int:
-    picture = view.picture
+def _bytes(picture: Picture) -> int:
     return picture.colour.nbytes + picture.depth.nbytes + picture.segmentation.nbytes
+
+
+def _poses(space: Space, robot: str) -> int:
+    return len(space.drone_lattice.points) if robot == "drone" else len(space.lattice.points) * HEADINGS
+
+
+@cache
+def _library() -> tuple[object, ...]:
+    """Return what is known of the machine code that draws."""
+    binary = Path(pybullet.__file__).stat().st_size
+    return version("pybullet"), binary, sys.platform, platform.machine(), platform.libc_ver()
+
+
+@cache
+def _drawing_code() -> tuple[bytes, ...]:
+    """Return the sources that decide what a picture of a home looks like: light, cameras, loading, numbers of links."""
+    return tuple(Path(str(module.__file__)).read_bytes() for module in (camera, bodies, sys.modules[__name__]))
 
 
 @lru_cache(maxsize=16)
