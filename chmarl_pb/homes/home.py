@@ -30,17 +30,17 @@ class Thing:
     frame: Points
     solids: tuple[Solid, ...]
 
-    @property
+    @cached_property
     def class_name(self) -> str:
         """The class, e.g. ``stove``; it may be one that the catalogue does not know."""
         return catalog.class_of(self.name)
 
-    @property
+    @cached_property
     def room(self) -> str:
         """The room in its name."""
         return catalog.room_of(self.name)
 
-    @property
+    @cached_property
     def centre(self) -> Points:
         """Middle (2,) of its footprint; of its frame when it has no solids."""
         if not self.solids:

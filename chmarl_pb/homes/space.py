@@ -96,7 +96,8 @@ class Space:
         key = (receptacle, size)
         if key not in self._places:
             found = [_places_on(surface, size) for surface in self.surfaces if surface.receptacle == receptacle]
-            self._places[key] = np.concatenate([np.zeros((0, 4)), *found])
+            # Column by column in memory: what asks for the places works on columns.
+            self._places[key] = np.asfortranarray(np.concatenate([np.zeros((0, 4)), *found]))
         return self._places[key]
 
 

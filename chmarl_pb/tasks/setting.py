@@ -15,6 +15,7 @@ from chmarl_pb.world import World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
 _STREAMS = (0, 3, 4)  # of a task's seed: places, starts, states; words use 1 and 2
+_OBJECTS = np.array([f"{name}_1" for name in catalog.GRASPABLES])
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
 
 
@@ -52,8 +53,7 @@ def set_up(world: World, space: Space, task: Task) -> Setting:
             f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
         )
     _dress(world, space, task, things)
-    states = {thing.name: _state(thing.class_name, moods) for thing in space.home.things}
-    states |= {name: _state(catalog.class_of(name), moods) for name in world.objects}
+    states = _states(space.home, world.objects, moods)
     humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
     drone = int(starts.integers(len(space.drone_lattice.points)))
     return Setting(goal, states, humanoid, drone)
@@ -75,8 +75,8 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     """Put an object on a free place of a receptacle within the arm's reach, uniformly; False if none is found."""
     size = world.size(item)
     places = space.places(receptacle, size)
-    places = places[~world.taken(places, size)]
-    for number in rng.permutation(len(places))[:_TRIES]:
+    free = np.flatnonzero(~world.taken(places, size))
+    for number in rng.permutation(free)[:_TRIES].tolist():
         x, y, z, yaw = places[number].tolist()
         if space.stand(grip_point((x, y, z), size)) is not None:
             world.place(item, (x, y, z), yaw_quaternion(yaw), receptacle)
@@ -86,10 +86,9 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
 
 def _dress(world: World, space: Space, task: Task, rng: np.random.Generator) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly."""
-    others = [f"{name}_1" for name in catalog.GRASPABLES if name != task.graspable]
-    receptacles = list(space.home.receptacles)
+    receptacles = np.array(list(space.home.receptacles))
     placed = 0
-    for item in rng.permutation(others).tolist():
+    for item in rng.permutation(_OBJECTS[_OBJECTS != task.item]).tolist():
         order = rng.permutation(receptacles)[:6].tolist()
         placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:
@@ -97,6 +96,15 @@ def _dress(world: World, space: Space, task: Task, rng: np.random.Generator) -> 
     raise TaskError(f"task {task.id!r}: {space.home.name} has room for only {placed} of {DISTRACTORS} other objects")
 
 
-def _state(class_name: str, rng: np.random.Generator) -> str:
+def _states(home: Home, objects: list[str], rng: np.random.Generator) -> dict[str, str]:
+    """Return the symbolic state of every static thing and object, drawn from those of its class."""
+    classes = {thing.name: thing.class_name for thing in home.things}
+    classes |= {name: catalog.class_of(name) for name in objects}
+    choices = [_choices(class_name) for class_name in classes.values()]
+    numbers = rng.integers([len(states) for states in choices]).tolist()
+    return {name: states[number] for name, states, number in zip(classes, choices, numbers, strict=True)}
+
+
+def _choices(class_name: str) -> tuple[str, ...]:
     row = catalog.CLASSES.get(class_name)
-    return "fixed" if row is None else str(rng.choice(row.states))
+    return ("fixed",) if row is None else row.states

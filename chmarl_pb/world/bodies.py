@@ -36,12 +36,14 @@ class Graspable:
         mass: kilograms.
         size: extents x, y, z of its collision shape, metres; its origin is the bottom's centre.
         inertial: position of its inertial frame in its own frame, metres.
+        parking: where it waits while no task uses it, metres.
     """
 
     body: int
     mass: float
     size: Size
     inertial: Vector
+    parking: Vector
 
 
 def yaw_quaternion(yaw: float) -> Vector:
@@ -49,8 +51,7 @@ def yaw_quaternion(yaw: float) -> Vector:
     return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
 
 
-def parking_place(class_name: str) -> Vector:
-    """Return where an object of a class waits while no task uses it, metres."""
+def _parking_place(class_name: str) -> Vector:
     x, y, z = _PARKING
     return (x, y, z + 0.5 * list(catalog.GRASPABLES).index(class_name))
 
@@ -74,7 +75,8 @@ def load_graspable(client: int, class_name: str) -> Graspable:
         AssetError: its URDF is missing or is not one link with one collision shape.
     """
     path = catalog.graspable_urdf(class_name)
-    body = pybullet.loadURDF(str(path), parking_place(class_name), physicsClientId=client)
+    parking = _parking_place(class_name)
+    body = pybullet.loadURDF(str(path), parking, physicsClientId=client)
     dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
     shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)
     if len(shapes) != 1 or pybullet.getNumJoints(body, physicsClientId=client):
@@ -83,7 +85,7 @@ def load_graspable(client: int, class_name: str) -> Graspable:
     if kind == pybullet.GEOM_CYLINDER:
         size = (2 * size[1], 2 * size[1], size[0])  # PyBullet gives height, radius
     pybullet.changeDynamics(body, -1, mass=0, physicsClientId=client)
-    return Graspable(body, dynamics[0], (size[0], size[1], size[2]), dynamics[3])
+    return Graspable(body, dynamics[0], (size[0], size[1], size[2]), dynamics[3], parking)
 
 
 def link_names(client: int, body: int) -> Iterator[str]:

@@ -22,16 +22,15 @@ from chmarl_pb.world.bodies import (
     link_names,
     load_graspable,
     load_home_body,
-    parking_place,
     quiet,
     yaw_quaternion,
 )
+from chmarl_pb.world.touch import touching
 
 TIME_STEP = 1 / 240  # seconds
 _DROP = 0.004  # metres above a surface from which an object is let go
 _STILL = 1e-2  # m/s and rad/s below which an object counts as at rest; contacts may leave it a jitter of 6e-3
 _LONGEST_SETTLE = 240  # simulation steps
-_GAP = 0.01  # metres kept free between two objects
 _UPRIGHT = np.cos(np.radians(15))
 
 
@@ -125,7 +124,7 @@ class World:
             self._park(name)
 
     def _park(self, name: str) -> None:
-        self._move(name, parking_place(catalog.class_of(name)), UPRIGHT)
+        self._move(name, self._objects[name].parking, UPRIGHT)
         self.supports.pop(name, None)
         del self._poses[name], self.bodies[name]
 
@@ -176,21 +175,9 @@ class World:
             size: extents along its own axes, metres.
             ignoring: name of the object itself.
         """
-        taken = np.zeros(len(places), dtype=bool)
-        half = np.array(size[:2]) / 2
-        cosine, sine = np.cos(places[:, 3]), np.sin(places[:, 3])
-        for name, (position, quaternion) in self._poses.items():
-            other = self._objects[name].size
-            if name in (ignoring, self.held):
-                continue
-            apart = (places[:, 2] > position[2] + other[2]) | (places[:, 2] + size[2] < position[2])
-            turn = 2 * np.arctan2(quaternion[2], quaternion[3]) - places[:, 3]
-            c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-            dx, dy = position[0] - places[:, 0], position[1] - places[:, 1]
-            along = np.abs(cosine * dx + sine * dy) > half[0] + (c * other[0] + s * other[1]) / 2 + _GAP
-            across = np.abs(cosine * dy - sine * dx) > half[1] + (s * other[0] + c * other[1]) / 2 + _GAP
-            taken |= ~(apart | along | across)
-        return taken
+        skipped = (ignoring, self.held)
+        others = [(pose, self._objects[name].size) for name, pose in self._poses.items() if name not in skipped]
+        return touching(places, size, others)
 
     # Holding
 
