@@ -180,6 +180,23 @@ def test_without_a_store_nothing_is_written(folder: Path, home: Home, monkeypatc
     assert not folder.exists()
 
 
+def test_the_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def folder() -> Path | None:
+        store = view_store()
+        return None if store is None else store.folder
+
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("CHMARL_CACHE", "~/mine")
+    assert folder() == tmp_path / "mine/views"
+    monkeypatch.delenv("CHMARL_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert folder() == tmp_path / "xdg/chmarl_pb/views"
+    monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
+    assert folder() is None
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert folder() == tmp_path / ".cache/chmarl_pb/views"
+
+
 def test_a_home_with_other_content_does_not_share_views(
     folder: Path, write_home: Callable[..., Path], draws: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -271,6 +288,14 @@ def test_a_file_of_the_wrong_length_is_mended(tmp_path: Path, length: int) -> No
     again = opened(tmp_path)
     for pose in range(POSES):
         assert_equal(again.get(pose, VIEW), picture(pose))
+
+
+def test_a_file_that_is_cut_while_open_is_left_alone(tmp_path: Path) -> None:
+    """To read a map beyond the end of its file would end the process."""
+    file = filled(tmp_path)
+    os.truncate(only_file(tmp_path), 5000)
+    assert file.get(3, VIEW) is None
+    assert file.put(3, VIEW, picture(3)) is None
 
 
 def test_rubbish_is_not_read(tmp_path: Path) -> None:

@@ -34,11 +34,8 @@ LIMIT = 4096  # MB of disk, unless CHMARL_CACHE_LIMIT says otherwise
 _SUFFIX = ".views"
 _PAGE = 4096  # bytes; slots begin at multiples of it
 _GRANT = 16 * 2**20  # bytes that a process writes before it measures the folder again
-_TYPES: tuple[np.dtype, ...] = (
-    np.dtype(np.uint32),
-    np.dtype(np.float32),
-    np.dtype(np.int16),
-)  # colour, depth, segmentation
+# Colour, depth, segmentation.
+_TYPES: tuple[np.dtype, ...] = (np.dtype(np.uint32), np.dtype(np.float32), np.dtype(np.int16))
 
 
 @dataclass(frozen=True)
@@ -156,10 +153,12 @@ class ViewFile:
 
     def put(self, pose: int, view: Vector, picture: Picture) -> Picture | None:
         """Store a picture and return it as it is in the file, or None if it cannot be stored."""
-        if not self._writable or not self._is_whole() or not self._grant(self._slot):
+        if not self._writable or not self._is_whole():
             return None
         parts = _parts(picture)
         try:
+            if not self._grant(self._slot):
+                return None
             # Not through the map: on a full disk that would end the process.
             _write(self._file, parts, self._start + pose * self._slot)
             _write(self._file, [np.array([_checksum(parts, view)], np.uint32).data], 4 * pose)
