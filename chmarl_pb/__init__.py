@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from chmarl_pb.envs.rollout import Episode as Episode
     from chmarl_pb.envs.rollout import make_policy as make_policy
     from chmarl_pb.envs.rollout import rollout as rollout
+    from chmarl_pb.envs.sb3_vec import sb3_vec_env as sb3_vec_env
+    from chmarl_pb.envs.vector import vector_env as vector_env
     from chmarl_pb.errors import ChmarlError as ChmarlError
     from chmarl_pb.evaluation.protocol import evaluate as evaluate
     from chmarl_pb.evaluation.result import Report as Report
@@ -34,6 +36,8 @@ _PUBLIC = {
     "load_tasks": "chmarl_pb.tasks.splits",
     "make_policy": "chmarl_pb.envs.rollout",
     "rollout": "chmarl_pb.envs.rollout",
+    "sb3_vec_env": "chmarl_pb.envs.sb3_vec",
+    "vector_env": "chmarl_pb.envs.vector",
 }
 __all__ = ["__version__", "env", "parallel_env", *_PUBLIC]
 

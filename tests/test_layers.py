@@ -25,6 +25,7 @@ ROWS = (
 ROW_OF = {name: number for number, names in enumerate(ROWS) for name in names}
 MAY_USE_PYBULLET = {"world", "robots", "sensing"}
 FORBIDDEN = {"torch", "torchvision", "stable_baselines3", "sb3_contrib", "training"}
+MAY_USE_SB3 = {"envs/sb3_vec.py"}  # imported by nothing else of the package, only when it is asked for
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 
@@ -72,7 +73,10 @@ def faults(own: str, source: str) -> list[str]:
 def test_module_imports_no_lower_row(path: Path) -> None:
     own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     assert own in ROW_OF, f"{own} has no row; give it one here and in the design"
-    assert faults(own, path.read_text()) == []
+    found = faults(own, path.read_text())
+    if path.relative_to(PACKAGE).as_posix() in MAY_USE_SB3:
+        found = [name for name in found if not name.startswith("stable_baselines3")]
+    assert found == []
 
 
 @pytest.mark.parametrize(
