@@ -157,7 +157,8 @@ def build_lattice(home: Home) -> Lattice:
                 "and a free way of 0.5 m beside the furniture"
             )
     cells, rooms = cells[kept], rooms[kept]
-    starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles)
+    number = np.cumsum(kept) - 1
+    starts, ends = number[starts[kept[starts]]], number[ends[kept[ends]]]
     points = cells * SPACING
     forward = _forward(cells, obstacles)
     anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}
@@ -167,8 +168,7 @@ def build_lattice(home: Home) -> Lattice:
 def build_drone_lattice(home: Home) -> DroneLattice:
     """Derive the drone's lattice: every 0.5 m over the floors, inside the outer walls."""
     cells, rooms = _cells_on_floors(home, DRONE_SPACING)
-    index = _index(cells)
-    moves = np.array([[index.get((x + i, y + j), -1) for i, j in DRONE_CELLS] for x, y in cells], dtype=np.int32)
+    moves = _neighbours(cells, DRONE_CELLS)
     points = cells * DRONE_SPACING
     anchors = {}
     for name in home.goto_rooms:
@@ -190,22 +190,24 @@ def _cells_on_floors(home: Home, spacing: float) -> tuple[NDArray[np.int64], NDA
     return cells[rooms >= 0], rooms[rooms >= 0]
 
 
-def _index(cells: NDArray[np.int64]) -> dict[tuple[int, int], int]:
-    return {(int(x), int(y)): number for number, (x, y) in enumerate(cells)}
+def _neighbours(cells: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Return the number (n, offsets) of the cell at each offset from each cell, -1 where there is none."""
+    if not len(cells):
+        return np.zeros((0, len(offsets)), dtype=np.int32)
+    margin = np.abs(offsets).max()
+    places = cells - cells.min(axis=0) + margin
+    numbers = np.full(places.max(axis=0) + margin + 1, -1, dtype=np.int32)
+    numbers[tuple(places.T)] = np.arange(len(cells))
+    return numbers[tuple(np.moveaxis(places[:, None] + offsets, -1, 0))]
 
 
 def _links(
     cells: NDArray[np.int64], offsets: NDArray[np.int64], obstacles: list[Solid]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return start, end and number of the offset of all moves by an offset that stay free all the way."""
-    index = _index(cells)
-    moves = [
-        (start, index[x + i, y + j], number)
-        for number, (i, j) in enumerate(offsets.tolist())
-        for start, (x, y) in enumerate(cells.tolist())
-        if (x + i, y + j) in index
-    ]
-    starts, ends, numbers = np.array(moves, dtype=int).reshape(-1, 3).T
+    neighbours = _neighbours(cells, offsets)
+    numbers, starts = np.nonzero(neighbours.T >= 0)
+    ends = neighbours[starts, numbers].astype(int)
     free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING)
     return starts[free], ends[free], numbers[free]
 
@@ -214,10 +216,14 @@ def _blocked(obstacles: list[Solid], starts: Points, ends: Points) -> NDArray[np
     """Return which straight drives of the humanoid's footprint touch an obstacle."""
     low, high = np.minimum(starts, ends) - FOOTPRINT_RADIUS, np.maximum(starts, ends) + FOOTPRINT_RADIUS
     blocked = np.zeros(len(starts), dtype=bool)
-    for solid in obstacles:
-        near = np.flatnonzero(~blocked & (low < solid.high).all(axis=1) & (high > solid.low).all(axis=1))
+    for corners in sorted({len(solid.polygon) for solid in obstacles}):
+        outlines = np.stack([solid.polygon for solid in obstacles if len(solid.polygon) == corners], axis=1)
+        (x0, y0), (x1, y1) = outlines.min(axis=0).T, outlines.max(axis=0).T
+        near = (low[:, :1] < x1) & (low[:, 1:] < y1) & (high[:, :1] > x0) & (high[:, 1:] > y0)
+        drives, solids = np.nonzero(near)
         # A hair less than the radius: a doorway of exactly the footprint's width is passable.
-        blocked[near] |= segments_hit(solid.polygon, starts[near], ends[near], FOOTPRINT_RADIUS - 1e-6)
+        hit = segments_hit(outlines[:, solids], starts[drives], ends[drives], FOOTPRINT_RADIUS - 1e-6)
+        blocked[drives[hit]] = True
     return blocked
 
 

@@ -6,6 +6,7 @@ hull, which is also what PyBullet makes of a collision mesh.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,12 @@ class Solid:
     top: float
     planes: Points
 
-    @property
+    @cached_property
     def low(self) -> Points:
         """Lower corner (2,) of the outline's bounding box."""
         return self.polygon.min(axis=0)
 
-    @property
+    @cached_property
     def high(self) -> Points:
         """Upper corner (2,) of the outline's bounding box."""
         return self.polygon.max(axis=0)
@@ -113,14 +114,21 @@ def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -
     """Return whether a disc swept along each segment touches a convex polygon.
 
     Args:
-        polygon: (k, 2) counter-clockwise outline.
+        polygon: (k, 2) counter-clockwise outline; or (k, n, 2), an outline of its own for each segment.
         starts: (n, 2) first ends of the segments.
         ends: (n, 2) their last ends; a segment may be a point.
         radius: of the disc, metres.
     """
-    corners, following = polygon[:, None], np.roll(polygon, -1, axis=0)[:, None]
+    corners = polygon.reshape(len(polygon), -1, 2)
+    following = np.roll(corners, -1, axis=0)
     near = (_segment_distance(corners, following, starts, ends) < radius).any(axis=0)
-    return near | inside(polygon, starts) | inside(polygon, ends)
+    return near | _left_of_all(corners, following, starts) | _left_of_all(corners, following, ends)
+
+
+def _left_of_all(a: Points, b: Points, points: Points) -> NDArray[np.bool_]:
+    """Return whether points (n, 2) lie left of, or on, all edges a-b (k, n, 2): inside of their outline."""
+    edges, away = b - a, points - a
+    return (edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0] >= 0).all(axis=0)
 
 
 def _segment_distance(a: Points, b: Points, starts: Points, ends: Points) -> NDArray[np.float64]:

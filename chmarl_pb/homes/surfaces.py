@@ -87,8 +87,9 @@ def _surface(home: Home, thing: Thing, height: float, tops: list[Solid]) -> Surf
     points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ axes.T
     on = np.logical_or.reduce([inside(solid.polygon, points, margin=1e-3) for solid in tops])
     free = np.where(on, _TALLEST, 0.0)
+    low, high = points.min(axis=(0, 1)) - CELL, points.max(axis=(0, 1)) + CELL
     for solid in home.solids:
-        if solid.spans(height + 2 * _SAME_LEVEL, height + _TALLEST) and _near(solid, points):
+        if solid.spans(height + 2 * _SAME_LEVEL, height + _TALLEST) and _near(solid, low, high):
             under = inside(solid.polygon, points, margin=CELL / 2)
             free = np.where(under, np.minimum(free, max(solid.bottom - height, 0.0)), free)
     free[free < _HEADROOM] = 0.0
@@ -105,6 +106,6 @@ def _ticks(low: float, high: float) -> Points:
     return (low + high) / 2 + (np.arange(count) - (count - 1) / 2) * CELL
 
 
-def _near(solid: Solid, points: Points) -> bool:
-    low, high = points.min(axis=(0, 1)) - CELL, points.max(axis=(0, 1)) + CELL
+def _near(solid: Solid, low: Points, high: Points) -> bool:
+    """Return whether a solid's bounding box overlaps another one on the floor."""
     return bool((low < solid.high).all() and (high > solid.low).all())
