@@ -157,8 +157,8 @@ def build_lattice(home: Home) -> Lattice:
                 "and a free way of 0.5 m beside the furniture"
             )
     cells, rooms = cells[kept], rooms[kept]
-    number = np.cumsum(kept) - 1
-    starts, ends = number[starts[kept[starts]]], number[ends[kept[ends]]]
+    renumbered = np.cumsum(kept) - 1
+    starts, ends = renumbered[starts[kept[starts]]], renumbered[ends[kept[ends]]]
     points = cells * SPACING
     forward = _forward(cells, obstacles)
     anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}

@@ -128,7 +128,7 @@ def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -
 def _left_of_all(a: Points, b: Points, points: Points) -> NDArray[np.bool_]:
     """Return whether points (n, 2) lie left of, or on, all edges a-b (k, n, 2): inside of their outline."""
     edges, away = b - a, points - a
-    return (edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0] >= 0).all(axis=0)
+    return np.asarray((edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0] >= 0).all(axis=0))
 
 
 def _segment_distance(a: Points, b: Points, starts: Points, ends: Points) -> NDArray[np.float64]:
