@@ -32,7 +32,7 @@ class HouseholdVecEnv(VecEnv):
     def reset(self) -> Any:
         """Reset all environments by the seeds and options that were set, and return their observations."""
         if self._engine.pending:  # a step that has begun is finished for nothing, as VecEnv asks
-            self._engine.receive()
+            self._infos()
         self._engine.send("reset", self._seeds, [options or None for options in self._options], None)
         self._reset_seeds()
         self._reset_options()

@@ -1,6 +1,7 @@
 """The infos of many environments: only what has changed travels, and Gymnasium's vector format is made of it."""
 
 from collections.abc import Sequence
+from math import copysign
 from typing import Any
 
 import numpy as np
@@ -135,7 +136,7 @@ def _same(old: Any, new: Any) -> bool:
     if type(old) is not kind:
         return False
     if kind in _PLAIN:
-        return old == new
+        return old == new and (kind is not float or copysign(1, old) == copysign(1, new))
     if kind is tuple:
         return _PLAIN.issuperset(map(type, new)) and old == new
     if kind is np.ndarray and not new.dtype.hasobject:
