@@ -117,9 +117,14 @@ def test_document_types_are_refused(write_home: Write, declaration: str) -> None
             '<joint name="self" type="fixed"><parent link="world"/><child link="world"/></joint>',
             ["parent|ancestor"],
         ),
+        (
+            '<link name="livingroom/door_1"/><joint type="fixed"><parent link="world"/>'
+            '<child link="livingroom/door_1"/></joint>',
+            ["livingroom/door_1", "no name"],
+        ),
     ],
     ids=["duplicate link", "nameless link", "missing parent", "no child", "moving joint", "typeless joint",
-         "second parent", "island", "cycle", "own parent"],
+         "second parent", "island", "cycle", "own parent", "nameless joint"],
 )  # fmt: skip
 def test_links_and_joints(write_home: Write, extra: str, words: list[str]) -> None:
     refused(write_home(home_text(extra=extra)), *words)

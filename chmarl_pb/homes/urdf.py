@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import defusedxml.ElementTree
 import numpy as np
-import trimesh
-import yourdfpy
 from defusedxml import DefusedXmlException
 
 from chmarl_pb.errors import HomeError
@@ -28,6 +27,11 @@ _NUMBERS = {
     "color": {"rgba": 4},
     "mass": {"value": 1},
 }
+#: Corners of boxes and cylinders of size 1, the latter as a prism of 24 sides.
+_BOX = np.array(list(product((-0.5, 0.5), repeat=3)))
+_CYLINDER = np.array(
+    [(np.cos(angle), np.sin(angle), z) for angle in np.linspace(0, 2 * np.pi, 25)[:-1] for z in (-0.5, 0.5)]
+)
 _OPTIONAL = {"xyz", "rpy", "scale"}
 
 
@@ -57,9 +61,8 @@ def read_links(path: Path) -> tuple[Link, ...]:
     _check_tree(path, root)
     _check_files(path, root)
     _check_shapes(path, root)
-    model = _parse(path)
-    frames = _frames(path, model)
-    return tuple(_link(path, link, frames[link.name]) for link in model.links)
+    frames = _frames(path, root)
+    return tuple(_link(path, link, frames[link.get("name", "")]) for link in root.findall("link"))
 
 
 def _safe_root(path: Path) -> ElementTree.Element:
@@ -93,6 +96,8 @@ def _check_tree(path: Path, root: ElementTree.Element) -> None:
     children: dict[str, str] = {}
     for joint in root.findall("joint"):
         label = f"{path}: joint {joint.get('name', '')!r}"
+        if not joint.get("name"):
+            raise HomeError(f"{label} to {_referred(joint, 'child')!r} has no name; give every joint its own")
         if joint.get("type") != "fixed":
             raise HomeError(f"{label} is {joint.get('type')!r}; a home must not move, make it 'fixed'")
         parent, child = (_referred(joint, end) for end in ("parent", "child"))
@@ -166,68 +171,76 @@ def _are_numbers(text: str, count: int) -> bool:
     return len(values) == count and bool(np.isfinite(values).all())
 
 
-def _parse(path: Path) -> Any:
-    try:
-        return yourdfpy.URDF.load(
-            str(path), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        ).robot
-    except Exception as error:  # yourdfpy raises whatever its parsing meets
-        raise HomeError(f"{path}: not a URDF that can be read ({error}); compare it with a packaged home") from error
-
-
-def _frames(path: Path, model: Any) -> dict[str, Points]:
+def _frames(path: Path, root: ElementTree.Element) -> dict[str, Points]:
     """Return the world frame (4 x 4) of every link."""
-    joints = {joint.child: joint for joint in model.joints}
+    joints = {
+        _referred(joint, "child"): (_referred(joint, "parent"), _origin(joint)) for joint in root.findall("joint")
+    }
     frames: dict[str, Points] = {}
-    for link in model.links:
-        chain = [link.name]
+    for link in root.findall("link"):
+        chain = [link.get("name", "")]
         while chain[-1] in joints and chain[-1] not in frames:
-            chain.append(joints[chain[-1]].parent)
-            if len(chain) > len(model.links):
-                raise HomeError(f"{path}: link {link.name!r} is its own ancestor; a URDF is a tree")
+            chain.append(joints[chain[-1]][0])
+            if len(chain) > len(joints) + 1:
+                raise HomeError(f"{path}: link {chain[0]!r} is its own ancestor; a URDF is a tree")
         for name in reversed(chain):
             if name not in frames:
-                joint = joints.get(name)
-                origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
-                frames[name] = origin if joint is None else frames[joint.parent] @ origin
+                frames[name] = frames[joints[name][0]] @ joints[name][1] if name in joints else np.eye(4)
     return frames
 
 
-def _link(path: Path, link: Any, frame: Points) -> Link:
-    solids = []
-    for number, collision in enumerate(link.collisions, start=1):
-        origin = np.eye(4) if collision.origin is None else collision.origin
+def _origin(element: ElementTree.Element) -> Points:
+    """Return the frame (4 x 4) in the <origin> of a joint or a shape; none means the parent's own frame."""
+    origin = element.find("origin")
+    frame = np.eye(4)
+    if origin is not None:
+        turns = _numbers(origin, "rpy", "0 0 0")
+        (si, sj, sk), (ci, cj, ck) = np.sin(turns), np.cos(turns)
+        frame[0, :3] = cj * ck, sj * (si * ck) - ci * sk, sj * (ci * ck) + si * sk
+        frame[1, :3] = cj * sk, sj * (si * sk) + ci * ck, sj * (ci * sk) - si * ck
+        frame[2, :3] = -sj, cj * si, cj * ci
+        frame[:3, 3] = _numbers(origin, "xyz", "0 0 0")
+    return frame + 0.0  # without negative zeros
+
+
+def _numbers(element: ElementTree.Element, name: str, default: str = "") -> Points:
+    return np.array([float(word) for word in element.get(name, default).split()])
+
+
+def _link(path: Path, link: ElementTree.Element, frame: Points) -> Link:
+    name, solids = link.get("name", ""), []
+    for number, collision in enumerate(link.findall("collision"), start=1):
         try:
-            corners = _vertices(path, collision.geometry)
-            placed = trimesh.transform_points(corners, frame @ origin)
+            corners = _vertices(path, collision)
+            placed = (frame @ _origin(collision) @ np.column_stack([corners, np.ones(len(corners))]).T).T[:, :3]
             if not np.isfinite(placed).all():
                 raise ValueError("its size or pose is not a finite number")
             solids.append(solid_from_vertices(placed))
         except ValueError as error:
-            raise HomeError(f"{path}: link {link.name!r}: collision {number}: {error}") from error
-    return Link(link.name, frame, tuple(solids), bool(link.visuals))
+            raise HomeError(f"{path}: link {name!r}: collision {number}: {error}") from error
+    return Link(name, frame, tuple(solids), link.find("visual") is not None)
 
 
-def _vertices(path: Path, geometry: Any) -> Points:
+def _vertices(path: Path, collision: ElementTree.Element) -> Points:
     """Return points (n, 3) whose convex hull is the geometry, in its own frame."""
-    if geometry.box is not None:
-        return np.asarray(trimesh.creation.box(np.asarray(geometry.box.size, dtype=float)).vertices)
-    if geometry.cylinder is not None:
-        shape = trimesh.creation.cylinder(geometry.cylinder.radius, geometry.cylinder.length, sections=24)
-        return np.asarray(shape.vertices)
-    if geometry.sphere is not None:
-        return np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius).vertices)
-    if geometry.mesh is not None:
-        return _mesh_vertices(path.parent / geometry.mesh.filename, geometry.mesh.scale)
-    raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
+    shape = collision.find("geometry/*")
+    if shape is None:
+        raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
+    if shape.tag == "box":
+        return _BOX * _numbers(shape, "size")
+    if shape.tag == "cylinder":
+        radius, length = float(shape.get("radius", "")), float(shape.get("length", ""))
+        return _CYLINDER * (radius, radius, length)
+    import trimesh  # only here: it takes a while to load, and most homes are boxes and cylinders
 
-
-def _mesh_vertices(file: Path, scale: Any) -> Points:
+    if shape.tag == "sphere":
+        radius = float(shape.get("radius", ""))
+        return np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices)
+    file = path.parent / shape.get("filename", "")
     try:
         mesh: Any = trimesh.load(file, force="mesh", process=False)
     except Exception as error:  # the loaders of the formats raise what they like
         raise ValueError(f"mesh {file.name!r} cannot be read ({error})") from error
     if not len(getattr(mesh, "vertices", ())):
         raise ValueError(f"mesh {file.name!r} is empty")
-    factor = np.ones(3) if scale is None else np.broadcast_to(np.asarray(scale, dtype=float), 3)
-    return np.asarray(mesh.vertices) * factor
+    return np.asarray(mesh.vertices) * _numbers(shape, "scale", "1 1 1")
