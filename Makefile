@@ -5,11 +5,12 @@
 SHELL := /bin/bash
 VENV := .venv
 RUN := $(VENV)/bin
+PEERS := build/peers
 PYTHON ?= $(shell for p in python3.11 python3.10 python3 python; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' 2>/dev/null \
 	&& { echo $$p; break; }; done)
 
-.PHONY: demo test check test-slow bench assets homes clean
+.PHONY: demo test check test-slow bench peers scaling assets homes clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -28,6 +29,13 @@ test-slow: $(VENV)/.dev
 
 bench: $(VENV)/.run
 	$(RUN)/chmarl-pb bench
+
+# peers: other simulators beside this one, in an environment of their own. scaling: docs/scaling.png.
+peers: $(PEERS)/.run
+	$(PEERS)/bin/python -m benchmarks.peers
+
+scaling: $(VENV)/.dev
+	$(RUN)/python -m benchmarks.scaling
 
 # Rebuild every generated file that is committed.
 assets: $(VENV)/.run
@@ -50,6 +58,11 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	$(RUN)/python -m pip install --quiet --editable ".[dev,train]"
 	@touch $@ $(VENV)/.run
 
+$(PEERS)/.run: benchmarks/requirements.txt pyproject.toml | $(VENV)/bin/python
+	$(VENV)/bin/python -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --editable . --requirement benchmarks/requirements.txt
+	@touch $@
+
 $(VENV)/bin/python:
 	@if [ -z "$(PYTHON)" ]; then \
 		echo "chmarl_pb needs Python 3.10 or 3.11 with venv: PyBullet has no ready-made package for newer ones."; \
@@ -59,4 +72,4 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 clean:
-	rm -rf $(VENV) out
+	rm -rf $(VENV) $(PEERS) out

@@ -9,7 +9,8 @@ from functools import cache, partial
 from itertools import cycle
 
 import numpy as np
-from gymnasium.vector import VectorEnv
+from gymnasium.spaces import MultiDiscrete
+from gymnasium.vector import AutoresetMode, VectorEnv
 
 import chmarl_pb
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
@@ -107,24 +108,47 @@ def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:
     return snapshots * TICKS_PER_FRAME * TIME_STEP
 
 
-def processes(effort: Effort, env_id: str, each: int = 4) -> Samples:
-    """Yield joint steps a second of one and of two worker processes, each with the same number of environments."""
+def processes(effort: Effort, observation: str, each: int = 4) -> Samples:
+    """Yield joint steps a second of one and of two processes, resets included, each with ``each`` environments."""
+    with closing(HouseholdEnv(observation, split=SPLIT)) as env:
+        warm_up(env, scouted_poses(effort.scouted))
     with ExitStack() as stack:
         rates = {}
         for workers in (1, 2):
-            envs = chmarl_pb.vector_env(workers * each, env_id, workers=workers, split=SPLIT)
+            envs = random_vector(workers * each, workers, observation)
             stack.callback(envs.close)
-            envs.action_space.seed(1)
-            envs.reset(seed=1)
-            per_second(partial(_step_all, envs), 10 * effort.seconds)  # draws most of the views
-            rates[workers] = partial(per_second, partial(_step_all, envs), effort.seconds, workers * each)
+            per_second(envs.step, 2 * effort.seconds)
+            rates[workers] = partial(per_second, envs.step, effort.seconds, workers * each)
         while True:
             one, two = rates[1](), rates[2]()
             yield {"joint steps/s, 1 process": one, "joint steps/s, 2 processes": two, "times 1 process": two / one}
 
 
-def _step_all(envs: VectorEnv) -> None:
-    envs.step(envs.action_space.sample())
+class RandomVector:
+    """Environments in lockstep with random actions that are drawn beforehand; an ended episode is reset in its step."""
+
+    def __init__(self, envs: VectorEnv, seed: int = 1):
+        """Reset the environments, and draw their actions."""
+        self._envs, space = envs, envs.single_action_space
+        assert isinstance(space, MultiDiscrete)
+        shape = (1000, envs.num_envs, *space.nvec.shape)
+        self._actions = cycle(np.random.default_rng(seed).integers(space.nvec, size=shape))
+        envs.reset(seed=seed)
+
+    def step(self) -> None:
+        """Take one joint step in every environment."""
+        self._envs.step(next(self._actions))
+
+    def close(self) -> None:
+        """Stop the processes."""
+        self._envs.close()
+
+
+def random_vector(count: int, workers: int, observation: str) -> RandomVector:
+    """Return environments on worker processes, see :func:`chmarl_pb.vector_env`."""
+    env_id = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}[observation]
+    mode = AutoresetMode.SAME_STEP
+    return RandomVector(chmarl_pb.vector_env(count, env_id, workers, autoreset_mode=mode, split=SPLIT))
 
 
 @cache
