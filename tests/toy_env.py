@@ -51,6 +51,9 @@ class ToyEnv(gymnasium.Env):
     def whoami(self, greeting: str = "") -> str:
         return f"{greeting}{self.np_random_seed}"
 
+    def secret(self) -> Any:
+        return lambda: None  # cannot be pickled
+
     def _observe(self) -> dict[str, np.ndarray]:
         return {
             "picture": self.np_random.integers(0, 256, (4, 4, 3), np.uint8),

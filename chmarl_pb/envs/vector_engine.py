@@ -120,11 +120,11 @@ class InWorkers:
         try:
             for share in self._shares:
                 self._start(share, CloudpickleWrapper(make), autoreset)
+            self.signature: Signature = self.receive()[0]
+            self._share_memory(count)
         except BaseException:
             self.close()
             raise
-        self.signature: Signature = self.receive()[0]
-        self._share_memory(count)
 
     def _start(self, share: range, make: CloudpickleWrapper, autoreset: AutoresetMode) -> None:
         # Forked children would share PyBullet's clients; spawned ones have their own.
@@ -156,13 +156,16 @@ class InWorkers:
     def send(self, command: str, *arguments: Any) -> None:
         """Let the workers begin with a command."""
         _check_ready(self._close.alive, self.pending)
-        self._command = command
         message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL)
+        self._command = command
         for worker, pipe in enumerate(self._commands):
             try:
                 pipe.send_bytes(message)
-            except OSError as error:
+            except ConnectionError as error:
                 raise self._death(worker) from error
+            except BaseException:  # an interrupt: nobody knows which workers have begun
+                self.close()
+                raise
 
     def receive(self) -> list[Any]:
         """Wait for the answers of the workers.
@@ -198,10 +201,11 @@ class InWorkers:
         process.join(_PATIENCE)
         code = process.exitcode
         self.close()
-        end = "was ended by its environment" if code == 0 else f"died (exit code {code}; -9 may mean: out of memory)"
-        mend = "; see its message above; a script must start workers under `if __name__ == '__main__':`"
+        mend = "; -9 may mean: out of memory"
+        if starting:
+            mend = "; see its message above; a script must start workers under `if __name__ == '__main__':`"
         where = f"the worker of environments {share.start} to {share.stop - 1}"
-        return WorkerError(f"{where} {end}{mend if starting else ''}; all workers have been stopped")
+        return WorkerError(f"{where} died (exit code {code}{mend}); all workers have been stopped")
 
     def close(self) -> None:
         """End the workers."""
