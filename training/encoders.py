@@ -6,9 +6,10 @@ Letters: B observations in the batch, N real nodes of all graphs of the batch, E
 """
 
 import math
+import warnings
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from gymnasium import spaces
@@ -20,6 +21,9 @@ ImageEncoder = Literal["cnn", "resnet18"]
 EMBEDDING = 32  # features of a word, of a node's class, and of its state
 GRAPH = 64  # features of a node after each graph convolution
 IMAGE = 256  # features of a picture
+
+# The one product that is used of the beta state is tested.
+warnings.filterwarnings("ignore", "Sparse CSR tensor support", UserWarning)
 
 _NODE_CLASS, _NODE_STATE, _EDGES = "node_class", "node_state", "edges"
 _TOKENS = ("instruction", "feedback")
@@ -104,16 +108,13 @@ class GraphEncoder(Part):
 
     def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
         """Return (B, GRAPH) from classes (B, nodes), states (B, nodes), edges (B, edges, 3)."""
-        graph, slot = (node_class > 0).nonzero(as_tuple=True)  # (N): only real nodes are computed
-        numbers = torch.zeros(node_class.shape, dtype=torch.long, device=node_class.device)
-        numbers[graph, slot] = torch.arange(len(graph), device=node_class.device)
-        source, target = _ends(edges, numbers)
-        weight, own = _normalised(source, target, len(graph))
-        nodes = self._embedded(node_class[graph, slot].long(), node_state[graph, slot].long())
-        nodes = torch.relu(_spread(nodes, source, target, weight, own))
-        nodes = torch.relu(_spread(self.second(nodes), source, target, weight, own))
-        total = nodes.new_zeros(len(node_class), GRAPH).index_add_(0, graph, nodes)
-        return total / (node_class > 0).sum(dim=1, keepdim=True).clamp(min=1)
+        real = node_class > 0  # padding is left out: (N) nodes of all graphs, one after the other
+        spread = _propagation(real, edges)
+        nodes = self._embedded(node_class[real].long(), node_state[real].long())
+        nodes = torch.relu(_Product.apply(spread, nodes))
+        nodes = torch.relu(_Product.apply(spread, self.second(nodes)))
+        total = nodes.new_zeros(len(real), GRAPH).index_add_(0, real.nonzero(as_tuple=True)[0], nodes)
+        return total / real.sum(dim=1, keepdim=True).clamp(min=1)
 
     def _embedded(self, node_class: Tensor, node_state: Tensor) -> Tensor:
         """Return H W + b of the first convolution; the product is taken once for each class and state, not node."""
@@ -122,26 +123,41 @@ class GraphEncoder(Part):
         return by_class.index_select(0, node_class) + by_state.index_select(0, node_state)
 
 
-def _ends(edges: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
-    """Return source and target (2 E) of all real edges, each in both directions, as numbers of packed nodes."""
+class _Product(torch.autograd.Function):
+    """A symmetric sparse matrix without gradient, times features."""
+
+    @staticmethod
+    def forward(ctx: Any, matrix: Tensor, features: Tensor) -> Tensor:
+        ctx.matrix = matrix
+        return torch.sparse.mm(matrix, features)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[None, Tensor]:
+        return None, torch.sparse.mm(ctx.matrix, gradient)
+
+
+def _propagation(real: Tensor, edges: Tensor) -> Tensor:
+    """Return D^-1/2 (A + I) D^-1/2 of all graphs of a batch as one sparse matrix (N, N).
+
+    Args:
+        real: (B, nodes) which nodes are not padding.
+        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
+    """
+    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
+    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
     graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
-    ends = edges[graph, row].long()
-    one, other = numbers[graph, ends[:, 0]], numbers[graph, ends[:, 1]]
-    return torch.cat([one, other]), torch.cat([other, one])
-
-
-def _normalised(source: Tensor, target: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Return the entries of D^-1/2 (A + I) D^-1/2: (2 E, 1) of the edges and (N, 1) of the self loops."""
-    degree = torch.ones(count, device=source.device).index_add_(
-        0, target, torch.ones(len(target), device=source.device)
+    ends = numbers[graph.unsqueeze(1), edges[graph, row, :2].long().clamp(max=real.shape[1])]
+    one, other = ends[(ends >= 0).all(dim=1)].unbind(dim=1)
+    loops = torch.arange(int(real.sum()), device=real.device)
+    rows, columns = torch.cat([one, other, loops]), torch.cat([other, one, loops])
+    degree = torch.bincount(rows, minlength=len(loops))
+    root = degree.float().rsqrt()
+    columns = columns[rows.argsort()]
+    values = root.repeat_interleave(degree) * root[columns]
+    starts = nn.functional.pad(degree.cumsum(0), (1, 0))
+    return torch.sparse_csr_tensor(
+        starts.int(), columns.int(), values, (len(loops), len(loops)), check_invariants=False
     )
-    root = degree.rsqrt()
-    return (root[source] * root[target]).unsqueeze(1), (1 / degree).unsqueeze(1)
-
-
-def _spread(nodes: Tensor, source: Tensor, target: Tensor, weight: Tensor, own: Tensor) -> Tensor:
-    """Return what each node gathers from itself and its neighbours, (N, features)."""
-    return (nodes * own).index_add(0, target, nodes.index_select(0, source) * weight)
 
 
 class TokenEncoder(Part):
@@ -183,10 +199,10 @@ class ConvEncoder(Part):
     size = IMAGE
 
     def __init__(self, shape: tuple[int, ...]):
-        """Make the layers for pictures (height, width, channels)."""
+        """Make the layers for pictures (height, width, channels) or (channels, height, width)."""
         super().__init__()
-        self.shape = shape
-        widths = (shape[2], 32, 48, 64, 64)
+        self.shape, self.channels_first = shape, shape[0] < shape[2]
+        widths = (min(shape), 32, 48, 64, 64)
         layers: list[nn.Module] = []
         for number, (inputs, outputs) in enumerate(pairwise(widths)):
             layers += [nn.Conv2d(inputs, outputs, 5 if number == 0 else 3, stride=2, padding=2 if number == 0 else 1)]
@@ -197,8 +213,10 @@ class ConvEncoder(Part):
         )
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return (B, IMAGE) from uint8 pictures (B, height, width, channels)."""
-        pictures = _flattened(images, self.shape).permute(0, 3, 1, 2)
+        """Return (B, IMAGE) from uint8 pictures (B, *shape)."""
+        pictures = _flattened(images, self.shape)
+        if not self.channels_first:
+            pictures = pictures.permute(0, 3, 1, 2)
         return self.layers(pictures.float() / 255 - 0.5)
 
 
