@@ -93,20 +93,23 @@ class Outlines:
             order = np.minimum(np.arange(most), len(polygon) - 1)
             self._normals[row], self._offsets[row] = normals[order], offsets[order]
 
-    def crossed(self, starts: Points, ends: Points) -> NDArray[np.bool_]:
+    def crossed(self, starts: Points, ends: Points, among: NDArray[np.int_] | None = None) -> NDArray[np.bool_]:
         """Return (n, polygons) which polygons each segment crosses, by clipping (Cyrus and Beck 1978).
 
         Args:
             starts: (n, 2) first ends of the segments.
             ends: (n, 2) their last ends.
+            among: numbers of the polygons to test; by default all.
         """
-        before = starts @ self._normals.reshape(-1, 2).T - self._offsets.ravel()
-        after = ends @ self._normals.reshape(-1, 2).T - self._offsets.ravel()
+        normals = self._normals if among is None else self._normals[among]
+        offsets = self._offsets if among is None else self._offsets[among]
+        before = starts @ normals.reshape(-1, 2).T - offsets.ravel()
+        after = ends @ normals.reshape(-1, 2).T - offsets.ravel()
         with np.errstate(divide="ignore", invalid="ignore"):
             at = before / (before - after)
         entry = np.where(before > 0, np.where(after > 0, np.inf, at), 0.0)
         leave = np.where((before <= 0) & (after > 0), at, 1.0)
-        shape = (len(starts), *self._offsets.shape)
+        shape = (len(starts), *offsets.shape)
         return entry.reshape(shape).max(axis=2, initial=0.0) <= leave.reshape(shape).min(axis=2, initial=1.0)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,12 +20,19 @@ _BEST_DISTANCE = 0.62  # metres from base to grip that the arm likes most
 Size = tuple[float, float, float]
 
 
+class _Approach(NamedTuple):
+    """A way to reach a point: the lattice pose, and bottom and top of all that stands between them (metres)."""
+
+    pose: int
+    barriers: list[list[float]]
+
+
 @dataclass(frozen=True, eq=False)
 class Space:
     """What can be derived from a home once and serves every world and planner of it."""
 
     home: Home
-    _stands: dict[tuple[float, float, float], int | None] = field(default_factory=dict)
+    _approaches: dict[tuple[float, float], tuple[_Approach, ...]] = field(default_factory=dict)
     _places: dict[tuple[str, Size], Points] = field(default_factory=dict)
 
     @cached_property
@@ -48,36 +56,48 @@ class Space:
         Args:
             grip: x, y, z of the point in the world, metres.
         """
-        key = (round(grip[0], 4), round(grip[1], 4), round(grip[2], 4))
-        if key not in self._stands:
-            self._stands[key] = self._find_stand(*key)
-        return self._stands[key]
+        x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
+        if (x, y) not in self._approaches:
+            self._approaches[x, y] = self._find_approaches(x, y)
+        if REACH.height[0] <= z <= REACH.height[1]:
+            for approach in self._approaches[x, y]:
+                if not any(top > z and bottom < z + _ARM_THICKNESS for bottom, top in approach.barriers):
+                    return approach.pose
+        return None
 
-    def _find_stand(self, x: float, y: float, z: float) -> int | None:
-        away = np.array([x, y]) - self.lattice.points
+    def _find_approaches(self, x: float, y: float) -> tuple[_Approach, ...]:
+        """Return the lattice poses that have a point at arm's length, best first."""
+        points = self.lattice.points
+        away = np.array([x, y]) - points
         distance = np.hypot(*away.T)
         near = np.flatnonzero((distance >= REACH.distance[0]) & (distance <= REACH.distance[1]))
         bearing = np.arctan2(away[near, 1], away[near, 0])
         heading = np.round(bearing / heading_angle(1)).astype(int)
-        off = np.abs(bearing - heading * heading_angle(1))
+        off = np.abs(bearing - heading * heading_angle(1))  # at most half a step: well within REACH.bearing
         cost = np.abs(distance[near] - _BEST_DISTANCE) + 0.5 * off
-        for choice in np.lexsort((near, np.round(cost, 6))):
-            position = near[choice]
-            if REACH.contains(distance[position], z, off[choice]) and self._arm_is_free(
-                self.lattice.points[position], x, y, z
-            ):
-                return int(position * HEADINGS + heading[choice] % HEADINGS)
-        return None
+        order = np.lexsort((near, np.round(cost, 6)))
+        poses = (near * HEADINGS + heading % HEADINGS)[order].tolist()
+        return tuple(map(_Approach, poses, self._barriers(points[near[order]], np.array([x, y]))))
 
-    def _arm_is_free(self, base: Points, x: float, y: float, z: float) -> bool:
-        """Return whether nothing stands between the base and the point at the arm's height."""
-        tall = (self._heights[:, 1] > z) & (self._heights[:, 0] < z + _ARM_THICKNESS)
-        return not (self._outlines.crossed(base[None], np.array([[x, y]]))[0] & tall).any()
+    def _barriers(self, starts: Points, end: Points) -> list[list[list[float]]]:
+        """Return bottom and top of the solids that stand on the line from each start to an end."""
+        low, high = (
+            np.minimum(starts.min(axis=0, initial=np.inf), end),
+            np.maximum(starts.max(axis=0, initial=-np.inf), end),
+        )
+        near = np.flatnonzero(((self._boxes[:, :2] <= high + 1e-6) & (self._boxes[:, 2:] >= low - 1e-6)).all(axis=1))
+        crossed = self._outlines.crossed(starts, np.repeat(end[None], len(starts), axis=0), near)
+        return [self._heights[near[row]].tolist() for row in crossed]
 
     @cached_property
     def _heights(self) -> Points:
         """Bottom and top (n, 2) of the home's solids."""
         return np.array([[solid.bottom, solid.top] for solid in self.home.solids]).reshape(-1, 2)
+
+    @cached_property
+    def _boxes(self) -> Points:
+        """Lower and upper corner (n, 4) of the outlines of the home's solids."""
+        return np.array([[*solid.low, *solid.high] for solid in self.home.solids]).reshape(-1, 4)
 
     @cached_property
     def _outlines(self) -> Outlines:
