@@ -56,12 +56,14 @@ class Surface:
 def find_surfaces(home: Home) -> tuple[Surface, ...]:
     """Return every surface of the home's receptacles within the humanoid's reach in height."""
     surfaces = []
+    lows = np.array([[*solid.low, solid.bottom] for solid in home.solids])
+    highs = np.array([[*solid.high, solid.top] for solid in home.solids])
     for thing in home.receptacles.values():
         level = [solid for solid in thing.solids if solid.has_level_top]
         for height in _levels(level):
             if REACH.height[0] <= height <= REACH.height[1]:
                 tops = [solid for solid in level if abs(solid.top - height) <= _SAME_LEVEL]
-                surface = _surface(home, thing, height, tops)
+                surface = _surface(home, thing, height, tops, lows, highs)
                 if (surface.free > 0).any():
                     surfaces.append(surface)
     return tuple(surfaces)
@@ -78,7 +80,8 @@ def _levels(solids: list[Solid]) -> list[float]:
     return levels
 
 
-def _surface(home: Home, thing: Thing, height: float, tops: list[Solid]) -> Surface:
+def _surface(home: Home, thing: Thing, height: float, tops: list[Solid], lows: Points, highs: Points) -> Surface:
+    """Return the surface that some tops of a thing make; lows and highs (n, 3) bound the home's solids."""
     yaw = float(np.arctan2(thing.frame[1, 0], thing.frame[0, 0]))
     axes = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     corners = np.concatenate([solid.polygon for solid in tops]) @ axes
@@ -87,11 +90,12 @@ def _surface(home: Home, thing: Thing, height: float, tops: list[Solid]) -> Surf
     points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ axes.T
     on = np.logical_or.reduce([inside(solid.polygon, points, margin=1e-3) for solid in tops])
     free = np.where(on, _TALLEST, 0.0)
-    low, high = points.min(axis=(0, 1)) - CELL, points.max(axis=(0, 1)) + CELL
-    for solid in home.solids:
-        if solid.spans(height + 2 * _SAME_LEVEL, height + _TALLEST) and _near(solid, low, high):
-            under = inside(solid.polygon, points, margin=CELL / 2)
-            free = np.where(under, np.minimum(free, max(solid.bottom - height, 0.0)), free)
+    low = np.array([*points.min(axis=(0, 1)) - CELL, height + 2 * _SAME_LEVEL])
+    high = np.array([*points.max(axis=(0, 1)) + CELL, height + _TALLEST])
+    for number in np.flatnonzero(((low < highs) & (high > lows)).all(axis=1)):
+        solid = home.solids[number]
+        under = inside(solid.polygon, points, margin=CELL / 2)
+        free = np.where(under, np.minimum(free, max(solid.bottom - height, 0.0)), free)
     free[free < _HEADROOM] = 0.0
     free[~binary_opening(free > 0, np.ones((_NARROW, _NARROW), dtype=bool))] = 0.0
     covered = any(
@@ -104,8 +108,3 @@ def _ticks(low: float, high: float) -> Points:
     """Return cell centres that cover an extent, symmetric about its middle."""
     count = max(int((high - low) / CELL + 1e-6), 1)
     return (low + high) / 2 + (np.arange(count) - (count - 1) / 2) * CELL
-
-
-def _near(solid: Solid, low: Points, high: Points) -> bool:
-    """Return whether a solid's bounding box overlaps another one on the floor."""
-    return bool((low < solid.high).all() and (high > solid.low).all())
