@@ -366,6 +366,21 @@ def test_task_and_errors_pass_through(homes: VectorEnv) -> None:
     assert homes.spec.id == "CHMARL/SceneGraph-v0"
 
 
+def test_sb3_takes_the_homes(sb3: Any) -> None:
+    env = chmarl_pb.sb3_vec_env(2, workers=0, **{**OPTIONS, "max_steps": 2})
+    env.seed(0)
+    env.reset()
+    env.step(np.array([[9, 8], [9, 8]]))
+    _, _, dones, infos = env.step(np.array([[9, 8], [9, 8]]))
+    assert dones.all()
+    for info, begun in zip(infos, env.reset_infos, strict=True):
+        assert info["TimeLimit.truncated"]
+        assert not info["is_success"]
+        assert info["terminal_observation"].keys() == env.observation_space.spaces.keys()
+        assert begun["humanoid"]["task_id"] != info["humanoid"]["task_id"]
+    env.close()
+
+
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_make_vec_finds_every_id(env_id: str) -> None:
     made = gymnasium.make_vec(env_id, 1, image_size=32, **OPTIONS)
@@ -441,17 +456,22 @@ def wrapped_toy() -> gymnasium.Env:
     return gymnasium.wrappers.TimeLimit(ToyEnv(), 3)
 
 
+def tame_toy() -> gymnasium.Env:
+    """A toy without pictures and harmful actions."""
+    env = gymnasium.wrappers.FilterObservation(ToyEnv(), ["self"])
+    return gymnasium.wrappers.TransformAction(env, lambda action: action, gymnasium.spaces.MultiDiscrete(SAFE))
+
+
 def test_ppo_learns_in_workers(sb3: Any) -> None:
     from stable_baselines3.common.evaluation import evaluate_policy
     from stable_baselines3.common.vec_env import VecMonitor
 
-    env = VecMonitor(chmarl_pb.sb3_vec_env(2, "CHMARL/SceneGraphHumanoid-v0", 2, **OPTIONS))
-    model = sb3.PPO("MultiInputPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu", seed=0)
-    model.learn(32)
-    assert model.num_timesteps == 32
-    assert len(model.ep_info_buffer) >= 8  # episodes of at most 4 steps
-    assert len(model.ep_success_buffer) >= 8
-    rewards, lengths = evaluate_policy(model, env, 2, return_episode_rewards=True)
-    assert len(rewards) == 2
-    assert max(lengths) <= OPTIONS["max_steps"]
+    env = VecMonitor(chmarl_pb.sb3_vec_env(4, tame_toy, 2))
+    model = sb3.PPO("MultiInputPolicy", env, n_steps=16, batch_size=32, n_epochs=1, device="cpu", seed=0)
+    model.learn(128)
+    assert model.num_timesteps == 128
+    assert len(model.ep_info_buffer) >= 16  # episodes of 1 to 6 steps
+    rewards, lengths = evaluate_policy(model, env, 6, return_episode_rewards=True)
+    assert len(rewards) == 6
+    assert max(lengths) <= 6
     env.close()

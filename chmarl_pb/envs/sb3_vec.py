@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from chmarl_pb.envs.vector import check_counts, make_function, write_actions
 from chmarl_pb.envs.vector_engine import Engine, start
 from chmarl_pb.envs.vector_infos import Path, nest
+from chmarl_pb.envs.vector_worker import full_name
 
 Indices = int | Iterable[int] | None
 Step = tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]
@@ -85,7 +86,7 @@ class HouseholdVecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: Indices = None) -> list[bool]:
         """Return whether some environments are wrapped by a class."""
-        return self._ask("wrapped", indices, wrapper_class)
+        return self._ask("wrapped", indices, full_name(wrapper_class))
 
     def close(self) -> None:
         """Close the environments and end the workers; closing twice is allowed."""

@@ -4,7 +4,7 @@ import mmap
 import pickle
 import signal
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -157,9 +157,12 @@ class Batch:
             self.envs[number - self.numbers.start].set_wrapper_attr(name, values[number])
         return [None for _ in self._mine(chosen)]
 
-    def wrapped(self, chosen: Sequence[int], wrapper: type) -> list[bool]:
-        """Return whether the chosen environments are wrapped by a class."""
-        return [any(isinstance(layer, wrapper) for layer in _layers(env)) for env in self._chosen(chosen)]
+    def wrapped(self, chosen: Sequence[int], wrapper: str) -> list[bool]:
+        """Return whether the chosen environments are wrapped by a class, told by its full name.
+
+        A name, not the class: to ask for one of Stable-Baselines3 must not import PyTorch here.
+        """
+        return [wrapper in map(full_name, _classes(env)) for env in self._chosen(chosen)]
 
     def close(self) -> None:
         """Close the environments."""
@@ -227,11 +230,16 @@ def _failure(error: Exception) -> Failure:
     return Failure(error, trace)
 
 
-def _layers(env: gymnasium.Env) -> list[gymnasium.Env]:
-    layers = [env]
-    while isinstance(layers[-1], gymnasium.Wrapper):
-        layers.append(layers[-1].env)
-    return layers
+def full_name(kind: type) -> str:
+    """Return the name of a class with that of its module."""
+    return f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _classes(env: gymnasium.Env) -> Iterator[type]:
+    """Yield the classes of all wrappers of an environment, with their bases."""
+    while isinstance(env, gymnasium.Wrapper):
+        yield from type(env).__mro__
+        env = env.env
 
 
 def _parts(space: Space) -> dict[str, Space]:
