@@ -1,5 +1,7 @@
-"""A reset moves bodies and loads none; a task is the same whatever was played before it."""
+"""A reset moves bodies and loads none; a task is the same whatever was played before it; the start loads little."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -123,3 +125,16 @@ def test_taken_is_the_touch_of_all_objects(stage_of: Callable[[str], Stage], tas
 def pairs(space: Space, rng: np.random.Generator) -> list[tuple[str, str]]:
     items = ("mug_1", "board_game_1", "knife_1", "cushion_1")
     return [(receptacle, items[int(rng.integers(len(items)))]) for receptacle in space.home.receptacles]
+
+
+@pytest.mark.parametrize(
+    ("statement", "heavy"),
+    [
+        ("import chmarl_pb", ("pybullet", "scipy", "cv2", "trimesh", "yourdfpy", "pettingzoo", "torch", "matplotlib")),
+        ("import chmarl_pb.homes.home as homes; homes.load_home('home_7')", ("trimesh", "yourdfpy", "torch")),
+    ],
+)
+def test_the_start_loads_no_more_than_it_needs(statement: str, heavy: tuple[str, ...]) -> None:
+    code = f"{statement}; import sys; print(*(name for name in {heavy} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
