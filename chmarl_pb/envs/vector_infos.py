@@ -65,7 +65,10 @@ class InfoTable:
         self._columns: dict[Path, np.ndarray] = {}
         self._kinds: dict[Path, Any] = {}  # of the last value in a column: its type, or an array's dtype
         self._masks: dict[Path, np.ndarray] = {}
-        self._stale = False  # whether the masks of inner dictionaries are to be made anew
+        #: For each entry: number of the dictionary that it lies in, its key, its mask's key, its column, its mask;
+        #: an entry without a column is a dictionary, the numbers count them from the outermost, 0.
+        self._plan: list[tuple[int, str, str, np.ndarray | None, np.ndarray]] = []
+        self._stale = False  # whether the plan is to be made anew
 
     def update(self, changes: Sequence[Change]) -> None:
         """Take over the changes of all environments, in their order."""
@@ -85,14 +88,16 @@ class InfoTable:
         """Return the infos in Gymnasium's vector format: arrays, and for each key a mask with a leading ``_``."""
         if self._stale:
             self._tidy()
-        infos: Info = {}
-        nodes: dict[Path, Info] = {(): infos}
-        for path, mask in self._masks.items():
-            node, key = nodes[path[:-1]], path[-1]
-            column = self._columns.get(path)
-            node[key] = nodes.setdefault(path, {}) if column is None else column.copy()
-            node[f"_{key}"] = mask.copy()
-        return infos
+        nodes: list[Info] = [{}]
+        for outer, key, mask_key, column, mask in self._plan:
+            node = nodes[outer]
+            if column is None:
+                node[key] = {}
+                nodes.append(node[key])
+            else:
+                node[key] = column.copy()
+            node[mask_key] = mask.copy()
+        return nodes[0]
 
     def _fit(self, path: Path, value: Any) -> None:
         """Make or widen the column of a path so that it can hold a value."""
@@ -103,19 +108,26 @@ class InfoTable:
             self._masks[path] = np.zeros(self._count, dtype=np.bool_)
         elif column.dtype != dtype:
             self._columns[path] = column.astype(np.result_type(column.dtype, dtype))
+        self._stale = True
         self._kinds[path] = value.dtype if isinstance(value, np.ndarray) else type(value)
 
     def _tidy(self) -> None:
-        """Drop empty columns and put before each path the masks of the dictionaries that it lies in."""
-        leaves = {path: mask for path, mask in self._masks.items() if path in self._columns and mask.any()}
-        self._columns = {path: self._columns[path] for path in leaves}
-        self._kinds = {path: self._kinds[path] for path in leaves}
-        self._masks = {}
-        for path, mask in leaves.items():
+        """Drop empty columns and plan the infos: each dictionary, with the mask of all in it, before what it holds."""
+        self._masks = {path: mask for path, mask in self._masks.items() if mask.any()}
+        self._columns = {path: self._columns[path] for path in self._masks}
+        self._kinds = {path: self._kinds[path] for path in self._masks}
+        all_masks: dict[Path, np.ndarray] = {}
+        for path, mask in self._masks.items():
             for length in range(1, len(path)):
-                outer = path[:length]
-                self._masks[outer] = self._masks.get(outer, False) | mask
-            self._masks[path] = mask
+                all_masks[path[:length]] = all_masks.get(path[:length], False) | mask
+            all_masks[path] = mask
+        nodes: dict[Path, int] = {(): 0}
+        self._plan = []
+        for path, mask in all_masks.items():
+            column = self._columns.get(path)
+            self._plan.append((nodes[path[:-1]], path[-1], f"_{path[-1]}", column, mask))
+            if column is None:
+                nodes[path] = len(nodes)
         self._stale = False
 
 
