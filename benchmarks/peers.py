@@ -16,12 +16,11 @@ from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.simulators import OURS, PEERS, Peer, Work
-from chmarl_pb.bench.command import readable
+from chmarl_pb.bench.command import readable, wide_console
 from chmarl_pb.bench.playing import Effort
 
 SIZES = (64, 84, 128, 224)
@@ -45,7 +44,7 @@ class Result:
 def result_of(peer: Peer, size: int | None, options: argparse.Namespace) -> Result:
     """Measure a simulator in a process of its own; whatever goes wrong there skips it with a word."""
     command = [sys.executable, "-m", __spec__.name, "--measure", peer.name, "--runs", str(options.runs)]
-    command += ["--seconds", str(options.seconds), "--scouted", str(options.scouted)]
+    command += ["--seconds", str(options.seconds), "--warm-up", str(options.warm_up)]
     command += [] if size is None else ["--sizes", str(size)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=options.timeout)
@@ -102,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 progress.console.print(f"{peer.name}, {'no pictures' if size is None else f'{size} px'}", style="dim")
                 results.append(result_of(peer, size, options))
     finally:
-        Console().print(table(results))
+        wide_console().print(table(results))
         if options.json:
             text = json.dumps([asdict(result) for result in results], indent=1)
             options.json.write_text(text + "\n", encoding="utf-8")
@@ -113,7 +112,7 @@ def _measure(options: argparse.Namespace) -> int:
     """Measure one simulator in this process and print its rates as JSON."""
     peer = next(peer for peer in PEERS if peer.name == options.measure)
     size = options.sizes[0] if options.sizes else None
-    effort = Effort(options.runs, options.seconds, options.scouted)
+    effort = Effort(options.runs, options.seconds, options.warm_up)
     print(json.dumps(list(islice(peer.measure(Work(size, effort)), effort.runs))), flush=True)
     os._exit(0)  # without the clean-up of OpenGL libraries, some of which crash in it
 
@@ -124,7 +123,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--sizes", type=int, nargs="+", metavar="PX", help="picture sizes (default: 64 84 128 224)")
     parser.add_argument("--runs", type=int, default=5, metavar="N", help="runs of each (default: 5)")
     parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="length of a run (default: 1)")
-    parser.add_argument("--scouted", type=int, default=100_000, metavar="N", help="our warm-up, in joint steps")
+    parser.add_argument("--warm-up", type=int, default=100_000, metavar="N", help="our warm-up, in joint steps")
     parser.add_argument("--timeout", type=float, default=900.0, metavar="S", help="longest wait for one (default: 900)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results here as well")
     parser.add_argument("--measure", metavar="NAME", help=argparse.SUPPRESS)

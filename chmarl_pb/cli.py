@@ -163,6 +163,10 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         "--only", action="append", metavar="NAME", help="only figures whose name contains this; may be repeated"
     )
     bench.add_argument("--runs", type=int, default=5, metavar="N", help="runs of each figure (default: 5)")
+    bench.add_argument(
+        "--warm-up", type=int, default=100_000, metavar="N",
+        help="joint steps whose views are drawn before what is measured warm (default: 100000)",
+    )  # fmt: skip
 
 
 # Each command imports what it needs, so that --help and --version answer at once.
@@ -286,7 +290,7 @@ def _episode_show(options: argparse.Namespace) -> int:
 def _bench(options: argparse.Namespace) -> int:
     from chmarl_pb.bench.command import run
 
-    return run(options.json, options.only or (), options.runs)
+    return run(options.json, options.only or (), options.runs, options.warm_up)
 
 
 def _cache(options: argparse.Namespace) -> int:

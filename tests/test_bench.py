@@ -13,7 +13,7 @@ from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses
 from chmarl_pb.cli import main
 from chmarl_pb.errors import OptionError
 
-TINY = Effort(runs=1, seconds=0.001, scouted=5)
+TINY = Effort(runs=1, seconds=0.001, warm_up=5)
 FEW = {"first_visits": (64, 2), "memory": ("scene_graph", 1), "loads": (1,)}  # arguments that ask for little
 SLOW = (
     "URDF files", "first reset of a home, filled", "memory of one more environment, visual",

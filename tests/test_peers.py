@@ -13,8 +13,8 @@ from benchmarks.peers import Result
 from benchmarks.simulators import OURS, PEERS, Peer, Work
 from chmarl_pb.bench.playing import Effort
 
-TINY = Effort(runs=1, seconds=0.001, scouted=5)
-TINY_OPTIONS = ["--runs", "1", "--seconds", "0.001", "--scouted", "5", "--sizes", "32"]
+TINY = Effort(runs=1, seconds=0.001, warm_up=5)
+TINY_OPTIONS = ["--runs", "1", "--seconds", "0.001", "--warm-up", "5", "--sizes", "32"]
 
 
 def text_of(results: list[Result]) -> str:

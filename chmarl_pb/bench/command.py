@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +18,7 @@ from chmarl_pb.bench.playing import Effort
 from chmarl_pb.errors import OptionError
 
 
-def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs) -> int:
+def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, warm_up: int = Effort.warm_up) -> int:
     """Measure, print a table, and write the figures as JSON if a file is given.
 
     An interruption keeps what has been measured by then: it is printed, written, and raised again.
@@ -26,12 +27,14 @@ def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs) -> 
         out: JSON file to write.
         only: measure just the figures whose names contain one of these texts.
         runs: how often each is measured.
+        warm_up: joint steps of a random policy whose views are drawn before what is measured warm.
 
     Raises:
-        OptionError: no figure has such a name, or there are no runs.
+        OptionError: no figure has such a name, or a number is less than 1.
     """
-    if runs < 1:
-        raise OptionError(f"runs={runs} is less than 1")
+    if runs < 1 or warm_up < 1:
+        raise OptionError(f"runs={runs}, warm_up={warm_up}: both must be at least 1")
+    effort = Effort(runs=runs, warm_up=warm_up)
     figures = chosen(only)
     rows: list[Row] = []
     try:
@@ -39,10 +42,10 @@ def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs) -> 
             task = progress.add_task("", total=len(figures) * runs)
             for figure in figures:
                 progress.update(task, description=figure.name)
-                rows += measure(figure, Effort(runs=runs), lambda: progress.advance(task))
+                rows += measure(figure, effort, lambda: progress.advance(task))
     finally:
         if rows:
-            Console().print(_table(rows))
+            wide_console().print(_table(rows))
             if out is not None:
                 _write(rows, out)
     return 0
@@ -56,9 +59,15 @@ def _table(rows: Sequence[Row]) -> Table:
     table = Table(title=f"chmarl_pb {__version__} on {_machine()}")
     for column in ("figure", "median", "least", "greatest", "unit"):
         table.add_column(column, justify="left" if column in ("figure", "unit") else "right")
-    for row in rows:
-        table.add_row(row.name, *map(readable, (row.median, row.least, row.greatest)), row.unit)
+    for before, row in zip([None, *rows], rows, strict=False):
+        name = "" if before and before.name == row.name else row.name
+        table.add_row(name, *map(readable, (row.median, row.least, row.greatest)), row.unit)
     return table
+
+
+def wide_console() -> Console:
+    """Return a console that gives tables room where the output is no terminal."""
+    return Console() if sys.stdout.isatty() else Console(width=120)
 
 
 def readable(value: float) -> str:

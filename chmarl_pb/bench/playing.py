@@ -35,12 +35,12 @@ class Effort:
     Attributes:
         runs: samples taken; the table shows their median, the least and the greatest.
         seconds: least duration of one sample.
-        scouted: joint steps of a random policy whose camera poses count as warm.
+        warm_up: joint steps of a random policy; the views that they come by are drawn before what is measured warm.
     """
 
     runs: int = 5
     seconds: float = 1.0
-    scouted: int = 100_000
+    warm_up: int = 100_000
 
 
 def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE) -> Samples:
@@ -49,7 +49,7 @@ def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE) -> Samples:
     The episodes of all samples differ, and differ from those of the warm-up.
     """
     with closing(HouseholdEnv(observation, split=SPLIT, image_size=size)) as env:
-        warm_up(env, scouted_poses(effort.scouted))
+        warm_up(env, scouted_poses(effort.warm_up))
         rng = np.random.default_rng(1)
         env.reset(seed=1)
         play(env, rng, 100)
@@ -111,7 +111,7 @@ def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:
 def processes(effort: Effort, observation: str, each: int = 4) -> Samples:
     """Yield joint steps a second of one and of two processes, resets included, each with ``each`` environments."""
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
-        warm_up(env, scouted_poses(effort.scouted))
+        warm_up(env, scouted_poses(effort.warm_up))
     with ExitStack() as stack:
         rates = {}
         for workers in (1, 2):
