@@ -76,7 +76,7 @@ def table(results: Sequence[Result]) -> Table:
             continue
         numbers = [readable(value) for value in (result.median, min(result.values), max(result.values))]
         unit = "steps/s" if result.size is None else "frames/s"
-        ratio = f"{ours_at[result.size] / result.median:.3g}" if result.size in ours_at else "-"
+        ratio = readable(ours_at[result.size] / result.median) if result.size in ours_at else "-"
         shown.add_row(result.name, pictures, *numbers, unit, ratio)
     return shown
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from benchmarks import peers, scaling
+from benchmarks import peers, scaling, tables
 from benchmarks.peers import Result
 from benchmarks.simulators import OURS, PEERS, Peer, Work
+from chmarl_pb.bench.figures import FIGURES
 from chmarl_pb.bench.playing import Effort
 
 TINY = Effort(runs=1, seconds=0.001, warm_up=5)
@@ -141,3 +142,34 @@ def test_plot_is_drawn(tmp_path: Path) -> None:
     (tmp_path / "scaling.json").write_text(json.dumps(points))
     assert scaling.main(["--redraw", "--out", str(tmp_path / "scaling.png")]) == 0
     assert (tmp_path / "scaling.png").stat().st_size > 10_000
+
+
+def test_tables_of_the_document_are_filled(tmp_path: Path) -> None:
+    page = tmp_path / "performance.md"
+    page.write_text("# P\n<!-- bench -->\nold\n<!-- end of bench -->\nbetween\n<!-- peers -->\n<!-- end of peers -->\n")
+    row = {"name": "reset", "unit": "resets/s", "median": 500.0, "least": 400.0, "greatest": 1234.0}
+    (tmp_path / "bench.json").write_text(json.dumps({"version": "1", "machine": "m", "figures": [row]}))
+    entries = [
+        {"name": OURS, "size": 64, "values": [1000.0], "skipped": ""},
+        {"name": "slow", "size": 64, "values": [10.0, 20.0, 30.0], "skipped": ""},
+        {"name": "gone", "size": 64, "values": [], "skipped": "not installed"},
+    ]
+    (tmp_path / "peers.json").write_text(json.dumps(entries))
+    assert tables.main(["--docs", str(tmp_path)]) == 0
+    assert tables.main(["--docs", str(tmp_path)]) == 0  # filling again changes nothing
+    text = page.read_text()
+    assert "old" not in text
+    assert "between" in text
+    assert text.count("| reset | 500 | 400 | 1,234 | resets/s | 300 |") == 1
+    assert "| slow | 20 (50) |" in text
+    assert "gone was skipped: not installed." in text
+
+
+def test_goals_name_figures() -> None:
+    assert {name for name, _ in tables.GOALS} <= {figure.name for figure in FIGURES}
+
+
+def test_document_has_places_for_the_tables() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "performance.md").read_text(encoding="utf-8")
+    for name in tables.TABLES:
+        assert "| new |" in tables.filled(text, name, "| new |")
