@@ -1,0 +1,119 @@
+"""Play episodes side by side in one process, with epsilon-greedy agents that act in one batch."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from training.agents import Player
+from training.losses import best_legal
+from training.replay import Episode
+from training.spaces import Interface, interface_of, stack, tensors, zeros
+
+
+class Collector:
+    """Several environments of one kind.
+
+    Attributes:
+        envs: the environments.
+        interface: what a learner has to know of them.
+        steps: joint steps that were played.
+        seconds: time that they took.
+    """
+
+    def __init__(self, env_fn: Callable[[], Any], count: int):
+        """Make the environments."""
+        self.envs = [env_fn() for _ in range(count)]
+        self.interface: Interface = interface_of(self.envs[0])
+        self.steps, self.seconds = 0, 0.0
+
+    def play(
+        self,
+        agents: nn.ModuleDict,
+        epsilon: float,
+        rng: np.random.Generator,
+        seeds: Sequence[int],
+        options: Sequence[dict[str, Any] | None] | None = None,
+    ) -> list[Episode]:
+        """Play one episode in each of the first environments.
+
+        Args:
+            agents: agent -> its network.
+            epsilon: share of random legal actions.
+            rng: of the random actions.
+            seeds: of the resets, one for each episode, at most as many as there are environments.
+            options: of the resets.
+        """
+        start = time.perf_counter()
+        wanted = zip(self.envs, seeds, options or [None] * len(seeds), strict=False)
+        episodes = [begin(self.interface, env, seed, option) for env, seed, option in wanted]
+        player = Player(agents, len(episodes))
+        while running := [number for number, env in enumerate(self.envs[: len(episodes)]) if env.agents]:
+            actions = self._choose(player, episodes, running, epsilon, rng)
+            for number in running:
+                advance(self.interface, episodes[number], self.envs[number], actions[number])
+            self.steps += len(running)
+        self.seconds += time.perf_counter() - start
+        return episodes
+
+    def close(self) -> None:
+        """Close the environments."""
+        for env in self.envs:
+            env.close()
+
+    def _choose(
+        self, player: Player, episodes: list[Episode], running: list[int], epsilon: float, rng: np.random.Generator
+    ) -> dict[int, dict[str, int]]:
+        """Return episode -> agent -> its action, for the agents that are there."""
+        chosen: dict[int, dict[str, int]] = {number: {} for number in running}
+        for name in self.interface.agents:
+            there = [number for number in running if name in self.envs[number].agents]
+            if not there:
+                continue
+            index = torch.tensor(there)
+            seen = tensors(stack([episodes[number].observations[-1][name] for number in there]))
+            legal = np.stack([episodes[number].legal[-1][name] for number in there])
+            best = best_legal(player.values(name, index, seen), torch.from_numpy(legal)).numpy()
+            random = np.array([rng.choice(np.flatnonzero(row)) for row in legal])
+            actions = np.where(rng.random(len(there)) < epsilon, random, best)
+            player.remember(name, index, torch.from_numpy(actions))
+            for number, action in zip(there, actions, strict=True):
+                chosen[number][name] = int(action)
+        return chosen
+
+
+def begin(interface: Interface, env: Any, seed: int | None, options: dict[str, Any] | None = None) -> Episode:
+    """Reset an environment and return the episode that begins."""
+    episode = Episode()
+    _look(interface, episode, env, *env.reset(seed=seed, options=options))
+    return episode
+
+
+def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int]) -> None:
+    """Step an environment and record the step."""
+    names = interface.agents
+    observations, rewards, terminated, _, infos = env.step(actions)
+    episode.actions.append({name: actions.get(name, 0) for name in names})
+    episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
+    episode.acted.append(np.array([name in actions for name in names]))
+    episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
+    _look(interface, episode, env, observations, infos)
+
+
+def _look(
+    interface: Interface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
+) -> None:
+    nothing = {name: zeros(space) for name, space in interface.observations.items() if name not in observations}
+    episode.observations.append({name: {**observations, **nothing}[name] for name in interface.agents})
+    episode.states.append(interface.state(env, observations))
+    episode.legal.append({name: _legal(infos.get(name, {}), count) for name, count in interface.actions.items()})
+    episode.info = infos
+
+
+def _legal(info: dict[str, Any], count: int) -> np.ndarray:
+    """Return which actions the environment allows: ``info["action_mask"]``, or all."""
+    mask = np.asarray(info.get("action_mask", np.ones(count)), dtype=bool)
+    return mask if mask.any() else np.ones(count, dtype=bool)

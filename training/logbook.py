@@ -1,0 +1,79 @@
+"""Metrics of a run: one JSON object a line, TensorBoard if it is installed, and a progress bar."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+
+class Logbook:
+    """Writes ``metrics.jsonl`` and TensorBoard events into a run's folder; without a folder it only shows progress."""
+
+    def __init__(self, folder: Path | None, total: int, rows: int = 0, quiet: bool = False):
+        """Open a logbook.
+
+        Args:
+            folder: of the run.
+            total: number of episodes.
+            rows: rows of an interrupted run to keep; those after its last checkpoint are dropped.
+            quiet: whether no progress is shown.
+        """
+        self._path = None if folder is None else folder / "metrics.jsonl"
+        self._board = None if folder is None else _tensorboard(folder)
+        self.rows = rows
+        if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            kept = self._path.read_text().splitlines(keepends=True)[:rows] if self._path.exists() and rows else []
+            self._path.write_text("".join(kept))
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
+        self._task = self._progress.add_task("episodes", total=total)
+        self._progress.start()
+
+    def advance(self, episodes: int) -> None:
+        """Show how many episodes are over."""
+        self._progress.update(self._task, completed=episodes)
+
+    def write(self, row: dict[str, Any]) -> None:
+        """Add a row of metrics; nested groups are allowed."""
+        self.rows += 1
+        if self._path is not None:
+            with self._path.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+        if self._board is not None:
+            for name, value in _flat(row):
+                self._board.add_scalar(name, value, row["episodes"])
+        if not self._progress.disable:
+            self._progress.console.print(_line(row), highlight=False)
+
+    def close(self) -> None:
+        """End the progress bar and the files."""
+        self._progress.stop()
+        if self._board is not None:
+            self._board.close()
+
+
+def read_metrics(folder: Path) -> list[dict[str, Any]]:
+    """Return all rows of a run's folder."""
+    return [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+
+
+def _tensorboard(folder: Path) -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(str(folder / "tensorboard"))
+
+
+def _flat(row: dict[str, Any], prefix: str = "") -> list[tuple[str, float]]:
+    pairs = []
+    for name, value in row.items():
+        pairs += _flat(value, f"{prefix}{name}/") if isinstance(value, dict) else [(prefix + name, float(value))]
+    return pairs
+
+
+def _line(row: dict[str, Any]) -> str:
+    return "  ".join(f"{name} {value:.4g}" for name, value in _flat(row))

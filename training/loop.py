@@ -1,0 +1,233 @@
+"""The training loop: play a wave of episodes, learn from the replay buffer, now and then validate and save."""
+
+import json
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import nn
+
+from training.checkpoint import CheckpointError, load, save
+from training.collect import Collector
+from training.config import Config
+from training.learner import Learner
+from training.logbook import Logbook
+from training.replay import Episode, Replay
+from training.validation import Validate, by_return
+
+LAST, BEST = "last.pt", "best.pt"
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run.
+
+    Attributes:
+        learner: with the last weights.
+        agents: agent -> its network, with the last weights.
+        best_score: of the best validation; its weights are in ``best.pt`` of the run's folder.
+    """
+
+    learner: Learner
+    agents: nn.ModuleDict
+    best_score: float
+
+
+def train(
+    env_fn: Callable[[], Any],
+    algorithm: str,
+    config: Config | None = None,
+    folder: Path | None = None,
+    validate: Validate | None = None,
+    setting: dict[str, Any] | None = None,
+    quiet: bool = True,
+) -> Result:
+    """Train one network for each agent of a PettingZoo ParallelEnv.
+
+    Agents may differ in their Discrete actions and in their Box, Discrete or Dict observations. Mixers see
+    ``env.state()``, or all observations if there is none, and learn from the mean of the agents' rewards; IQL learns
+    from each agent's own. Actions are masked only if infos have an ``action_mask``. With a folder, the same call goes
+    on with an interrupted run from its last checkpoint, and ends with the same numbers.
+
+    Args:
+        env_fn: makes an environment.
+        algorithm: "iql", "vdn", "qmix" or "qtran".
+        config: everything else that fixes the run.
+        folder: for checkpoints and metrics; None: nothing is written.
+        validate: chooses the best weights; the mean return of greedy episodes if None.
+        setting: what policies made from the checkpoints have to know, see :mod:`training.policy`.
+        quiet: whether no progress is shown.
+
+    Raises:
+        ValueError: the algorithm or the environment is of another kind.
+        CheckpointError: the folder's checkpoint is damaged or of other settings.
+    """
+    config = config or Config()
+    collector = Collector(env_fn, config.envs)
+    try:
+        run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
+        last = None if folder is None else folder / LAST
+        if last is not None and last.exists():
+            run.restore(load(last, "run"), last)
+        logbook = Logbook(folder, config.episodes, run.rows, quiet)
+        try:
+            while run.episodes < config.episodes:
+                run.advance(logbook)
+        finally:
+            logbook.close()
+        return Result(run.learner, run.learner.agents, run.best_score)
+    finally:
+        collector.close()
+
+
+class Run:
+    """A training run; between two waves, all of it can be saved.
+
+    Attributes:
+        learner: networks and optimizer.
+        episodes: number of played episodes.
+        rows: number of written rows of metrics.
+        best_score: of the best validation so far.
+    """
+
+    def __init__(
+        self,
+        collector: Collector,
+        algorithm: str,
+        config: Config,
+        folder: Path | None,
+        validate: Validate,
+        setting: dict[str, Any],
+    ):
+        """Begin a run."""
+        self.config, self.folder, self.setting = config, folder, setting
+        self._collector, self._validate = collector, validate
+        self.learner = Learner(algorithm, collector.interface, config)
+        self.replay = Replay(collector.interface, config.horizon, config.buffer_size, config.memory_gib)
+        streams = np.random.SeedSequence(config.seed).spawn(3)
+        self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
+        self.episodes, self.rows, self.best_score = 0, 0, -np.inf
+        self._window: dict[str, list[float]] = defaultdict(list)
+        self._clock = {"rollout": 0.0, "updates": 0.0, "steps": 0, "transitions": 0, "gradients": 0}
+
+    def advance(self, logbook: Logbook) -> None:
+        """Play a wave, learn from it, and do what is due after it."""
+        before = self.episodes
+        self._play()
+        if self.episodes >= self.config.learning_starts:
+            self._learn()
+        row: dict[str, Any] = {}
+        if self._due(before, self.config.log_interval):
+            row |= self._figures()
+        if self._due(before, self.config.validation_interval):
+            row["validation"] = self._score()
+        if row:
+            logbook.write({"episodes": self.episodes, **row})
+            self.rows = logbook.rows
+        logbook.advance(self.episodes)
+        if self.folder is not None and self._due(before, self.config.checkpoint_interval):
+            save(self.folder / LAST, "run", self.state())
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the run needs to go on."""
+        streams = {name: json.dumps(stream.bit_generator.state) for name, stream in self._streams.items()}
+        return {
+            **self._settings(), "learner": self.learner.state(), "replay": self.replay.state(), "streams": streams,
+            "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Go on from a state.
+
+        Args:
+            state: made by ``state``.
+            path: of the file that it comes from, for errors.
+
+        Raises:
+            CheckpointError: it is of other settings.
+        """
+        for name, own in self._settings().items():
+            if state.get(name) != own:
+                raise CheckpointError(f"{path}: its {name} {state.get(name)} differs from {own}; use another folder")
+        self.learner.restore(state["learner"], path)
+        self.replay.restore(state["replay"])
+        for name, stream in self._streams.items():
+            stream.bit_generator.state = json.loads(state["streams"][name])
+        self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
+        self._window = defaultdict(list, state["window"])
+
+    def _play(self) -> None:
+        config, steps, start = self.config, self._collector.steps, time.perf_counter()
+        seeds = self._streams["tasks"].integers(2**31, size=config.envs).tolist()
+        epsilon = config.epsilon(self.episodes)
+        played = self._collector.play(self.learner.agents, epsilon, self._streams["actions"], seeds)
+        for episode in played:
+            self._window["return"].append(episode.gain)
+            self.replay.add(_scaled(episode, config.reward_scale))
+            self._window["length"].append(len(episode))
+            self._window["success"] += _success(episode)
+        self._window["epsilon"].append(epsilon)
+        self.episodes += len(played)
+        self._clock["rollout"] += time.perf_counter() - start
+        self._clock["steps"] += self._collector.steps - steps
+
+    def _learn(self) -> None:
+        start = time.perf_counter()
+        for _ in range(self.config.updates):
+            batch = self.replay.sample(self.config.batch_size, self._streams["batches"])
+            for name, value in self.learner.update(batch).items():
+                self._window[name].append(value)
+            self._clock["transitions"] += int(batch.acted.any(dim=-1).sum())
+            self._clock["gradients"] += 1
+        self._clock["updates"] += time.perf_counter() - start
+
+    def _score(self) -> dict[str, float]:
+        """Validate, keep the weights if they are the best so far, and return the figures."""
+        figures = self._validate(self._collector, self.learner.agents)
+        if figures["score"] > self.best_score:
+            self.best_score = figures["score"]
+            if self.folder is not None:
+                content = self._settings() | {"agents": self.learner.agents.state_dict(), "episodes": self.episodes}
+                save(self.folder / BEST, "value", content | {"validation": figures})
+        return figures
+
+    def _figures(self) -> dict[str, Any]:
+        """Return the means since the last row, and how fast all went."""
+        means = {name: float(np.mean(values)) for name, values in self._window.items() if values}
+        clock = self._clock
+        speed = {
+            "rollout_steps_per_s": clock["steps"] / max(clock["rollout"], 1e-9),
+            "updates_per_s": clock["gradients"] / max(clock["updates"], 1e-9),
+            "learned_steps_per_s": clock["transitions"] / max(clock["updates"], 1e-9),
+            "rollout_share": clock["rollout"] / max(clock["rollout"] + clock["updates"], 1e-9),
+        }
+        self._window.clear()
+        self._clock = dict.fromkeys(clock, 0)
+        return {"updates": self.learner.updates, "train": means, "speed": speed}
+
+    def _settings(self) -> dict[str, Any]:
+        """Return what fixes the run's numbers, in plain types."""
+        interface = self._collector.interface
+        spaces = {name: str(space) for name, space in interface.observations.items()}
+        return {
+            "algorithm": self.learner.algorithm, "config": asdict(self.config), "setting": self.setting,
+            "observations": spaces, "actions": interface.actions,
+        }  # fmt: skip
+
+    def _due(self, before: int, interval: int) -> bool:
+        return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
+
+
+def _scaled(episode: Episode, scale: float) -> Episode:
+    episode.rewards = [reward * np.float32(scale) for reward in episode.rewards]
+    return episode
+
+
+def _success(episode: Episode) -> list[float]:
+    """Return whether the episode succeeded, if the environment says so."""
+    found = [info["success"] for info in episode.info.values() if "success" in info]
+    return [float(all(found))] if found else []

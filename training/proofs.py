@@ -1,0 +1,199 @@
+"""`python -m training.proofs`: what the algorithms learn of small games, beside what theory says that they can hold.
+
+Every joint action is played equally often (epsilon = 1), so theory gives the table that each algorithm ends in
+(:mod:`training.theory`). The two-step game is solved backwards with each algorithm's own tables.
+"""
+
+import argparse
+import json
+import platform
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.table import Table
+
+from training.collect import Collector, advance, begin
+from training.config import ALGORITHMS, Config
+from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
+from training.learner import Learner
+from training.loop import train
+from training.losses import unroll
+from training.mixers import QtranNetworks
+from training.replay import Replay
+from training.spaces import interface_of
+from training.theory import additive_fit, independent_fit, monotonic_fit
+from training.validation import play_greedily
+
+GAMES = (*MATRIX_GAMES, "two-step")
+TOLERANCE = 0.5  # of a value; payoffs reach from -12 to 8
+CONFIG = Config(
+    episodes=4_096, envs=64, horizon=2, updates=24, batch_size=256, learning_starts=512, learning_rate=2e-3, gamma=0.99,
+    epsilon_end=1.0, target_update_interval=100, features=32, hidden=32, validation_interval=10**9,
+    log_interval=10**9,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One algorithm on one game.
+
+    Attributes:
+        game: its name.
+        algorithm: its name.
+        states: state -> {"learned", "theory"}: joint tables, or for IQL both agents' values.
+        error: largest difference between them.
+        greedy: joint actions that the agents take.
+        gain: what they earn.
+        best: what could be earned.
+        theorem: QTRAN only: the smallest value of Q' - Q_jt + V_jt over all states and joint actions, and its largest
+            distance from 0 at the agents' own joint action; both 0 in theory.
+    """
+
+    game: str
+    algorithm: str
+    states: dict[str, dict[str, list[list[float]]]]
+    error: float
+    greedy: list[list[int]]
+    gain: float
+    best: float
+    theorem: tuple[float, float] | None = None
+
+
+def prove(game: str, algorithm: str, seed: int = 0) -> Proof:
+    """Learn a game and compare with theory."""
+    env_fn, paths, best = _game(game)
+    learner = train(env_fn, algorithm, replace(CONFIG, seed=seed)).learner
+    tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
+    learned = {state: table["value"] for state, table in tables.items()}
+    theory = _theory(game, algorithm, learned)
+    states = {
+        state: {"learned": learned[state].round(3).tolist(), "theory": theory[state].round(3).tolist()}
+        for state in paths
+    }
+    error = max(float(np.abs(learned[state] - theory[state]).max()) for state in paths)
+    collector = Collector(env_fn, 1)
+    episode = play_greedily(collector, learner.agents, [0])[0]
+    greedy = [list(actions.values()) for actions in episode.actions]
+    return Proof(game, algorithm, states, round(error, 3), greedy, episode.gain, best, _theorem(tables))
+
+
+@torch.no_grad()
+def joint_values(learner: Learner, env: SmallGame, path: list[tuple[int, int]]) -> dict[str, np.ndarray]:
+    """Return the learned values in a state.
+
+    Args:
+        learner: of the game.
+        env: the game.
+        path: joint actions that lead to the state.
+
+    Returns:
+        "value": (A, A) joint values, for IQL (2, A) the agents' own; for QTRAN also "gap" (A, A), which is
+        Q' - Q_jt + V_jt, and "own" (2, A), the agents' values.
+    """
+    batch = _history(env, path)
+    online = unroll(learner.agents, batch)
+    own = torch.stack([values[0, -1] for values in online.values.values()])  # (2, A)
+    if learner.algorithm == "iql":
+        return {"value": own.numpy()}
+    pairs = torch.cartesian_prod(*(torch.arange(row.numel()) for row in own))
+    state = batch.states[0, -1].expand(len(pairs), -1)
+    values = torch.stack([own[agent, pairs[:, agent]] for agent in (0, 1)], dim=-1)
+    shape = (own.shape[1], own.shape[1])
+    if not isinstance(learner.mixer, QtranNetworks):
+        return {"value": learner.mixer(values, state).view(shape).numpy()}
+    histories = [history[0, -1].expand(len(pairs), -1) for history in online.histories.values()]
+    acted = [torch.nn.functional.one_hot(pairs[:, agent], shape[0]).float() for agent in (0, 1)]
+    joint = learner.mixer.q_joint(histories, acted, state)
+    gap = values.sum(dim=-1, keepdim=True) - joint + learner.mixer.v_joint(histories, state)
+    return {"value": joint.view(shape).numpy(), "gap": gap.view(shape).numpy(), "own": own.numpy()}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return 0 if all is as theory says."""
+    parser = argparse.ArgumentParser(prog="python -m training.proofs", description=__doc__.split("\n")[0])
+    parser.add_argument("--game", choices=GAMES, action="append", help="default: all")
+    parser.add_argument("--algo", choices=ALGORITHMS, action="append", help="default: all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, help="JSON file for the tables")
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    console = Console()
+    proofs = []
+    for game in options.game or GAMES:
+        for algorithm in options.algo or ALGORITHMS:
+            proofs.append(prove(game, algorithm, options.seed))
+            console.print(f"{game} / {algorithm}: largest difference from theory {proofs[-1].error}")
+    console.print(_summary(proofs))
+    if options.out:
+        about = {"command": "python -m training.proofs --out results/proofs.json", "config": asdict(CONFIG)}
+        about |= {"seed": options.seed, "torch": torch.__version__, "python": platform.python_version()}
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        options.out.write_text(json.dumps({**about, "proofs": [asdict(proof) for proof in proofs]}, indent=1) + "\n")
+    return int(any(proof.error > TOLERANCE for proof in proofs))
+
+
+def _game(name: str) -> tuple[Any, dict[str, list[tuple[int, int]]], float]:
+    """Return how to make a game, its states with the joint actions that lead there, and the best return."""
+    if name == "two-step":
+        return TwoStepGame, {"1": [], "2A": [(0, 0)], "2B": [(1, 0)]}, float(TWO_STEP.max())
+    payoff = MATRIX_GAMES[name]
+    return partial(MatrixGame, payoff), {"1": []}, float(payoff.max())
+
+
+def _theory(game: str, algorithm: str, learned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the table that each state ends in."""
+    if game != "two-step":
+        return {"1": _fit(algorithm, MATRIX_GAMES[game], learned["1"])}
+    tables = {
+        state: _fit(algorithm, table, learned[state]) for state, table in zip(("2A", "2B"), TWO_STEP, strict=True)
+    }
+    if algorithm == "iql":  # agent 1 knows where its action leads; agent 2's leads to either
+        after = CONFIG.gamma * np.array([table.max(axis=1) for table in tables.values()])  # (game, agent)
+        return {"1": np.array([after[:, 0], np.full(2, after[:, 1].mean())]), **tables}
+    after = CONFIG.gamma * np.array([tables["2A"].max(), tables["2B"].max()])
+    return {"1": _fit(algorithm, np.repeat(after[:, None], 2, axis=1), learned["1"]), **tables}
+
+
+def _fit(algorithm: str, table: np.ndarray, learned: np.ndarray) -> np.ndarray:
+    if algorithm == "iql":
+        return independent_fit(table)
+    if algorithm == "vdn":
+        return additive_fit(table)
+    return monotonic_fit(table, learned) if algorithm == "qmix" else table
+
+
+def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | None:
+    """Return how well conditions (4a) and (4b) of QTRAN's theorem 1 hold, for QTRAN."""
+    if "gap" not in next(iter(tables.values())):
+        return None
+    smallest = min(float(table["gap"].min()) for table in tables.values())
+    own = [abs(float(table["gap"][tuple(table["own"].argmax(axis=1))])) for table in tables.values()]
+    return round(smallest, 3), round(max(own), 3)
+
+
+def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
+    """Return the observations on the way to a state as a batch of one episode."""
+    interface = interface_of(env)
+    episode = begin(interface, env, seed=0)
+    for pair in path:
+        advance(interface, episode, env, dict(zip(interface.agents, pair, strict=True)))
+    replay = Replay(interface, CONFIG.horizon, 1, 1.0)
+    replay.add(episode)
+    return replay.sample(1, np.random.default_rng(0))
+
+
+def _summary(proofs: list[Proof]) -> Table:
+    table = Table("game", "algorithm", "error", "greedy joint actions", "return", "best", title="learned beside theory")
+    for proof in proofs:
+        actions = " ".join("".join("ABC"[action] for action in pair) for pair in proof.greedy)
+        table.add_row(proof.game, proof.algorithm, f"{proof.error:.3f}", actions, f"{proof.gain:g}", f"{proof.best:g}")
+    return table
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,106 @@
+"""Observations between environments and torch: one array for a Box or Discrete, a dict of arrays for a Dict."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+
+Tree = Any  # an array or tensor, or a dict of them, as the space says
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What a learner has to know of an environment.
+
+    Attributes:
+        observations: agent -> its observation space.
+        actions: agent -> number of its actions.
+        state_size: numbers in the global state.
+        has_state: whether the environment has ``state()``; if not, all observations are concatenated.
+    """
+
+    observations: dict[str, spaces.Space]
+    actions: dict[str, int]
+    state_size: int
+    has_state: bool
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The names of all agents, in order."""
+        return tuple(self.actions)
+
+    def state(self, env: Any, observations: Mapping[str, Tree]) -> np.ndarray:
+        """Return the global state (S), float32; agents that are gone count as zeros."""
+        if self.has_state:
+            return np.asarray(env.state(), dtype=np.float32).ravel()
+        parts = [observations.get(name, zeros(space)) for name, space in self.observations.items()]
+        return np.concatenate(
+            [_flat(space, part) for space, part in zip(self.observations.values(), parts, strict=True)]
+        )
+
+
+def interface_of(env: Any) -> Interface:
+    """Return what a learner has to know of a ParallelEnv; resets it.
+
+    Raises:
+        ValueError: an action space is not Discrete, or an observation space is neither Box, Discrete nor Dict of them.
+    """
+    names = list(env.possible_agents)
+    actions = {name: env.action_space(name) for name in names}
+    for name, space in actions.items():
+        if not isinstance(space, spaces.Discrete) or space.start != 0:
+            raise ValueError(f"the action space of {name!r} is {space}; value factorisation needs Discrete from 0 on")
+    observations = {name: env.observation_space(name) for name in names}
+    for name, space in observations.items():
+        parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
+        if not all(isinstance(part, spaces.Box | spaces.Discrete) for part in parts):
+            raise ValueError(f"the observation space of {name!r} is {space}; use a Box, a Discrete, or a Dict of them")
+    seen, _ = env.reset(seed=0)
+    has_state = _has_state(env)
+    interface = Interface(observations, {name: int(space.n) for name, space in actions.items()}, 0, has_state)
+    size = len(interface.state(env, seen))
+    return Interface(interface.observations, interface.actions, size, has_state)
+
+
+def over(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
+    """Return a tree of what a function makes of the arrays of trees of one shape."""
+    if isinstance(first, Mapping):
+        return {key: function(value, *(other[key] for other in others)) for key, value in first.items()}
+    return function(first, *others)
+
+
+def zeros(space: spaces.Space, *leading: int) -> Tree:
+    """Return arrays of zeros of a space's shapes and types, with leading dimensions."""
+    if isinstance(space, spaces.Dict):
+        return {key: zeros(part, *leading) for key, part in space.spaces.items()}
+    return np.zeros((*leading, *(space.shape or ())), space.dtype)
+
+
+def stack(observations: Sequence[Tree]) -> Tree:
+    """Return observations of one space as one tree of arrays with a leading dimension."""
+    return over(lambda *arrays: np.stack([np.asarray(array) for array in arrays]), *observations)
+
+
+def tensors(tree: Tree) -> Tree:
+    """Return a tree of arrays as tensors that share their memory."""
+    return over(torch.from_numpy, tree)
+
+
+def _has_state(env: Any) -> bool:
+    try:
+        env.state()
+    except (NotImplementedError, AttributeError):
+        return False
+    return True
+
+
+def _flat(space: spaces.Space, observation: Tree) -> np.ndarray:
+    """Return an observation as one vector; a Discrete as one-hot."""
+    if isinstance(space, spaces.Dict):
+        return np.concatenate([_flat(part, observation[key]) for key, part in space.spaces.items()])
+    if isinstance(space, spaces.Discrete):
+        return (np.arange(space.n) == observation - space.start).astype(np.float32)
+    return np.asarray(observation, dtype=np.float32).ravel()
