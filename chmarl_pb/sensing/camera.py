@@ -1,23 +1,28 @@
 """Cameras drawn by PyBullet's TinyRenderer: RGB, depth and segmentation, without a display."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from chmarl_pb.sensing.placing import lens_of
+from chmarl_pb.sensing.triangles import Lens, Light
 from chmarl_pb.world import Pose, Vector
 
 _FLAGS = pybullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX
+_SUN = (1.5, -2.0, 4.0)  # direction towards the light
+_AMBIENT, _DIFFUSE, _SPECULAR = 0.62, 0.42, 0.05
+_SHININESS = 2.0  # TinyRenderer's, for meshes without a specular map
 # No shadows: they cost more than twice the time and would tie a static picture to what moves.
 _LIGHT = {
     "shadow": 0,
-    "lightDirection": (1.5, -2.0, 4.0),
+    "lightDirection": _SUN,
     "lightColor": (1.0, 1.0, 1.0),
-    "lightAmbientCoeff": 0.62,
-    "lightDiffuseCoeff": 0.42,
-    "lightSpecularCoeff": 0.05,
+    "lightAmbientCoeff": _AMBIENT,
+    "lightDiffuseCoeff": _DIFFUSE,
+    "lightSpecularCoeff": _SPECULAR,
 }
 
 
@@ -72,6 +77,33 @@ def view_matrix(eye: Pose) -> Vector:
     rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     target = np.asarray(position) + rotation[:, 0]
     return tuple(pybullet.computeViewMatrix(position, target.tolist(), rotation[:, 2].tolist()))
+
+
+@lru_cache(maxsize=1 << 15)
+def lens(camera: Camera, view: Vector) -> Lens:
+    """Return a camera at a pose as :func:`chmarl_pb.sensing.raster.draw` takes it.
+
+    Args:
+        camera: the camera.
+        view: its view matrix.
+    """
+    return lens_of(_matrix(view), _matrix(camera.projection))
+
+
+@cache
+def light() -> Light:
+    """Return the light of all pictures as :func:`chmarl_pb.sensing.raster.draw` takes it."""
+    x, y, z = _SUN
+    scale = 1 / np.sqrt(x * x + y * y + z * z)
+    return Light(_floats((x * scale, y * scale, z * scale)), _floats((_AMBIENT, _DIFFUSE, _SPECULAR, _SHININESS)))
+
+
+def _matrix(columns: Vector) -> NDArray[np.float32]:
+    return np.ascontiguousarray(_floats(columns).reshape(4, 4).T)
+
+
+def _floats(values: Vector) -> NDArray[np.float32]:
+    return np.array(values, dtype=np.float32)
 
 
 def render(client: int, camera: Camera, view: Vector, size: int) -> Picture:

@@ -26,6 +26,7 @@ from chmarl_pb.homes.space import Space, space_of
 from chmarl_pb.sensing import camera
 from chmarl_pb.sensing.camera import Picture, Vector, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
+from chmarl_pb.sensing.raster import farthest
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
 from chmarl_pb.world import bodies, load_home_body, quiet
 
@@ -46,6 +47,11 @@ class HomeView:
 
     view: Vector
     picture: Picture
+
+    @cached_property
+    def tiles(self) -> NDArray[np.float32]:
+        """The greatest depth in each tile of the picture, to tell early what the home hides."""
+        return farthest(self.picture.depth)
 
     @cached_property
     def pixels(self) -> NDArray[np.int64]:

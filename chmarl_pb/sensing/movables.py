@@ -1,141 +1,176 @@
-"""Draws what moves: one client per process with every graspable object and both robots, all hidden.
+"""What moves: the models of every graspable object and of both robots, and where they are.
 
-A view shows just the bodies in its frustum, at their poses, and hides the others: TinyRenderer skips
-shapes whose alpha is 0. Merging by depth with the empty home gives the full picture.
+One :class:`Movables` serves a process. A :class:`Bodies` holds where the bodies of one world are, ready
+to be drawn; only what has moved since the last look is worked out again.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import load_drone
 from chmarl_pb.robots.humanoid import load_humanoid
-from chmarl_pb.sensing.camera import Camera, Picture, render
-from chmarl_pb.world import UPRIGHT, Pose, Vector, load_graspable, quiet
+from chmarl_pb.sensing import placing, raster
+from chmarl_pb.sensing.camera import Camera, Picture, lens, light
+from chmarl_pb.sensing.home_views import HomeView
+from chmarl_pb.sensing.meshes import Part, models_of, parts_of
+from chmarl_pb.sensing.triangles import Canvas
+from chmarl_pb.world import UPRIGHT, Pose, load_graspable, quiet
 
+_KEPT = 8192  # poses of robots
 
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """A hidden body: its visual shapes' colours, where its root frame lies, and how far it extends."""
-
-    body: int
-    shapes: tuple[tuple[int, int, Vector], ...]
-    inertial: Vector
-    radius: float
+Frames = NDArray[np.float64]  # (frames, 7) x, y, z in metres and quaternion x, y, z, w
 
 
 class Movables:
-    """The process's client for moving bodies."""
+    """The models of all bodies that move.
+
+    Attributes:
+        numbers: name -> number of the body, in the order in which TinyRenderer draws them.
+        models: their meshes.
+        first_frame: name -> number of its first frame.
+        frames: number of frames in all.
+        scratch: room for drawing the largest part.
+    """
 
     def __init__(self) -> None:
-        """Load all graspables and robots, hidden."""
-        self.client = pybullet.connect(pybullet.DIRECT)
+        """Load all graspables and robots once, to read their meshes."""
+        self._client = pybullet.connect(pybullet.DIRECT)
         with quiet():
-            objects = {f"{name}_1": load_graspable(self.client, name).body for name in catalog.GRASPABLES}
-            robots = {"humanoid": load_humanoid(self.client), "drone": load_drone(self.client)}
-        self.arm = Arm(self.client, robots["humanoid"])
-        self._configuration = self.arm.configuration()
-        bodies = {**objects, **robots}
-        self._bodies = {name: self._body(name, body) for name, body in bodies.items()}
-        self.names = tuple(bodies)
-        self._index = np.full(max(bodies.values()) + 2, -1, dtype=np.int32)
-        self._index[list(bodies.values())] = np.arange(len(bodies))
-        self._radii = {name: body.radius for name, body in self._bodies.items()}
-        self._shown: set[str] = set()
-        for kept in self._bodies.values():
-            self._show(kept, 0.0)
+            objects = {f"{name}_1": load_graspable(self._client, name) for name in catalog.GRASPABLES}
+            self._robots = {"humanoid": load_humanoid(self._client), "drone": load_drone(self._client)}
+        self._arm = Arm(self._client, self._robots["humanoid"])
+        self._inertial = {name: thing.inertial for name, thing in objects.items()}
+        bodies = {name: thing.body for name, thing in objects.items()} | self._robots
+        parts = {name: parts_of(self._client, body) for name, body in bodies.items()}
+        for thing in objects.values():
+            pybullet.removeBody(thing.body, physicsClientId=self._client)
+        self.numbers = {name: number for number, name in enumerate(bodies)}
+        self._links = {name: _links(own) for name, own in parts.items()}
+        *starts, self.frames = np.cumsum([0, *map(len, self._links.values())]).tolist()
+        self.first_frame = dict(zip(bodies, starts, strict=True))
+        self.models = models_of(
+            list(parts.values()),
+            [{link: start + place for place, link in enumerate(self._links[name])} for name, start in
+             self.first_frame.items()],
+        )  # fmt: skip
+        corners = max(np.diff(self.models.first_vertex).max(), np.diff(self.models.first_normal).max())
+        self.scratch = raster.Scratch(*(np.empty((corners, width), np.float32) for width in (4, 2, 3)))
+        self._kept: dict[tuple[str, Pose, Configuration], Frames] = {}
 
-    def _body(self, name: str, body: int) -> _Body:
-        shapes: list[tuple[int, int, Vector]] = []
-        for data in pybullet.getVisualShapeData(body, physicsClientId=self.client):
-            shapes.append((data[1], sum(shape[0] == data[1] for shape in shapes), data[7]))
-        low, high = pybullet.getAABB(body, -1, physicsClientId=self.client)
-        inertial = pybullet.getDynamicsInfo(body, -1, physicsClientId=self.client)[3]
-        # A robot's reach around its origin; an object's collision box, with some allowance for what juts out.
-        reach = {"humanoid": 2.2, "drone": 0.6}
-        radius = reach.get(name, 0.05 + float(np.linalg.norm(np.subtract(high, low))))
-        return _Body(body, tuple(shapes), inertial, radius)
+    def object_frames(self, name: str, pose: Pose) -> Frames:
+        """Return where an object's frame is, from the pose of its origin."""
+        centre, _ = pybullet.multiplyTransforms(*pose, self._inertial[name], UPRIGHT)
+        return np.array([[*centre, *pose[1]]])
 
-    def in_view(self, camera: Camera, view: Vector, poses: dict[str, Pose]) -> list[str]:
-        """Return the names whose bounding ball touches the camera's cone of view."""
-        if not poses:
-            return []
-        names = list(poses)
-        centres = np.array([poses[name][0] for name in names])
-        radii = np.array([self._radii[name] for name in names])
-        matrix = np.array(view).reshape(4, 4).T
-        x, y, z = (centres @ matrix[:3, :3].T + matrix[:3, 3]).T
-        slope = np.tan(np.radians(camera.fov) / 2)
-        allowance = radii * np.hypot(1.0, slope)
-        inside = (-z > -radii) & (np.abs(x) <= -z * slope + allowance) & (np.abs(y) <= -z * slope + allowance)
-        return [name for name, seen in zip(names, inside, strict=True) if seen]
-
-    def draw(
-        self, camera: Camera, view: Vector, size: int, poses: dict[str, Pose], configuration: Configuration
-    ) -> Picture:
-        """Draw bodies alone on an empty background.
+    def robot_frames(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+        """Return where a robot's frames are.
 
         Args:
-            camera: the camera.
-            view: its view matrix.
-            size: width and height in pixels.
-            poses: name -> pose of its origin, for each body to draw.
+            name: "humanoid" or "drone".
+            pose: of its base.
             configuration: of the humanoid's arm.
-
-        Returns:
-            The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
-        for name in self._shown - poses.keys():
-            self._show(self._bodies[name], 0.0)
-        for name, pose in poses.items():
-            self._put(self._bodies[name], *pose)
-            if name not in self._shown:
-                self._show(self._bodies[name], 1.0)
-        self._shown = set(poses)
-        if configuration != self._configuration:
-            self.arm.set(configuration)
-            self._configuration = configuration
-        drawn = render(self.client, camera, view, size)
-        # -1 (nothing) indexes the last entry, which is -1 as well.
-        bodies = np.where(drawn.segmentation < 0, -1, drawn.segmentation & 0xFFFFFF)
-        return Picture(drawn.colour, drawn.depth, self._index[bodies])
+        key = (name, pose, configuration)
+        frames = self._kept.get(key)
+        if frames is None:
+            if len(self._kept) >= _KEPT:
+                del self._kept[next(iter(self._kept))]
+            frames = self._kept[key] = self._ask(name, pose, configuration)
+        return frames
 
-    def _put(self, kept: _Body, position: Vector, quaternion: Vector) -> None:
-        centre, _ = pybullet.multiplyTransforms(position, quaternion, kept.inertial, UPRIGHT)
-        pybullet.resetBasePositionAndOrientation(kept.body, centre, quaternion, physicsClientId=self.client)
+    def _ask(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+        """Let PyBullet work out a robot's frames."""
+        body = self._robots[name]
+        pybullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+        if name == "humanoid":
+            self._arm.set(configuration)
+        rows = []
+        for link in self._links[name]:
+            where: Pose = pose
+            if link >= 0:
+                where = pybullet.getLinkState(
+                    body, link, computeForwardKinematics=True, physicsClientId=self._client
+                )[:2]  # fmt: skip
+            rows.append([*where[0], *where[1]])
+        return np.array(rows)
 
-    def _show(self, kept: _Body, alpha: float) -> None:
-        for link, shape, colour in kept.shapes:
-            pybullet.changeVisualShape(
-                kept.body,
-                link,
-                shapeIndex=shape,
-                rgbaColor=(*colour[:3], colour[3] * alpha),
-                physicsClientId=self.client,
-            )
+
+def _links(parts: Iterable[Part]) -> list[int]:
+    """Return the links that have parts, each once."""
+    return list(dict.fromkeys(part.link for part in parts))
 
 
 @cache
 def movables() -> Movables:
-    """Return the process's drawer of moving bodies."""
+    """Return the process's models of what moves."""
     return Movables()
 
 
-def merge(home: Picture, moving: Picture, first: int) -> Picture:
-    """Return two pictures merged by depth.
+class Bodies:
+    """Where the bodies of one world are.
+
+    Attributes:
+        models: their meshes.
+        placed: their places.
+        scratch: room for drawing.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing in place."""
+        self._movables = movables()
+        self.models, self.scratch = self._movables.models, self._movables.scratch
+        frames, inverses = np.zeros((2, self._movables.frames, 4, 4), np.float32)
+        sides, balls = np.zeros((len(self.models.corners), 6)), np.zeros((len(self._movables.numbers), 4))
+        self.placed = placing.Placed(frames, inverses, sides, balls)
+        self._poses: dict[str, object] = {}
+
+    def put_objects(self, poses: dict[str, Pose]) -> None:
+        """Put objects at the poses of their origins."""
+        for name, pose in poses.items():
+            if self._poses.get(name) is not pose:
+                self._poses[name] = pose
+                self._put(name, self._movables.object_frames(name, pose))
+
+    def put_robot(self, name: str, pose: Pose, configuration: Configuration) -> None:
+        """Put a robot at the pose of its base, the humanoid's arm into a configuration."""
+        frames = self._movables.robot_frames(name, pose, configuration)
+        if self._poses.get(name) is not frames:
+            self._poses[name] = frames
+            self._put(name, frames)
+
+    def _put(self, name: str, frames: Frames) -> None:
+        placing.put(
+            self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
+        )  # fmt: skip
+
+
+def draw_over(home: HomeView, camera: Camera, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:
+    """Return a view of the empty home with bodies drawn into it.
 
     Args:
-        home: the empty home; its segmentation is kept as it is.
-        moving: the moving bodies; theirs is shifted by ``first``.
-        first: segmentation value of the first moving body.
+        home: the view.
+        camera: the camera that it was drawn with.
+        bodies: where the bodies are.
+        present: numbers of those to draw.
+        first: segmentation value of body 0; values of the home are kept as they are.
     """
-    nearer = moving.depth < home.depth
-    return Picture(
-        np.where(nearer, moving.colour, home.colour),
-        np.where(nearer, moving.depth, home.depth),
-        np.where(nearer, moving.segmentation + np.int32(first), home.segmentation),
+    picture = home.picture
+    size = len(picture.depth)
+    canvas = Canvas(
+        picture.depth,
+        np.full((size, size), -np.inf, np.float32),
+        picture.segmentation.astype(np.int32),
+        picture.depth.copy(),
+        picture.colour.copy().view(np.uint8).reshape(size, size, 4),
     )
+    raster.draw(
+        present, first, bodies.models, bodies.placed, lens(camera, home.view), light(), home.tiles, canvas,
+        bodies.scratch, True,
+    )  # fmt: skip
+    return Picture(canvas.colour.view(np.uint32)[..., 0], canvas.depth, canvas.owner)

@@ -13,10 +13,10 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import DRONE_HEADING
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.execution import Snapshot
-from chmarl_pb.sensing.camera import Picture, render, view_matrix
+from chmarl_pb.sensing.camera import render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH, looking
-from chmarl_pb.sensing.home_views import home_views
-from chmarl_pb.sensing.movables import merge, movables
+from chmarl_pb.sensing.home_views import HomeView, home_views
+from chmarl_pb.sensing.movables import Bodies, draw_over, movables
 from chmarl_pb.world import Pose, Vector, World
 
 
@@ -62,10 +62,10 @@ class Replay:
     """Draws scenes of one home; what has not moved since the last picture is not drawn again."""
 
     def __init__(self, home: Home):
-        """Share the process's clients for the home and for what moves."""
+        """Share the process's client for the home and its models of what moves."""
         self._client = home_views(home).client
-        self._moving = movables()
-        self._homes: dict[tuple[str, int], tuple[Vector, Picture]] = {}
+        self._bodies = Bodies()
+        self._homes: dict[tuple[str, int], HomeView] = {}
         self._pictures: dict[tuple[str, int], tuple[object, NDArray[np.uint8]]] = {}
 
     def picture(self, robot: str, scene: Scene, size: int) -> NDArray[np.uint8]:
@@ -77,23 +77,25 @@ class Replay:
             size: width and height in pixels.
         """
         view = view_matrix(scene.eye(robot))
-        poses = {**scene.objects, **scene.robots}
-        poses = {name: poses[name] for name in self._moving.in_view(CAMERAS[robot], view, poses)}
-        shown = (view, poses, scene.arm if "humanoid" in poses else None)
+        shown = (view, scene.objects, scene.robots, scene.arm)
         kept = self._pictures.get((robot, size))
         if kept is None or kept[0] != shown:
-            picture = self._look(robot, view, size)
-            if poses:
-                picture = merge(picture, self._moving.draw(CAMERAS[robot], view, size, poses, scene.arm), 0)
+            self._bodies.put_objects(scene.objects)
+            for name, pose in scene.robots.items():
+                self._bodies.put_robot(name, pose, scene.arm)
+            names = sorted([*scene.objects, *scene.robots], key=movables().numbers.__getitem__)
+            present = np.array([movables().numbers[name] for name in names], dtype=np.int32)
+            picture = draw_over(self._look(robot, view, size), CAMERAS[robot], self._bodies, present, 0)
             self._pictures[robot, size] = kept = shown, picture.rgb
         return kept[1]
 
-    def _look(self, robot: str, view: Vector, size: int) -> Picture:
+    def _look(self, robot: str, view: Vector, size: int) -> HomeView:
         """Return the empty home."""
         kept = self._homes.get((robot, size))
-        if kept is None or kept[0] != view:
-            self._homes[robot, size] = kept = view, render(self._client, CAMERAS[robot], view, size)
-        return kept[1]
+        if kept is None or kept.view != view:
+            picture = render(self._client, CAMERAS[robot], view, size)
+            self._homes[robot, size] = kept = HomeView(view, picture)
+        return kept
 
 
 def yaw(quaternion: Vector) -> float:

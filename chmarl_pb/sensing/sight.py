@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm
-from chmarl_pb.sensing.camera import Picture
+from chmarl_pb.sensing import raster
+from chmarl_pb.sensing.camera import Picture, lens, light
 from chmarl_pb.sensing.eyes import CAMERAS
-from chmarl_pb.sensing.home_views import HomeView, count_pixels, home_views
-from chmarl_pb.sensing.movables import merge, movables
-from chmarl_pb.world import Pose, Vector, World
+from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.movables import Bodies, draw_over, movables
+from chmarl_pb.sensing.triangles import clean_canvas
+from chmarl_pb.world import World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
@@ -24,18 +26,22 @@ class Sight:
 
     Attributes:
         names: every name that can be visible: the home's links, then objects, then robots.
+        numbers: name -> its place in ``names``.
     """
 
     def __init__(self, world: World):
         """Prepare to look at a world."""
         self.world = world
         self._views = home_views(world.home)
-        self._moving = movables()
-        self.names = tuple(world.links) + self._moving.names
+        self._bodies = Bodies()
+        self._body_numbers = movables().numbers
+        self.names = tuple(world.links) + tuple(self._body_numbers)
         self._first = len(world.links)
         self.numbers = {name: number for number, name in enumerate(self.names)}
         self._nodes = np.array([_is_node(name) for name in self.names])
-        self._drawn: dict[tuple[str, int], tuple[tuple[object, ...], Picture]] = {}
+        self._version = -1
+        self._objects: list[int] = []
+        self._canvas = clean_canvas(SIGHT_SIZE)
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
         """Return what a robot's camera shows.
@@ -49,51 +55,42 @@ class Sight:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
         home = self._views.look(robot, pose, size)
-        moving = self._moving_in(robot, pose, home, size)
-        return home.picture if moving is None else merge(home.picture, moving, self._first)
+        return draw_over(home, CAMERAS[robot], self._bodies, self._present(robot), self._first)
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
-        pose = self.world.robots[robot].pose
-        home = self._views.look(robot, pose, SIGHT_SIZE)
-        counts = np.zeros(len(self.names), dtype=np.int64)
-        counts[: len(home.pixels)] = home.pixels
-        moving = self._moving_in(robot, pose, home, SIGHT_SIZE)
-        if moving is not None:
-            nearer = moving.depth < home.picture.depth
-            counts[: self._first] -= count_pixels(home.picture.segmentation[nearer], self._first)
-            counts[self._first :] += count_pixels(moving.segmentation[nearer], len(counts) - self._first)
-        return counts
+        home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
+        pixels = np.zeros(len(self.names), dtype=np.int64)
+        pixels[: len(home.pixels)] = home.pixels
+        bodies, canvas = self._bodies, self._canvas._replace(home=home.picture.depth)
+        raster.count(
+            self._present(robot), self._first, bodies.models, bodies.placed, lens(CAMERAS[robot], home.view), light(),
+            home.tiles, canvas, bodies.scratch, home.picture.segmentation, pixels,
+        )  # fmt: skip
+        return pixels
 
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees, in the order of ``names``."""
         seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._nodes
         seen[self.numbers[robot]] = False
-        return tuple(self.names[number] for number in np.flatnonzero(seen))
+        return tuple([self.names[number] for number in np.flatnonzero(seen).tolist()])
 
-    def _moving_in(self, robot: str, pose: int, home: HomeView, size: int) -> Picture | None:
-        """Return the picture of the moving bodies alone, or None if none is in view.
-
-        The last picture of each robot and size is kept: pictures and visibility share it.
-        """
-        configuration = Arm.carry if self.world.held else Arm.rest
-        poses = self._poses_in_view(robot, home.view)
-        if not poses:
-            return None
-        key = (pose, poses, configuration)
-        kept = self._drawn.get((robot, size))
-        if kept is None or kept[0] != key:
-            drawn = self._moving.draw(CAMERAS[robot], home.view, size, poses, configuration)
-            self._drawn[robot, size] = kept = (key, drawn)
-        return kept[1]
-
-    def _poses_in_view(self, robot: str, view: Vector) -> dict[str, Pose]:
-        poses = {name: self.world.pose(name) for name in self.world.objects}
-        for name, other in self.world.robots.items():
+    def _present(self, robot: str) -> NDArray[np.int32]:
+        """Bring the bodies up to date and return the numbers of the bodies that a robot might see."""
+        world, bodies = self.world, self._bodies
+        if world.version != self._version:
+            poses = {name: world.pose(name) for name in world.objects}
+            bodies.put_objects(poses)
+            self._objects = [self._body_numbers[name] for name in poses]
+            self._version = world.version
+        configuration = Arm.carry if world.held else Arm.rest
+        present = self._objects.copy()
+        for name, other in world.robots.items():
             # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
-            if name != robot or self.world.held is not None:
-                poses[name] = other.base_pose()
-        return {name: poses[name] for name in self._moving.in_view(CAMERAS[robot], view, poses)}
+            if name != robot or world.held is not None:
+                bodies.put_robot(name, other.base_pose(), configuration)
+                present.append(self._body_numbers[name])
+        return np.array(present, dtype=np.int32)
 
 
 def _is_node(name: str) -> bool:
