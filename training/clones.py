@@ -1,0 +1,157 @@
+"""Cloned robots: their settings, their networks, and the policy that drives an environment by them."""
+
+from dataclasses import dataclass
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.planner.policy import Actions, Infos, Observations
+from training.encoders import ImageEncoder, build_encoder
+
+NO_ACTION = -1  # last action at the first step
+
+
+@dataclass(frozen=True)
+class CloningConfig:
+    """What fixes a run of cloning, beside the data.
+
+    Attributes:
+        observation: "scene_graph" or "visual".
+        centralized: whether one network sees and drives both robots.
+        messages: whether the robots hear each other.
+        feedback: whether the robots are told what they should have done.
+        noise: share of random actions in the data set that is learned from; see ``chmarl-pb dataset generate``.
+        seed: of weights, order and dropout.
+        epochs: passes over the data.
+        batch_size: episodes in a batch.
+        learning_rate: of Adam at the start; it falls to zero along a cosine.
+        weight_decay: of AdamW.
+        dropout: share of features that are left out in training.
+        features: length of an encoded observation.
+        hidden: length of the GRU's state.
+        past_actions: whether a robot is told its own last action.
+        image_encoder: of pictures.
+        temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
+        validation_interval: epochs between two choices of the best weights.
+    """
+
+    observation: str = "scene_graph"
+    centralized: bool = False
+    messages: bool = True
+    feedback: bool = True
+    noise: float = 0.0
+    seed: int = 0
+    epochs: int = 40
+    batch_size: int = 64
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    dropout: float = 0.0
+    features: int = 128
+    hidden: int = 128
+    past_actions: bool = True
+    image_encoder: ImageEncoder = "resnet18"
+    temperature: float = 0.0
+    validation_interval: int = 5
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Endings of the keys that the networks do not see."""
+        return tuple(key for key in ("messages", "feedback") if not getattr(self, key))
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """The robots that each network drives."""
+        return (AGENTS,) if self.centralized else tuple((name,) for name in AGENTS)
+
+
+class Mind(nn.Module):
+    """One network that drives one robot or both: encoder, last actions -> GRU -> a head for each robot."""
+
+    def __init__(self, space: spaces.Dict, actions: tuple[int, ...], config: CloningConfig):
+        """Make the layers for an observation space and each robot's number of actions."""
+        super().__init__()
+        self.actions = actions
+        self.encoder = build_encoder(space, config.features, config.image_encoder)
+        self.dropout = nn.Dropout(config.dropout)
+        self.past_actions = config.past_actions
+        self.memory = nn.GRU(config.features + sum(actions) * self.past_actions, config.hidden, batch_first=True)
+        self.heads = nn.ModuleList(nn.Linear(config.hidden, count) for count in actions)
+
+    def forward(
+        self, observation: dict[str, Tensor], last: Tensor, hidden: Tensor | None = None
+    ) -> tuple[list[Tensor], Tensor]:
+        """Return logits (B, T, A) of each robot's actions and the GRU's last state (1, B, H).
+
+        Args:
+            observation: tensors with the leading dimensions (B, T).
+            last: (B, T, robots) last actions, or ``NO_ACTION``.
+            hidden: (1, B, H), the GRU's state before; zeros if None.
+        """
+        features = self.dropout(self.encoder(observation)).unflatten(0, last.shape[:2])
+        if self.past_actions:
+            # A row of its own for NO_ACTION, which is then left out.
+            acted = [nn.functional.one_hot(last[..., i] + 1, n + 1)[..., 1:] for i, n in enumerate(self.actions)]
+            features = torch.cat([features, *(one_hot.to(features.dtype) for one_hot in acted)], dim=-1)
+        histories, hidden = self.memory(features, hidden)
+        histories = self.dropout(histories)
+        return [head(histories) for head in self.heads], hidden
+
+
+def make_minds(space: spaces.Dict, actions: dict[str, int], config: CloningConfig) -> nn.ModuleList:
+    """Return the networks of all robots.
+
+    Args:
+        space: of the joint environment.
+        actions: robot -> number of its actions.
+        config: of the run.
+    """
+    minds = []
+    for group in config.groups:
+        keys = [key for key in space.spaces if key.startswith(group) and not key.endswith(config.left_out or ("\0",))]
+        minds.append(
+            Mind(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
+        )
+    return nn.ModuleList(minds)
+
+
+def joint_space(env: HouseholdEnv) -> spaces.Dict:
+    """Return both robots' observation spaces as one, with the keys of the joint environment."""
+    return spaces.Dict(
+        {f"{name}_{key}": part for name in AGENTS for key, part in env.observation_space(name).spaces.items()}
+    )
+
+
+class ClonedPolicy:
+    """Drives both robots by cloned networks."""
+
+    def __init__(self, minds: nn.ModuleList, config: CloningConfig):
+        """Take the networks over; they must not be trained while an episode is played."""
+        self.minds, self.config = minds, config
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._hidden: list[Tensor | None] = [None] * len(self.minds)
+        self._last = dict.fromkeys(AGENTS, NO_ACTION)
+        self._rng = torch.Generator().manual_seed(seed or 0)
+
+    @torch.no_grad()
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
+        seen = {
+            f"{name}_{key}": torch.from_numpy(part)[None, None]
+            for name in AGENTS
+            for key, part in observations[name].items()
+        }
+        for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
+            last = torch.tensor([[[self._last[name] for name in group]]])
+            logits, self._hidden[number] = mind(seen, last, self._hidden[number])
+            self._last |= {name: self._choice(values[0, 0]) for name, values in zip(group, logits, strict=True)}
+        return dict(self._last)
+
+    def _choice(self, logits: Tensor) -> int:
+        if self.config.temperature == 0:
+            return int(logits.argmax())
+        probabilities = torch.softmax(logits / self.config.temperature, dim=0)
+        return int(torch.multinomial(probabilities, 1, generator=self._rng))

@@ -1,0 +1,128 @@
+"""Demonstrations: a data set of the planner's episodes in memory, and batches of whole episodes from it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from torch import Tensor
+
+from chmarl_pb.data.read import Dataset
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.record import make_env
+from chmarl_pb.data.store import dataset_folder
+from training.clones import NO_ACTION
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Whole episodes side by side, T is the length of the longest.
+
+    Attributes:
+        observation: key -> (B, T, ...); zeros after the end of an episode.
+        last: (B, T, robots) what each robot did in the step before, or ``NO_ACTION``.
+        labels: (B, T, robots) what the planner would do.
+        mask: (B, T) which steps are none of padding.
+    """
+
+    observation: dict[str, Tensor]
+    last: Tensor
+    labels: Tensor
+    mask: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """All steps of a data set, one after the other; S is their number.
+
+    Attributes:
+        observations: key of the joint environment -> (S + 1, ...); the row after the last is zeros.
+        actions: (S + 1, robots) what was done.
+        labels: (S + 1, robots) what the planner would do.
+        starts: (episodes) number of each episode's first step.
+        lengths: (episodes) in steps.
+    """
+
+    observations: dict[str, Tensor]
+    actions: Tensor
+    labels: Tensor
+    starts: Tensor
+    lengths: Tensor
+
+    def batch(self, episodes: Tensor) -> Batch:
+        """Return some episodes, by their numbers."""
+        lengths = self.lengths[episodes]
+        steps = torch.arange(int(lengths.max()))
+        mask = steps < lengths.unsqueeze(1)
+        rows = torch.where(mask, self.starts[episodes].unsqueeze(1) + steps, len(self.labels) - 1)
+        last = self.actions[rows].roll(1, dims=1)
+        last[:, 0] = NO_ACTION
+        return Batch({key: part[rows] for key, part in self.observations.items()}, last, self.labels[rows], mask)
+
+    def batches(self, size: int, seed: Sequence[int] | None = None) -> Iterator[Batch]:
+        """Yield all episodes in batches, shuffled if there is a seed."""
+        count = len(self.lengths)
+        order = np.arange(count) if seed is None else np.random.default_rng(seed).permutation(count)
+        for first in range(0, count, size):
+            yield self.batch(torch.from_numpy(order[first : first + size]))
+
+
+def read_demonstrations(root: Path, recipe: Recipe, leave_out: Sequence[str] = ()) -> Demonstrations:
+    """Read a data set into memory.
+
+    The state after the last action is left out: nobody acts in it. Rows of padding that no graph of the data set fills
+    are cut off.
+
+    Args:
+        root: folder of Minari data sets.
+        recipe: of the data set.
+        leave_out: endings of keys that are not read, e.g. "messages".
+
+    Raises:
+        DatasetError: it is missing or damaged.
+    """
+    dataset = Dataset(dataset_folder(root, recipe.dataset_id))
+    dataset.check()
+    keys = [key for key in joint_space(recipe).spaces if not key.endswith(tuple(leave_out))]
+    parts: dict[str, list[np.ndarray]] = {key: [] for key in (*keys, "actions", "labels")}
+    with dataset.open() as file:
+        for number in range(dataset.episodes):
+            episode = file[f"episode_{number}"]
+            parts["actions"].append(episode["actions"][()])
+            parts["labels"].append(episode["infos/planner_action"][:-1])
+            for key in keys:
+                parts[key].append(episode[f"observations/{key}"][:-1])
+    lengths = torch.tensor([len(actions) for actions in parts["actions"]])
+    tensors = {key: _with_padding(parts.pop(key)) for key in list(parts)}
+    return Demonstrations(
+        observations={key: _cut(key, tensors[key]) for key in keys},
+        actions=tensors["actions"],
+        labels=tensors["labels"],
+        starts=torch.cumsum(lengths, 0) - lengths,
+        lengths=lengths,
+    )
+
+
+def joint_space(recipe: Recipe) -> spaces.Dict:
+    """Return the observation space of the environment that a data set is recorded in."""
+    env = make_env(recipe)
+    try:
+        assert isinstance(env.observation_space, spaces.Dict)
+        return env.observation_space
+    finally:
+        env.close()
+
+
+def _with_padding(parts: list[np.ndarray]) -> Tensor:
+    return torch.from_numpy(np.concatenate([*parts, np.zeros_like(parts[0][:1])]))
+
+
+def _cut(key: str, values: Tensor) -> Tensor:
+    """Return the values without the rows of a graph's padding that are empty everywhere."""
+    if not key.endswith(("node_class", "node_state", "edges")):
+        return values
+    # Edges have their relation, which is not 0, at the end; a node's state is not 0 either.
+    filled = (values[..., -1] if key.endswith("edges") else values).any(dim=0).sum()
+    return values[:, : max(int(filled), 1)].clone()
