@@ -1,5 +1,7 @@
 """The agents' networks: each agent has its own, and it sees nothing but its own history."""
 
+from typing import cast
+
 import torch
 from gymnasium import spaces
 from torch import Tensor, nn
@@ -17,7 +19,7 @@ class Agent(nn.Module):
     def __init__(self, space: spaces.Space, actions: int, config: Config):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
-        self.actions = actions
+        self.actions, self.hidden = actions, config.hidden
         self.encoder = build_encoder(space, config.features, config.image_encoder)  # type: ignore[arg-type]
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
@@ -51,7 +53,7 @@ class Player:
     def __init__(self, agents: nn.ModuleDict, episodes: int):
         """Begin a number of episodes."""
         self.agents = agents
-        self._hidden = {name: torch.zeros(episodes, agent.head.in_features) for name, agent in agents.items()}
+        self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
         self._last = {name: torch.full((episodes,), NO_ACTION) for name in agents}
 
     @torch.no_grad()

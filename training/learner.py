@@ -37,7 +37,7 @@ class Learner:
         self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False)
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
-        self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate)
+        self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
         self.updates = 0
 
     def update(self, batch: Batch) -> dict[str, float]:

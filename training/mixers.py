@@ -76,13 +76,13 @@ class QtranNetworks(nn.Module):
     def q_joint(self, histories: list[Tensor], actions: list[Tensor], state: Tensor) -> Tensor:
         """Return Q_jt(tau, u) (B, T, 1) from each agent's history (B, T, H) and action as one-hot (B, T, A)."""
         pairs = zip(self.acted, histories, actions, strict=True)
-        team = sum(torch.relu(layer(torch.cat([history, action], dim=-1))) for layer, history, action in pairs)
-        return self.joint(torch.cat([team, state], dim=-1))
+        parts = [torch.relu(layer(torch.cat([history, action], dim=-1))) for layer, history, action in pairs]
+        return self.joint(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
 
     def v_joint(self, histories: list[Tensor], state: Tensor) -> Tensor:
         """Return V_jt(tau) (B, T, 1) from each agent's history (B, T, H)."""
-        team = sum(torch.relu(layer(history)) for layer, history in zip(self.lived, histories, strict=True))
-        return self.value(torch.cat([team, state], dim=-1))
+        parts = [torch.relu(layer(history)) for layer, history in zip(self.lived, histories, strict=True)]
+        return self.value(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
 
 
 def make_mixer(algorithm: str, interface: Interface, config: Config) -> nn.Module:

@@ -1,0 +1,98 @@
+"""Checkpoints as policies, for ``chmarl-pb evaluate --policy CHECKPOINT``: entry point ``chmarl_pb.checkpoints``."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.evaluation.policies import Factory
+from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
+from training.agents import Player, make_agents
+from training.checkpoint import CheckpointError, fill, load
+from training.config import Config
+from training.losses import best_legal
+from training.spaces import interface_of, over
+
+
+class LearnedPolicy:
+    """Drives each agent by the best action of its own network."""
+
+    def __init__(self, agents: nn.ModuleDict, silenced: tuple[str, ...] = ()):
+        """Take the networks over; they must not be trained while an episode is played.
+
+        Args:
+            agents: agent -> its network.
+            silenced: keys of observations that read as zeros, as they did in training.
+        """
+        self.agents, self.silenced = agents, silenced
+        self._only = torch.tensor([0])
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._player = Player(self.agents, 1)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return each agent's best legal action."""
+        actions = {}
+        for name, seen in observations.items():
+            heard = seen | {key: np.zeros_like(seen[key]) for key in self.silenced} if self.silenced else seen
+            batch = over(lambda part: torch.from_numpy(np.asarray(part)[None]), heard)
+            values = self._player.values(name, self._only, batch)
+            mask = infos[name].get("action_mask", np.ones(values.shape[1]))
+            best = best_legal(values, torch.from_numpy(np.asarray(mask, dtype=bool)[None]))
+            self._player.remember(name, self._only, best)
+            actions[name] = int(best)
+        return actions
+
+
+def load_policy(path: Path) -> Factory:
+    """Return what makes the policy of a checkpoint of any kind.
+
+    Raises:
+        CheckpointError: the file is missing, damaged, or holds no policy.
+    """
+    kind = load(path)["kind"]
+    if kind == "bc":
+        from training.cloning import load_policy as load_cloned
+
+        return load_cloned(path)
+    if kind != "value":
+        raise CheckpointError(
+            f"{path}: holds a checkpoint of kind {kind!r}, which is no policy; use best.pt of the run"
+        )
+    return ValuePolicies(path)
+
+
+class ValuePolicies:
+    """Makes the policies of a checkpoint of value factorisation; can be sent to other processes."""
+
+    deterministic = True
+
+    def __init__(self, path: Path):
+        """Remember the path of a checkpoint."""
+        self.path = path
+
+    def __call__(self, env: HouseholdEnv) -> Policy:
+        """Return the policy for an environment.
+
+        Raises:
+            CheckpointError: the checkpoint was trained with other observations or actions.
+        """
+        content = load(self.path, "value")
+        interface = interface_of(env)
+        seen = {name: str(space) for name, space in interface.observations.items()}
+        for what, own in (("observations", seen), ("actions", interface.actions)):
+            if content[what] != own:
+                raise CheckpointError(f"{self.path}: was trained with the {what} {content[what]}, not {own}")
+        agents = make_agents(interface, Config(**content["config"]))
+        fill(agents, content["agents"], self.path)
+        agents.requires_grad_(False).eval()
+        return LearnedPolicy(agents, silenced(content["setting"]))
+
+
+def silenced(setting: dict[str, Any]) -> tuple[str, ...]:
+    """Return the keys that read as zeros in training: ``messages`` and ``feedback``, where they were off."""
+    return tuple(key for key in ("messages", "feedback") if not setting.get(key, True))
