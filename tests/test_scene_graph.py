@@ -5,7 +5,7 @@ import pytest
 
 from chmarl_pb import catalog
 from chmarl_pb.envs.stage import Stage
-from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph, scene_graph
+from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.task import Task
 
@@ -26,20 +26,20 @@ def nodes(stage: Stage) -> list[str]:
 
 
 def graph_of(stage: Stage, setting: Setting, seen: tuple[str, ...]) -> SceneGraph:
-    return scene_graph(stage.world, stage.space, seen, setting.states)
+    return stage.graphs.graph(seen, setting.states)
 
 
 def relations(graph: SceneGraph, name: str, relation: str) -> list[str]:
-    return [graph.names[b] for a, b, kind in graph.edges if graph.names[a] == name and kind == relation]
+    return [target for source, target, kind in graph.relations() if source == name and kind == relation]
 
 
 def test_whole_home_fits(begun: tuple[Stage, Setting]) -> None:
     stage, setting = begun
     graph = graph_of(stage, setting, everything(stage))
     arrays = graph.arrays()
-    assert len(graph.names) <= MAX_NODES and len(graph.edges) <= MAX_EDGES
+    assert len(graph.names) <= MAX_NODES
     assert (arrays["node_class"] > 0).sum() == (arrays["node_state"] > 0).sum() == len(graph.names)
-    assert (arrays["edges"][:, 2] > 0).sum() == len(graph.edges)
+    assert (arrays["edges"][:, 2] > 0).sum() == len(list(graph.relations())) < MAX_EDGES
     assert len(set(graph.names)) == len(graph.names)
 
 
@@ -47,12 +47,12 @@ def test_arrays_spell_the_graph(begun: tuple[Stage, Setting]) -> None:
     stage, setting = begun
     graph = graph_of(stage, setting, everything(stage))
     arrays = graph.arrays()
-    classes, states = {v: k for k, v in catalog.CLASS_IDS.items()}, {v: k for k, v in catalog.STATE_IDS.items()}
     for number, name in enumerate(graph.names):
-        assert classes[int(arrays["node_class"][number])] == catalog.class_of(name)
-        assert states[int(arrays["node_state"][number])] == graph.states[number]
-    for row, (a, b, kind) in enumerate(graph.edges):
-        assert arrays["edges"][row].tolist() == [a, b, catalog.RELATION_IDS[kind]]
+        assert arrays["node_class"][number] == catalog.CLASS_IDS[catalog.class_of(name)]
+        assert arrays["node_state"][number] == catalog.STATE_IDS[graph.states[number]]
+    for row, (source, target, kind) in enumerate(graph.relations()):
+        nodes = graph.names.index(source), graph.names.index(target)
+        assert arrays["edges"][row].tolist() == [*nodes, catalog.RELATION_IDS[kind]]
 
 
 def test_objects_are_on_or_inside_what_carries_them(begun: tuple[Stage, Setting]) -> None:
@@ -110,12 +110,12 @@ def test_near_is_short_and_symmetric_enough(begun: tuple[Stage, Setting]) -> Non
     stage, setting = begun
     graph = graph_of(stage, setting, everything(stage))
     count = dict.fromkeys(graph.names, 0)
-    for a, b, kind in graph.edges:
+    for a, b, kind in graph.relations():
         if kind == "near":
             first, second = (np.array(stage.world.robots[n].base_pose()[0] if n == "humanoid" else
-                                      stage.world.pose(n)[0]) for n in (graph.names[a], graph.names[b]))  # fmt: skip
+                                      stage.world.pose(n)[0]) for n in (a, b))  # fmt: skip
             assert a != b and np.linalg.norm(first - second) < 0.75
-            count[graph.names[a]] += 1
+            count[a] += 1
     assert max(count.values()) <= 4
 
 

@@ -7,13 +7,16 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.homes.lattice import HEADINGS, heading_angle
-from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, scene_graph
+from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
 
 Observation = dict[str, np.ndarray]
+
+_ANGLES = np.array([heading_angle(heading) for heading in range(HEADINGS)])
+_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
@@ -64,8 +67,7 @@ def observe(
         pose = stage.world.robots[robot].pose
         observation = {"image": stage.sight.picture(robot, pose, options.image_size).rgb}
     else:
-        graph = scene_graph(stage.world, stage.space, outcome.seen[robot], setting.states)
-        observation = dict(graph.arrays())
+        observation = dict(stage.graphs.graph(outcome.seen[robot], setting.states).arrays())
     return observation | {
         "instruction": instruction.copy(),
         "feedback": language.tokenize(feedback, language.FEEDBACK_LENGTH),
@@ -75,9 +77,9 @@ def observe(
 
 
 def _self(stage: Stage, robot: str) -> np.ndarray:
-    room = list(stage.home.rooms)[stage.world.robots[robot].room]
+    room = stage.room_numbers[stage.world.robots[robot].room]
     vector = np.zeros(len(stage.rooms) + 4, dtype=np.float32)
-    vector[stage.rooms.index(room) if room in stage.rooms else len(stage.rooms)] = 1
-    angle = heading_angle(stage.humanoid.heading) if robot == "humanoid" else heading_angle(HEADINGS // 4)
-    vector[-3:] = np.cos(angle), np.sin(angle), robot == "humanoid" and stage.world.held is not None
+    vector[room] = 1
+    vector[-3:-1] = _DIRECTIONS[stage.humanoid.heading if robot == "humanoid" else HEADINGS // 4]
+    vector[-1] = robot == "humanoid" and stage.world.held is not None
     return vector

@@ -7,6 +7,7 @@ from chmarl_pb.homes.space import space_of
 from chmarl_pb.planner.oracle import Oracle
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.sensing.sight import Sight
 from chmarl_pb.tasks.setting import Setting, set_up
 from chmarl_pb.tasks.task import Task
@@ -22,6 +23,7 @@ class Stage:
         humanoid: the humanoid.
         drone: the drone.
         sight: what they see.
+        graphs: the scene graphs of what they see.
         oracle: the privileged planner of this world.
     """
 
@@ -37,10 +39,15 @@ class Stage:
         self.space = space_of(self.home)
         # Derive the lattice first: a home that robots cannot move in is refused before physics loads it.
         self.rooms = tuple(self.space.lattice.anchors)
+        # Where each room of the home stands in ``rooms``; after the last if it is none of them.
+        self.room_numbers = [
+            self.rooms.index(room) if room in self.rooms else len(self.rooms) for room in self.home.rooms
+        ]
         self.world = World(self.home)
         self.humanoid = Humanoid(self.world, self.space)
         self.drone = Drone(self.world, self.space)
         self.sight = Sight(self.world)
+        self.graphs = SceneGraphs(self.world, self.space, self.sight.names)
         self.oracle = Oracle(self.world, self.space, self.sight)
 
     @property

@@ -170,8 +170,8 @@ class Arm:
         joint = shoulder + self._upper * upper
         allowed = ((poses >= self.lower[:8]) & (poses <= self.upper[:8])).all(axis=1)
         allowed &= _clear(joint, shoulder + span, point, choice[:, 0])
-        costs = self._costs(poses, choice, offset[keep], joint[:, 2] - point[2])
-        return poses[allowed], costs[allowed]
+        poses, choice, above = poses[allowed], choice[allowed], joint[allowed, 2] - point[2]
+        return poses, self._costs(poses, choice, offset[keep][allowed], above)
 
     def _limbs(self, span: Array, length: Array, swivel: Array) -> tuple[Array, Array]:
         """Return the unit directions of upper arm and forearm that bridge shoulder to wrist, elbow at a swivel."""

@@ -11,6 +11,7 @@ from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement
 from chmarl_pb.world import Pose, World, yaw_quaternion
 
+_REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up
 
 
@@ -43,6 +44,7 @@ class Humanoid:
         self.body = load_humanoid(world.client)
         self.arm = Arm(world.client, self.body)
         self.pose, self.turn = 0, 0.0
+        self._reached: dict[tuple[int, tuple[float, float, float]], tuple[float, ...] | None] = {}
         world.add_robot(self.name, self, self.body)
 
     @property
@@ -145,12 +147,15 @@ class Humanoid:
 
     def _reach(self, stand: int, grip: tuple[float, float, float]) -> tuple[float, ...] | None:
         """Return the arm's configuration that reaches a point from a pose; the body stays where it is."""
-        base = self.read_base()
-        x, y, yaw = self.lattice.pose(stand)
-        self.set_base((x, y, 0.0), yaw_quaternion(yaw))
-        configuration = self.arm.solve(grip)
-        self.set_base(*base)
-        return configuration
+        if (stand, grip) not in self._reached:
+            if len(self._reached) == _REMEMBERED:
+                self._reached.clear()
+            base = self.read_base()
+            x, y, yaw = self.lattice.pose(stand)
+            self.set_base((x, y, 0.0), yaw_quaternion(yaw))
+            self._reached[stand, grip] = self.arm.solve(grip)
+            self.set_base(*base)
+        return self._reached[stand, grip]
 
     # Acting
 

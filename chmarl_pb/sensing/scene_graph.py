@@ -1,6 +1,6 @@
 """The scene graph of what one robot sees: classes and states of things, and relations between them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,110 +8,138 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.space import Space
+from chmarl_pb.sensing.relations import Facts, relate
 from chmarl_pb.world import Support, World
 
 #: Most nodes of a graph: things of a home, objects, robots and rooms; ``homes check`` holds homes to it.
 MAX_NODES = 96
-#: Most edges: one in_room a thing, one on/inside/held_by an object, ``_NEIGHBOURS`` near a movable thing.
+#: Most edges: one in_room a thing, one on/inside/held_by an object, some near a movable thing.
 MAX_EDGES = 192
 
-_NEAR = 0.75  # metres between two movable things that are near each other
-_NEIGHBOURS = 4  # nearest neighbours that get a relation
+_RELATIONS = {number: name for name, number in catalog.RELATION_IDS.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class SceneGraph:
-    """A graph with named nodes.
+    """A graph with named nodes, as arrays; ids are those of the catalogue, 0 is padding.
 
     Attributes:
         names: of the nodes; a room's name for a room.
-        states: of the nodes.
-        edges: (source node, target node, relation name).
+        node_class: (MAX_NODES,) int16.
+        node_state: (MAX_NODES,) int16.
+        edges: (MAX_EDGES, 3) int16 source node, target node, relation.
     """
 
     names: tuple[str, ...]
-    states: tuple[str, ...]
-    edges: tuple[tuple[int, int, str], ...]
+    node_class: NDArray[np.int16]
+    node_state: NDArray[np.int16]
+    edges: NDArray[np.int16]
 
     def arrays(self) -> dict[str, NDArray[np.int16]]:
-        """Return ``node_class`` (MAX_NODES,), ``node_state`` (MAX_NODES,) and ``edges`` (MAX_EDGES, 3).
+        """Return ``node_class``, ``node_state`` and ``edges`` by name."""
+        return {"node_class": self.node_class, "node_state": self.node_state, "edges": self.edges}
 
-        Classes, states and relations are ids of the catalogue, 0 is padding; an edge is a row of
-        source node, target node, relation.
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The states of the nodes."""
+        return tuple(catalog.STATES[number - 1] for number in self.node_state[: len(self.names)].tolist())
+
+    def relations(self) -> Iterator[tuple[str, str, str]]:
+        """Yield the names of source, target and relation of each edge."""
+        for source, target, relation in self.edges[self.edges[:, 2] > 0].tolist():
+            yield self.names[source], self.names[target], _RELATIONS[relation]
+
+
+class SceneGraphs:
+    """Makes the scene graphs of one world."""
+
+    def __init__(self, world: World, space: Space, names: tuple[str, ...]):
+        """Prepare to describe a world.
+
+        Args:
+            world: the world.
+            space: what its home offers.
+            names: every name that can be visible, see :class:`chmarl_pb.sensing.sight.Sight`.
         """
-        node_class = np.zeros(MAX_NODES, dtype=np.int16)
-        node_state = np.zeros(MAX_NODES, dtype=np.int16)
+        self._world, self._space = world, space
+        self._rooms = list(world.home.rooms)
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._classes = np.array([catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in names], dtype=np.int16)
+        self._room_classes = np.array(
+            [catalog.CLASS_IDS.get(catalog.class_of(room), 0) for room in self._rooms], dtype=np.int16
+        )
+        static = [self._rooms.index(catalog.room_of(name)) if name in world.links else -1 for name in names]
+        count = len(names)
+        self._facts = Facts(
+            room=np.array(static, dtype=np.int32),
+            carrier=np.full(count, -1, dtype=np.int32),
+            relation=np.zeros(count, dtype=np.int16),
+            movable=np.zeros(count, dtype=np.bool_),
+            position=np.zeros((count, 3)),
+        )
+        self._states = np.zeros(count, dtype=np.int16)
+        self._known: tuple[int, Mapping[str, str]] | None = None
+        self._covered: dict[Support, bool] = {}
+
+    def graph(self, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
+        """Return the graph of the things that a robot sees and the rooms that they are in.
+
+        Args:
+            seen: names of the visible things, in the order of all names.
+            states: the symbolic states of things and objects.
+        """
+        self._learn(states)
+        numbers = np.array([self._numbers[name] for name in seen], dtype=np.int32)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
-        node_class[: len(self.names)] = [catalog.CLASS_IDS[catalog.class_of(name)] for name in self.names]
-        node_state[: len(self.names)] = [catalog.STATE_IDS[state] for state in self.states]
-        for row, (source, target, relation) in enumerate(self.edges):
-            edges[row] = source, target, catalog.RELATION_IDS[relation]
-        return {"node_class": node_class, "node_state": node_state, "edges": edges}
+        present = relate(numbers, self._facts, len(self._rooms), edges)
+        node_class, node_state = np.zeros((2, MAX_NODES), dtype=np.int16)
+        count, total = len(seen), len(seen) + len(present)
+        node_class[:count], node_state[:count] = self._classes[numbers], self._states[numbers]
+        node_class[count:total], node_state[count:total] = self._room_classes[present], catalog.STATE_IDS["fixed"]
+        return SceneGraph((*seen, *[self._rooms[room] for room in present]), node_class, node_state, edges)
 
+    def _learn(self, states: Mapping[str, str]) -> None:
+        """Bring what is known of the world up to date."""
+        known = (self._world.version, states)
+        if self._known is None or self._known[0] != known[0] or self._known[1] is not states:
+            self._learn_objects(states)
+            self._known = known
+        facts, world = self._facts, self._world
+        for name, robot in world.robots.items():
+            number = self._numbers[name]
+            facts.room[number], facts.position[number] = robot.room, robot.base_pose()[0]
+        if world.held is not None:
+            facts.room[self._numbers[world.held]] = world.robots["humanoid"].room
 
-def scene_graph(world: World, space: Space, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
-    """Return the graph of the things that a robot sees and the rooms that they are in.
+    def _learn_objects(self, states: Mapping[str, str]) -> None:
+        facts, world = self._facts, self._world
+        facts.movable[:], facts.carrier[:] = False, -1
+        for name in (*world.objects, *world.robots):
+            facts.movable[self._numbers[name]] = True
+        for name in world.objects:
+            facts.position[self._numbers[name]] = world.pose(name)[0]
+        for name, support in world.supports.items():
+            number = self._numbers[name]
+            facts.room[number] = self._rooms.index(catalog.room_of(support.receptacle))
+            facts.carrier[number] = self._numbers[support.receptacle]
+            facts.relation[number] = catalog.RELATION_IDS["inside" if self._is_covered(support) else "on"]
+        self._states[:] = catalog.STATE_IDS["fixed"]
+        for name, state in states.items():
+            if name in self._numbers:
+                self._states[self._numbers[name]] = catalog.STATE_IDS[state]
+        for name in world.robots:
+            holding = name == "humanoid" and world.held is not None
+            self._states[self._numbers[name]] = catalog.STATE_IDS["holding" if holding else "free"]
+        if world.held is not None:
+            number = self._numbers[world.held]
+            facts.carrier[number], facts.relation[number] = self._numbers["humanoid"], catalog.RELATION_IDS["held_by"]
+            self._states[number] = catalog.STATE_IDS["held"]
 
-    Args:
-        world: the world.
-        space: what its home offers.
-        seen: names of the visible things.
-        states: the symbolic states of things and objects.
-    """
-    where = {name: _room(world, name) for name in seen}
-    rooms = [room for room in world.home.rooms if room in where.values()]
-    names = (*seen, *rooms)
-    index = {name: number for number, name in enumerate(names)}
-    edges = [(index[name], index[room], "in_room") for name, room in where.items()]
-    edges += [edge for name in seen for edge in _carried(world, space, name, index)]
-    edges += _near(world, [name for name in seen if name in world.bodies], index)
-    return SceneGraph(names, tuple(_state(world, name, states) for name in names), tuple(edges))
-
-
-def _room(world: World, name: str) -> str:
-    if name in world.robots:
-        return list(world.home.rooms)[world.robots[name].room]
-    if name == world.held:
-        return _room(world, "humanoid")
-    return catalog.room_of(world.supports[name].receptacle if name in world.supports else name)
-
-
-def _state(world: World, name: str, states: Mapping[str, str]) -> str:
-    if name in world.robots:
-        return "holding" if name == "humanoid" and world.held else "free"
-    return "held" if name == world.held else states.get(name, "fixed")
-
-
-def _carried(world: World, space: Space, name: str, index: Mapping[str, int]) -> list[tuple[int, int, str]]:
-    """Return the edge to what carries an object, if both are seen."""
-    if name == world.held and "humanoid" in index:
-        return [(index[name], index["humanoid"], "held_by")]
-    support = world.supports.get(name)
-    if support is None or support.receptacle not in index:
-        return []
-    return [(index[name], index[support.receptacle], "inside" if _is_covered(space, support) else "on")]
-
-
-def _is_covered(space: Space, support: Support) -> bool:
-    return any(
-        surface.covered and surface.receptacle == support.receptacle and abs(surface.height - support.height) < 0.01
-        for surface in space.surfaces
-    )
-
-
-def _near(world: World, movable: list[str], index: Mapping[str, int]) -> list[tuple[int, int, str]]:
-    if len(movable) < 2:
-        return []
-    points = np.array([_position(world, name) for name in movable])
-    distance = np.linalg.norm(points[:, None] - points, axis=-1)
-    np.fill_diagonal(distance, np.inf)
-    edges = []
-    for row, name in enumerate(movable):
-        for column in np.argsort(distance[row], kind="stable")[:_NEIGHBOURS]:
-            if distance[row, column] < _NEAR:
-                edges.append((index[name], index[movable[column]], "near"))
-    return edges
-
-
-def _position(world: World, name: str) -> tuple[float, ...]:
-    return world.robots[name].base_pose()[0] if name in world.robots else world.pose(name)[0]
+    def _is_covered(self, support: Support) -> bool:
+        if support not in self._covered:
+            self._covered[support] = any(
+                surface.covered and surface.receptacle == support.receptacle
+                and abs(surface.height - support.height) < 0.01
+                for surface in self._space.surfaces
+            )  # fmt: skip
+        return self._covered[support]

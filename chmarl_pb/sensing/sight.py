@@ -40,7 +40,8 @@ class Sight:
         self.numbers = {name: number for number, name in enumerate(self.names)}
         self._nodes = np.array([_is_node(name) for name in self.names])
         self._version = -1
-        self._objects: list[int] = []
+        self._numbers_of: dict[str, NDArray[np.int32]] = {}
+        self._stances: dict[str, tuple[int, bool]] = {}
         self._canvas = clean_canvas(SIGHT_SIZE)
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
@@ -76,21 +77,24 @@ class Sight:
         return tuple([self.names[number] for number in np.flatnonzero(seen).tolist()])
 
     def _present(self, robot: str) -> NDArray[np.int32]:
-        """Bring the bodies up to date and return the numbers of the bodies that a robot might see."""
-        world, bodies = self.world, self._bodies
+        """Bring the bodies up to date and return the numbers of those that a robot might see."""
+        world = self.world
         if world.version != self._version:
-            poses = {name: world.pose(name) for name in world.objects}
-            bodies.put_objects(poses)
-            self._objects = [self._body_numbers[name] for name in poses]
+            self._bodies.put_objects({name: world.pose(name) for name in world.objects})
+            self._numbers_of = {name: self._numbers_seen_by(name) for name in world.robots}
             self._version = world.version
-        configuration = Arm.carry if world.held else Arm.rest
-        present = self._objects.copy()
         for name, other in world.robots.items():
-            # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
-            if name != robot or world.held is not None:
-                bodies.put_robot(name, other.base_pose(), configuration)
-                present.append(self._body_numbers[name])
-        return np.array(present, dtype=np.int32)
+            stance = other.pose, world.held is not None
+            if self._stances.get(name) != stance:
+                self._bodies.put_robot(name, other.base_pose(), Arm.carry if world.held else Arm.rest)
+                self._stances[name] = stance
+        return self._numbers_of[robot]
+
+    def _numbers_seen_by(self, robot: str) -> NDArray[np.int32]:
+        world = self.world
+        # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
+        robots = [name for name in world.robots if name != robot or world.held is not None]
+        return np.array([self._body_numbers[name] for name in (*world.objects, *robots)], dtype=np.int32)
 
 
 def _is_node(name: str) -> bool:

@@ -34,6 +34,8 @@ def vocabulary_size() -> int:
 def tokenize(text: str, length: int) -> NDArray[np.int16]:
     """Return a sentence as token ids (length,), padded with 0 and cut to the length."""
     tokens = np.zeros(length, dtype=np.int16)
+    if not text:
+        return tokens
     ids = [vocabulary().get(word, UNKNOWN) for word in words(text)][:length]
     tokens[: len(ids)] = ids
     return tokens
