@@ -104,16 +104,23 @@ def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]
     """
     parts = [(part, frames[number][part.link]) for number, body in enumerate(bodies) for part in body]
     every = [part for part, _ in parts]
+    vertices, normals = _starts([part.vertices for part in every]), _starts([part.normals for part in every])
+    corners = [
+        part.corners + np.repeat((vertices[number], normals[number]), 3).astype(np.int32)
+        for number, part in enumerate(every)
+    ]
     return Models(
         _starts(bodies),
         np.array([frame for _, frame in parts], dtype=np.int32),
-        _starts([part.corners for part in every]),
-        _starts([part.vertices for part in every]),
-        _starts([part.normals for part in every]),
+        _starts(corners),
+        vertices,
+        normals,
         np.array([part.colour for part in every], dtype=np.uint8),
         np.concatenate([part.vertices for part in every]),
         np.concatenate([part.normals for part in every]),
-        np.concatenate([part.corners for part in every]),
+        np.concatenate(corners),
+        np.repeat(np.arange(len(every), dtype=np.int32), [len(rows) for rows in corners]),
+        np.repeat(np.arange(len(bodies), dtype=np.int32), [len(body) for body in bodies]),
     )
 
 

@@ -19,7 +19,7 @@ from chmarl_pb.sensing import placing, raster
 from chmarl_pb.sensing.camera import Camera, Picture, lens, light
 from chmarl_pb.sensing.home_views import HomeView
 from chmarl_pb.sensing.meshes import Part, models_of, parts_of
-from chmarl_pb.sensing.triangles import Canvas
+from chmarl_pb.sensing.triangles import Canvas, clean_canvas
 from chmarl_pb.world import UPRIGHT, Pose, load_graspable, quiet
 
 _KEPT = 8192  # poses of robots
@@ -35,7 +35,7 @@ class Movables:
         models: their meshes.
         first_frame: name -> number of its first frame.
         frames: number of frames in all.
-        scratch: room for drawing the largest part.
+        scratch: room for drawing, see :func:`chmarl_pb.sensing.raster.draw`.
     """
 
     def __init__(self) -> None:
@@ -59,8 +59,7 @@ class Movables:
             [{link: start + place for place, link in enumerate(self._links[name])} for name, start in
              self.first_frame.items()],
         )  # fmt: skip
-        corners = max(np.diff(self.models.first_vertex).max(), np.diff(self.models.first_normal).max())
-        self.scratch = raster.Scratch(*(np.empty((corners, width), np.float32) for width in (4, 2, 3)))
+        self.scratch = np.empty((len(self.models.vertices), 6), np.float32)
         self._kept: dict[tuple[str, Pose, Configuration], Frames] = {}
 
     def object_frames(self, name: str, pose: Pose) -> Frames:
@@ -162,15 +161,14 @@ def draw_over(home: HomeView, camera: Camera, bodies: Bodies, present: NDArray[n
     """
     picture = home.picture
     size = len(picture.depth)
-    canvas = Canvas(
-        picture.depth,
-        np.full((size, size), -np.inf, np.float32),
-        picture.segmentation.astype(np.int32),
-        picture.depth.copy(),
-        picture.colour.copy().view(np.uint8).reshape(size, size, 4),
-    )
-    raster.draw(
-        present, first, bodies.models, bodies.placed, lens(camera, home.view), light(), home.tiles, canvas,
-        bodies.scratch, True,
+    depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
+    raster.paint(
+        present, first, bodies.models, bodies.placed, lens(camera, home.view), light(), picture.depth, home.tiles,
+        _canvas(size), bodies.scratch, depth, links, colour.view(np.uint8).reshape(size, size, 4),
     )  # fmt: skip
-    return Picture(canvas.colour.view(np.uint32)[..., 0], canvas.depth, canvas.owner)
+    return Picture(colour, depth, links)
+
+
+@cache
+def _canvas(size: int) -> Canvas:
+    return clean_canvas(size)

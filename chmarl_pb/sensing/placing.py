@@ -26,6 +26,8 @@ class Models(NamedTuple):
         vertices: (n, 3) in their frame, metres.
         normals: (m, 3) in their frame.
         corners: (triangles, 6) three numbers of vertices and three of normals.
+        part: (triangles,) number of the part that each belongs to.
+        body: (parts,) number of the body that each belongs to.
     """
 
     first_part: NDArray[np.int32]
@@ -37,6 +39,8 @@ class Models(NamedTuple):
     vertices: Floats
     normals: Floats
     corners: NDArray[np.int32]
+    part: NDArray[np.int32]
+    body: NDArray[np.int32]
 
 
 class Placed(NamedTuple):
@@ -135,7 +139,7 @@ def put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-de
             for i in range(3):
                 world[number - begin, i] = dot4(frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], x, y, z, ONE)
         for face in range(models.first_triangle[part], models.first_triangle[part + 1]):
-            _set_side(world, start - begin, models.corners[face], placed.sides[face])
+            _set_side(world, begin, models.corners[face], placed.sides[face])
     _set_ball(world, placed.balls[body])
 
 
@@ -157,8 +161,8 @@ def _set_ball(points, ball):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _set_side(world, start, corner, side):  # type: ignore[no-untyped-def]
-    a, b, c = start + corner[0], start + corner[1], start + corner[2]
+def _set_side(world, begin, corner, side):  # type: ignore[no-untyped-def]
+    a, b, c = corner[0] - begin, corner[1] - begin, corner[2] - begin
     for i in range(3):
         side[i] = world[a, i]
     ux, uy, uz = world[b, 0] - side[0], world[b, 1] - side[1], world[b, 2] - side[2]

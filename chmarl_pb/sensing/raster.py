@@ -4,28 +4,26 @@ A body that lies outside the view, or that the home hides, is found out before i
 looked at.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from chmarl_pb.sensing.placing import multiply
-from chmarl_pb.sensing.triangles import ONE, TWO, ZERO, Floats, compiled, dot4, fill, fill_clipped, screen
+from chmarl_pb.sensing.triangles import (
+    ONE,
+    TWO,
+    ZERO,
+    Floats,
+    brightness,
+    compiled,
+    corner_of,
+    cover,
+    cover_clipped,
+    depth_of,
+    dot4,
+    screen,
+    weights_at,
+)
 
 TILE = 8  # pixels: side of the squares in which a body that the home hides is found out
-
-
-class Scratch(NamedTuple):
-    """Room for the corners of one part.
-
-    Attributes:
-        clip: (n, 4) in clip coordinates.
-        pixels: (n, 2) in pixels.
-        normals: (m, 3) in the world.
-    """
-
-    clip: Floats
-    pixels: Floats
-    normals: Floats
 
 
 @compiled
@@ -74,71 +72,41 @@ def _extent(ball, lens, tiles, size):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _project(part, models, placed, lens, half, scratch, shaded):  # type: ignore[no-untyped-def]
-    """Set the scratch to a part's vertices as the camera has them, and to its normals in the world."""
-    frame = placed.frames[models.frame[part]]
+def _project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyped-def]
+    """Set a part's rows of the scratch to its corners as the camera has them."""
     view, product = np.empty((4, 4), np.float32), np.empty((4, 4), np.float32)
     multiply(lens.world_to_camera, frame, view)
     multiply(lens.projection, view, product)
-    start = models.first_vertex[part]
-    for number in range(start, models.first_vertex[part + 1]):
+    for number in range(models.first_vertex[part], models.first_vertex[part + 1]):
         x, y, z = models.vertices[number, 0], models.vertices[number, 1], models.vertices[number, 2]
-        own = number - start
-        for i in range(4):
-            scratch.clip[own, i] = dot4(product[i, 0], product[i, 1], product[i, 2], product[i, 3], x, y, z, ONE)
-        for i in range(2):
-            scratch.pixels[own, i] = screen(scratch.clip[own, i], scratch.clip[own, 3], half)
-    if shaded:
-        inverse = placed.inverses[models.frame[part]]
-        start = models.first_normal[part]
-        for number in range(start, models.first_normal[part + 1]):
-            x, y, z = models.normals[number, 0], models.normals[number, 1], models.normals[number, 2]
-            for i in range(3):
-                scratch.normals[number - start, i] = dot4(
-                    inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3], x, y, z, ZERO
-                )
+        row = scratch[number]
+        row[4] = dot4(product[0, 0], product[0, 1], product[0, 2], product[0, 3], x, y, z, ONE)
+        row[5] = dot4(product[1, 0], product[1, 1], product[1, 2], product[1, 3], x, y, z, ONE)
+        row[2] = dot4(product[2, 0], product[2, 1], product[2, 2], product[2, 3], x, y, z, ONE)
+        row[3] = dot4(product[3, 0], product[3, 1], product[3, 2], product[3, 3], x, y, z, ONE)
+        row[0], row[1] = screen(row[4], row[3], half), screen(row[5], row[3], half)
 
 
 @compiled
-def _draw_part(part, owner, models, placed, lens, light, canvas, scratch, shaded):  # type: ignore[no-untyped-def]
+def _draw_part(part, models, placed, lens, home, canvas, scratch):  # type: ignore[no-untyped-def]
     """Draw the triangles of one part that face the camera."""
-    size = canvas.home.shape[0]
-    _project(part, models, placed, lens, np.float32(size) / TWO, scratch, shaded)
-    points, pixels, normals = np.empty((3, 4), np.float32), np.empty((3, 2), np.float32), np.empty((3, 3), np.float32)
-    eye, sides, corners, clip, seen = lens.eye, placed.sides, models.corners, scratch.clip, scratch.pixels
-    last = np.float32(size - 1)
+    size = home.shape[0]
+    _project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
+    eye, sides, corners, last = lens.eye, placed.sides, models.corners, np.float32(size - 1)
+    near, far = lens.planes[0], lens.planes[1]
     for face in range(models.first_triangle[part], models.first_triangle[part + 1]):
         x, y, z = sides[face, 0] - eye[0], sides[face, 1] - eye[1], sides[face, 2] - eye[2]
         if (x * sides[face, 3] + y * sides[face, 4]) + z * sides[face, 5] >= 0:
             continue
-        a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
-        behind = int(clip[a, 3] < 0) + int(clip[b, 3] < 0) + int(clip[c, 3] < 0)
+        i, j, k = corners[face, 0], corners[face, 1], corners[face, 2]
+        behind = int(scratch[i, 3] < 0) + int(scratch[j, 3] < 0) + int(scratch[k, 3] < 0)
         if behind == 0:
-            across = _spans_pixel(seen[a, 0], seen[b, 0], seen[c, 0], last)
-            if not (across and _spans_pixel(seen[a, 1], seen[b, 1], seen[c, 1], last)):
-                continue
-        elif behind == 3:
-            continue
-        _gather(corners[face], scratch, points, pixels, normals, shaded)
-        if behind == 0:
-            fill(
-                points, pixels, points, pixels, False, models.colour[part], normals, owner, lens, light, canvas, shaded
-            )
-        else:
-            fill_clipped(points, pixels, models.colour[part], normals, owner, lens, light, canvas, shaded)
-
-
-@compiled
-def _gather(corners, scratch, points, pixels, normals, shaded):  # type: ignore[no-untyped-def]
-    """Copy what the scratch holds of one triangle."""
-    for i in range(3):
-        for k in range(4):
-            points[i, k] = scratch.clip[corners[i], k]
-        for k in range(2):
-            pixels[i, k] = scratch.pixels[corners[i], k]
-        if shaded:
-            for k in range(3):
-                normals[i, k] = scratch.normals[corners[3 + i], k]
+            across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
+            if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
+                a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
+                cover(a, b, c, False, face, near, far, home, canvas.raw, canvas.face)
+        elif behind < 3:
+            cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
 
 
 @compiled
@@ -148,25 +116,30 @@ def _spans_pixel(a, b, c, last):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def draw(bodies, first, models, placed, lens, light, tiles, canvas, scratch, shaded):  # type: ignore[no-untyped-def]
+def _rows_of(scratch, i, j, k):  # type: ignore[no-untyped-def]
+    rows = np.empty((3, 6), np.float32)
+    rows[0], rows[1], rows[2] = scratch[i], scratch[j], scratch[k]
+    return rows
+
+
+@compiled
+def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: ignore[no-untyped-def]
     """Draw bodies where they are nearer than the empty home.
 
     Args:
         bodies: (n,) numbers of the bodies, in the order in which TinyRenderer draws them.
-        first: owner of the pixels of body 0.
-        models: the :class:`Models`.
-        placed: where they are, :class:`Placed`.
+        models: the :class:`chmarl_pb.sensing.placing.Models`.
+        placed: where they are, :class:`chmarl_pb.sensing.placing.Placed`.
         lens: the camera.
-        light: the light.
-        tiles: what :func:`farthest` makes of the home's depth.
-        canvas: what to draw on, with the home's depth.
-        scratch: room for the largest part.
-        shaded: whether depth and colour are wanted beside the owners.
+        home: (size, size) depth of the empty home, in [0, 1].
+        tiles: what :func:`farthest` makes of it.
+        canvas: what to draw on.
+        scratch: (vertices, 6) room for the corners: x and y in pixels, z, w, x and y in clip coordinates.
 
     Returns:
         First and last column, first and last row of the part of the picture that may have changed.
     """
-    size = canvas.home.shape[0]
+    size = home.shape[0]
     left, right, top, bottom = size, -1, size, -1
     for body in bodies:
         low, high, upper, lower = _extent(placed.balls[body], lens, tiles, size)
@@ -174,24 +147,68 @@ def draw(bodies, first, models, placed, lens, light, tiles, canvas, scratch, sha
             continue
         left, right, top, bottom = min(left, low), max(right, high), min(top, upper), max(bottom, lower)
         for part in range(models.first_part[body], models.first_part[body + 1]):
-            _draw_part(part, first + body, models, placed, lens, light, canvas, scratch, shaded)
+            _draw_part(part, models, placed, lens, home, canvas, scratch)
     return left, right, top, bottom
 
 
 @compiled
-def count(bodies, first, models, placed, lens, light, tiles, canvas, scratch, links, pixels):  # type: ignore[no-untyped-def]
+def count(bodies, first, models, placed, lens, home, tiles, links, canvas, scratch, pixels):  # type: ignore[no-untyped-def]
     """Correct the numbers of pixels in which the things of the empty home are seen by what moves before them.
 
     It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards; ``links`` (size, size), the
-    number of the home's thing at each pixel, -1 for nothing; and ``pixels`` (n,) by owner, which it changes.
+    number of the home's thing at each pixel, -1 for nothing; and ``pixels`` (n,) by thing, bodies from ``first`` on,
+    which it changes.
     """
-    left, right, top, bottom = draw(bodies, first, models, placed, lens, light, tiles, canvas, scratch, False)
+    left, right, top, bottom = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
-            owner = canvas.owner[row, column]
-            if owner >= 0:
-                pixels[owner] += 1
+            face = canvas.face[row, column]
+            if face >= 0:
+                pixels[first + models.body[models.part[face]]] += 1
                 if links[row, column] >= 0:
                     pixels[links[row, column]] -= 1
-                canvas.owner[row, column] = -1
+                canvas.face[row, column] = -1
                 canvas.raw[row, column] = -np.inf
+
+
+@compiled
+def paint(bodies, first, models, placed, lens, light, home, tiles, canvas, scratch, depth, links, colour):  # type: ignore[no-untyped-def]
+    """Draw bodies into a picture.
+
+    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards; the light; and the picture to
+    change: ``depth`` (size, size), ``links`` (size, size), to which it gives the number of the body from ``first`` on,
+    and ``colour`` (size, size, 3 or 4).
+    """
+    left, right, top, bottom = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    size = home.shape[0]
+    normals = np.empty((3, 3), np.float32)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = canvas.face[row, column]
+            if face < 0:
+                continue
+            part = models.part[face]
+            depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
+            links[row, column] = first + models.body[part]
+            corners = models.corners[face]
+            b0, b1, b2 = weights_at(
+                _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(size - 1 - row)
+            )
+            _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+            ambient, reflected = brightness(normals, b0, b1, b2, light)
+            for i in range(3):
+                own = np.float32(models.colour[part, i])
+                colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+            canvas.face[row, column] = -1
+            canvas.raw[row, column] = -np.inf
+
+
+@compiled
+def _turn_normals(corners, normals, inverse, out):  # type: ignore[no-untyped-def]
+    """Set ``out`` (3, 3) to the normals of a triangle's corners in the world."""
+    for k in range(3):
+        normal = normals[corners[3 + k]]
+        for i in range(3):
+            out[k, i] = dot4(
+                inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3], normal[0], normal[1], normal[2], ZERO
+            )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing import raster
-from chmarl_pb.sensing.camera import Picture, lens, light
+from chmarl_pb.sensing.camera import Picture, lens
 from chmarl_pb.sensing.eyes import CAMERAS
 from chmarl_pb.sensing.home_views import home_views
 from chmarl_pb.sensing.movables import Bodies, draw_over, movables
@@ -63,10 +63,10 @@ class Sight:
         home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
         pixels = np.zeros(len(self.names), dtype=np.int64)
         pixels[: len(home.pixels)] = home.pixels
-        bodies, canvas = self._bodies, self._canvas._replace(home=home.picture.depth)
+        bodies, picture = self._bodies, home.picture
         raster.count(
-            self._present(robot), self._first, bodies.models, bodies.placed, lens(CAMERAS[robot], home.view), light(),
-            home.tiles, canvas, bodies.scratch, home.picture.segmentation, pixels,
+            self._present(robot), self._first, bodies.models, bodies.placed, lens(CAMERAS[robot], home.view),
+            picture.depth, home.tiles, picture.segmentation, self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels
 

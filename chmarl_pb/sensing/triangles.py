@@ -51,28 +51,20 @@ class Light(NamedTuple):
 
 
 class Canvas(NamedTuple):
-    """What is drawn on, rows from the top; pixels that no body covers are left as they are.
+    """What is drawn on, rows from the top.
 
     Attributes:
-        home: (size, size) depth of the empty home, in [0, 1].
         raw: (size, size) TinyRenderer's own depth of what is drawn: minus infinity where nothing is.
-        owner: (size, size) whose pixel it is.
-        depth: (size, size) TinyRenderer's depth as PyBullet gives it, in [0, 1].
-        colour: (size, size, 4) red, green, blue, alpha.
+        face: (size, size) number of the triangle that is seen there, -1 for none.
     """
 
-    home: Floats
     raw: Floats
-    owner: NDArray[np.int32]
-    depth: Floats
-    colour: NDArray[np.uint8]
+    face: NDArray[np.int32]
 
 
 def clean_canvas(size: int) -> Canvas:
-    """Return a canvas for owners alone."""
-    nothing = np.zeros((1, 1), np.float32)
-    raw = np.full((size, size), -np.inf, np.float32)
-    return Canvas(nothing, raw, np.full((size, size), -1, np.int32), nothing, np.zeros((1, 1, 4), np.uint8))
+    """Return a canvas with nothing drawn."""
+    return Canvas(np.full((size, size), -np.inf, np.float32), np.full((size, size), -1, np.int32))
 
 
 @_inlined
@@ -106,89 +98,48 @@ def _barycentric(ax, ay, bx, by, cx, cy, uz, px, py):  # type: ignore[no-untyped
 
 
 @compiled
-def _shade(pixel, colour, normals, b0, b1, b2, light):  # type: ignore[no-untyped-def]
-    """Set a pixel to ambient, diffuse and specular light on the interpolated normal."""
-    x = (normals[2, 0] * b2 + normals[1, 0] * b1) + normals[0, 0] * b0
-    y = (normals[2, 1] * b2 + normals[1, 1] * b1) + normals[0, 1] * b0
-    z = (normals[2, 2] * b2 + normals[1, 2] * b1) + normals[0, 2] * b0
-    scale = ONE / np.sqrt((x * x + y * y) + z * z)
-    x, y, z = x * scale, y * scale, z * scale
-    lx, ly, lz = light.direction[0], light.direction[1], light.direction[2]
-    towards = (z * lz + y * ly) + x * lx
-    twice = towards * TWO
-    rx, ry, rz = x * twice - lx, y * twice - ly, z * twice - lz
-    mirrored = rz * (ONE / np.sqrt((rx * rx + ry * ry) + rz * rz))
-    ambient, diffuse, specular, exponent = light.coefficients
-    reflected = diffuse * max(ZERO, towards) + specular * max(mirrored, ZERO) ** exponent
-    for i in range(3):
-        own = np.float32(colour[i])
-        pixel[i] = min(int(ambient * own + reflected * own), 255)
-    pixel[3] = 255
+def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[no-untyped-def]
+    """Take the pixels where a triangle is nearer than the empty home and than what is drawn already.
 
-
-@compiled
-def fill(points, pixels, whole, whole_pixels, clipped, colour, normals, owner, lens, light, canvas, shaded):  # type: ignore[no-untyped-def]
-    """Draw one triangle where it is nearer than the home and than what is drawn already.
+    Few arrays are passed, one by one: Numba counts a reference to each at every call.
 
     Args:
-        points: (3, 4) its corners in clip coordinates.
-        pixels: (3, 2) its corners in pixels, x to the right, y upwards.
-        whole: (3, 4) the triangle that it was cut from, if it was ``clipped``, whose normals count.
-        whole_pixels: (3, 2) its corners in pixels.
+        a: first corner: x to the right and y upwards in pixels, z and w in clip coordinates.
+        b: second corner.
+        c: third corner.
         clipped: whether it was cut at the near plane.
-        colour: (3,) bytes.
-        normals: (3, 3) at the corners of the whole triangle, in the world.
-        owner: value for ``canvas.owner``.
-        lens: the camera.
-        light: the light.
-        canvas: what to draw on.
-        shaded: whether depth and colour are wanted beside the owner.
+        face: number of the triangle.
+        near: distance of the near plane, metres.
+        far: distance of the far plane, metres.
+        home: (size, size) depth of the empty home, in [0, 1].
+        raw: as in :class:`Canvas`.
+        faces: as in :class:`Canvas`.
     """
-    size = canvas.home.shape[0]
+    size = home.shape[0]
     last = np.float32(size - 1)
-    ax, ay, bx, by, cx, cy = pixels[0, 0], pixels[0, 1], pixels[1, 0], pixels[1, 1], pixels[2, 0], pixels[2, 1]
-    left, right = np.ceil(max(ZERO, min(ax, bx, cx))), min(last, max(ax, bx, cx))
-    low, high = np.ceil(max(ZERO, min(ay, by, cy))), min(last, max(ay, by, cy))
-    if not (left <= right and low <= high):
-        return
-    x0, y0, x1, y1, x2, y2 = _doubles(ax, ay, bx, by, cx, cy)
+    left, right = np.ceil(max(ZERO, min(a[0], b[0], c[0]))), min(last, max(a[0], b[0], c[0]))
+    low, high = np.ceil(max(ZERO, min(a[1], b[1], c[1]))), min(last, max(a[1], b[1], c[1]))
+    x0, y0, x1, y1, x2, y2 = _doubles(a[0], a[1], b[0], b[1], c[0], c[1])
     area = (x2 - x0) * (y1 - y0) - (x1 - x0) * (y2 - y0)
-    if not abs(area) > 1e-2:
-        return  # TinyRenderer leaves out slivers
-    near, far = lens.planes[0], lens.planes[1]
-    nearest = _depth(-min(points[0, 2], points[1, 2], points[2, 2]), near, far) - np.float32(1e-6)
+    if not (left <= right and low <= high and abs(area) > 1e-2):  # TinyRenderer leaves out slivers
+        return
+    nearest = depth_of(-min(a[2], b[2], c[2]), near, far) - np.float32(1e-6)  # but for rounding
     for px in range(int(left), int(right) + 1):
         first, final = _rows(x0, y0, x1, y1, x2, y2, float(px), low, high)
         for py in range(first, final + 1):
             row = size - 1 - py
-            if canvas.home[row, px] <= nearest:
+            if home[row, px] <= nearest:
                 continue
             s0, s1, s2 = _barycentric(x0, y0, x1, y1, x2, y2, area, np.float64(px), np.float64(py))
             if s0 < 0:
                 continue
-            b0, b1, b2 = _weights(s0, s1, s2, points[0, 3], points[1, 3], points[2, 3])
-            raw = -((points[2, 2] * b2 + points[1, 2] * b1) + points[0, 2] * b0)
-            if not clipped and (raw < -far or raw > near):
+            b0, b1, b2 = _weights(s0, s1, s2, a[3], b[3], c[3])
+            own = -((c[2] * b2 + b[2] * b1) + a[2] * b0)
+            if raw[row, px] > own or (not clipped and (own < -far or own > near)):
                 continue
-            if _replace(row, px, raw, owner, lens, canvas) and shaded:
-                if clipped:
-                    b0, b1, b2 = _weights_in(whole, whole_pixels, np.float64(px), np.float64(py))
-                _shade(canvas.colour[row, px], colour, normals, np.float32(b0), np.float32(b1), np.float32(b2), light)
-
-
-@_inlined
-def _replace(row, column, raw, owner, lens, canvas):  # type: ignore[no-untyped-def]
-    """Let an owner have a pixel if it is nearer there than what is drawn and than the home; return whether it is."""
-    if canvas.raw[row, column] > raw:
-        return False
-    depth = _depth(np.float32(raw), lens.planes[0], lens.planes[1])
-    if not depth < canvas.home[row, column]:
-        return False  # at equal depth the home was there first
-    canvas.raw[row, column] = np.float32(raw)
-    canvas.owner[row, column] = owner
-    if canvas.depth.shape[0] > 1:
-        canvas.depth[row, column] = depth
-    return True
+            if depth_of(np.float32(own), near, far) < home[row, px]:  # at equal depth the home was there first
+                raw[row, px] = np.float32(own)
+                faces[row, px] = face
 
 
 @compiled
@@ -211,60 +162,96 @@ def _doubles(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
 
 
 @_inlined
-def _depth(raw, near, far):  # type: ignore[no-untyped-def]
+def depth_of(raw, near, far):  # type: ignore[no-untyped-def]
     """Return the depth in [0, 1] that PyBullet makes of TinyRenderer's own."""
     z = -raw
     return np.float32(np.float64(far * (near + z)) / ((2.0 * far * near + np.float64(far * z)) - np.float64(near * z)))
 
 
+@_inlined
+def corner_of(row):  # type: ignore[no-untyped-def]
+    """Return a corner as :func:`cover` takes it from a row of the scratch."""
+    return row[0], row[1], row[2], row[3]
+
+
 @compiled
-def _weights_in(points, pixels, px, py):  # type: ignore[no-untyped-def]
-    """Return a pixel's weights in a triangle that lies partly behind the camera."""
-    ax, ay, bx, by, cx, cy = _doubles(
-        pixels[0, 0], pixels[0, 1], pixels[1, 0], pixels[1, 1], pixels[2, 0], pixels[2, 1]
-    )
+def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-untyped-def]
+    """Take the pixels of what is left of a triangle that reaches behind the camera; see :func:`cover`.
+
+    Args:
+        rows: (3, 6) x and y in pixels, z and w, x and y in clip coordinates of its corners.
+        face: number of the triangle.
+        near: distance of the near plane, metres.
+        far: distance of the far plane, metres.
+        home: depth of the empty home.
+        raw: as in :class:`Canvas`.
+        faces: as in :class:`Canvas`.
+    """
+    half = np.float32(home.shape[0]) / TWO
+    points = np.empty((6, 4), np.float32)
+    count = _clip(rows[:, 4], rows[:, 5], rows[:, 2], rows[:, 3], points)
+    for i in range(count):
+        points[i, 0], points[i, 1] = screen(points[i, 0], points[i, 3], half), screen(points[i, 1], points[i, 3], half)
+    for i in range(1, count - 1):
+        a, b, c = corner_of(points[0]), corner_of(points[i]), corner_of(points[i + 1])
+        cover(a, b, c, True, face, near, far, home, raw, faces)
+
+
+@compiled
+def _clip(x, y, z, w, out):  # type: ignore[no-untyped-def]
+    """Cut a triangle in clip coordinates at the near plane; return the number of corners left, set in ``out``."""
+    count = 0
+    for a in range(3):
+        b = (a + 1) % 3
+        a_in, b_in = w[a] > 0 and z[a] > -w[a], w[b] > 0 and z[b] > -w[b]
+        if not (a_in or b_in):
+            continue
+        for place, corner in ((count, a), (count + 1, b)):
+            out[place, 0], out[place, 1], out[place, 2], out[place, 3] = x[corner], y[corner], z[corner], w[corner]
+        if not (a_in and b_in):
+            da, db = z[a] + w[a], z[b] + w[b]
+            factor = np.float32(1.0 / np.float64(db - da))
+            cut = count + 1 if a_in else count
+            for i, v in enumerate((x, y, z, w)):
+                out[cut, i] = (v[a] * db - v[b] * da) * factor
+        count += 2
+    return count
+
+
+@compiled
+def weights_at(rows, px, py):  # type: ignore[no-untyped-def]
+    """Return the weights of a triangle's corners, rows of the scratch (3, 6), at a pixel."""
+    ax, ay, bx, by, cx, cy = _doubles(rows[0, 0], rows[0, 1], rows[1, 0], rows[1, 1], rows[2, 0], rows[2, 1])
     ux = (bx - ax) * (ay - py) - (ax - px) * (by - ay)
     uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
     uz = (cx - ax) * (by - ay) - (bx - ax) * (cy - ay)
     s0, s1, s2 = -1.0, 1.0, 1.0
     if abs(uz) > 1e-2:
         s0, s1, s2 = 1.0 - (ux + uy) / uz, uy / uz, ux / uz
-    return _weights(s0, s1, s2, points[0, 3], points[1, 3], points[2, 3])
+    b0, b1, b2 = _weights(s0, s1, s2, rows[0, 3], rows[1, 3], rows[2, 3])
+    return np.float32(b0), np.float32(b1), np.float32(b2)
 
 
 @compiled
-def _clip(points, out):  # type: ignore[no-untyped-def]
-    """Cut a triangle (3, 4) at the near plane; return the number of corners left, set in ``out`` (6, 4)."""
-    count = 0
-    for edge in range(3):
-        a, b = points[edge], points[(edge + 1) % 3]
-        a_in, b_in = a[3] > 0 and a[2] > -a[3], b[3] > 0 and b[2] > -b[3]
-        if not (a_in or b_in):
-            continue
-        out[count], out[count + 1] = a, b
-        if not (a_in and b_in):
-            da, db = a[2] + a[3], b[2] + b[3]
-            factor = np.float32(1.0 / np.float64(db - da))
-            cut = count + 1 if a_in else count
-            for i in range(4):
-                out[cut, i] = (a[i] * db - b[i] * da) * factor
-        count += 2
-    return count
+def brightness(normals, b0, b1, b2, light):  # type: ignore[no-untyped-def]
+    """Return the shares of its colour that a pixel shows by ambient and by reflected light.
 
-
-@compiled
-def fill_clipped(points, pixels, colour, normals, owner, lens, light, canvas, shaded):  # type: ignore[no-untyped-def]
-    """Draw what is left of a triangle that reaches behind the camera; see :func:`fill`."""
-    half = np.float32(canvas.home.shape[0]) / TWO
-    corners, part, part_pixels = (
-        np.empty((6, 4), np.float32),
-        np.empty((3, 4), np.float32),
-        np.empty((3, 2), np.float32),
-    )
-    count = _clip(points, corners)
-    for i in range(1, count - 1):
-        for k, corner in enumerate((0, i, i + 1)):
-            part[k] = corners[corner]
-            for axis in range(2):
-                part_pixels[k, axis] = screen(part[k, axis], part[k, 3], half)
-        fill(part, part_pixels, points, pixels, True, colour, normals, owner, lens, light, canvas, shaded)
+    Args:
+        normals: (3, 3) at the corners, in the world.
+        b0: weight of the first corner.
+        b1: weight of the second.
+        b2: weight of the third.
+        light: the light.
+    """
+    x = (normals[2, 0] * b2 + normals[1, 0] * b1) + normals[0, 0] * b0
+    y = (normals[2, 1] * b2 + normals[1, 1] * b1) + normals[0, 1] * b0
+    z = (normals[2, 2] * b2 + normals[1, 2] * b1) + normals[0, 2] * b0
+    scale = ONE / np.sqrt((x * x + y * y) + z * z)
+    x, y, z = x * scale, y * scale, z * scale
+    lx, ly, lz = light.direction[0], light.direction[1], light.direction[2]
+    towards = (z * lz + y * ly) + x * lx
+    twice = towards * TWO
+    rx, ry, rz = x * twice - lx, y * twice - ly, z * twice - lz
+    mirrored = rz * (ONE / np.sqrt((rx * rx + ry * ry) + rz * rz))
+    diffuse, specular, exponent = light.coefficients[1], light.coefficients[2], light.coefficients[3]
+    return light.coefficients[0], diffuse * max(ZERO, towards) + specular * max(mirrored, ZERO) ** exponent
