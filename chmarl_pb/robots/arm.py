@@ -67,6 +67,7 @@ class Arm:
         lower: lower joint limits.
         upper: upper joint limits.
         speeds: highest joint speeds.
+        last: the configuration that was set last, None if the motors have been used since.
     """
 
     rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
@@ -80,6 +81,7 @@ class Arm:
             body: body id of a loaded ``humanoid.urdf``.
         """
         self.client, self.body = client, body
+        self.last: Configuration | None = None
         count = p.getNumJoints(body, physicsClientId=client)
         infos = [p.getJointInfo(body, index, physicsClientId=client) for index in range(count)]
         joints = {info[1].decode(): info for info in infos}
@@ -94,9 +96,11 @@ class Arm:
         """Put all joints into a configuration at once, at rest."""
         for index, value in zip(self.indices, configuration, strict=True):
             p.resetJointState(self.body, index, value, physicsClientId=self.client)
+        self.last = configuration
 
     def drive(self, configuration: ArrayLike, velocities: ArrayLike = _AT_REST) -> None:
         """Command the joints' motors, with the URDF's efforts, to a configuration that moves at some velocities."""
+        self.last = None
         p.setJointMotorControlArray(
             self.body,
             self.indices,

@@ -6,7 +6,7 @@ from chmarl_pb import catalog
 from chmarl_pb.homes.lattice import DRONE_HEADING, DRONE_HEIGHT
 from chmarl_pb.homes.space import Space
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.world import Pose, World, yaw_quaternion
+from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
 
 _MOVES = ("move_forward", "move_backward", "move_left", "move_right")
 
@@ -34,6 +34,7 @@ class Drone:
         self.actions = (*(f"goto_{room}" for room in self.lattice.anchors), *_MOVES, "stay")
         self.body = load_drone(world.client)
         self.pose = 0
+        self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
         world.add_robot(self.name, self, self.body)
 
     @property
@@ -48,8 +49,10 @@ class Drone:
 
     def base_pose(self) -> Pose:
         """Return the position (metres) and orientation (x, y, z, w) that its lattice pose means."""
-        x, y = self.lattice.points[self.pose]
-        return (float(x), float(y), DRONE_HEIGHT), yaw_quaternion(DRONE_HEADING)
+        if self._base[0] != self.pose:
+            x, y = self.lattice.points[self.pose].tolist()
+            self._base = self.pose, ((x, y, DRONE_HEIGHT), yaw_quaternion(DRONE_HEADING))
+        return self._base[1]
 
     def read_base(self) -> Pose:
         """Return the body's present position (metres) and orientation (x, y, z, w)."""

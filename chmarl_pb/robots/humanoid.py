@@ -9,7 +9,7 @@ from chmarl_pb.homes.space import GRIP, Space, grip_point
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement
-from chmarl_pb.world import Pose, World, yaw_quaternion
+from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up
@@ -43,7 +43,8 @@ class Humanoid:
         self.actions = (*gotos, "pick", "place", "move_forward", "turn_left", "turn_right", "stay")
         self.body = load_humanoid(world.client)
         self.arm = Arm(world.client, self.body)
-        self.pose, self.turn = 0, 0.0
+        self.pose, self.turn, self._arm_steps = 0, 0.0, -1
+        self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
         self._reached: dict[tuple[int, tuple[float, float, float]], tuple[float, ...] | None] = {}
         world.add_robot(self.name, self, self.body)
 
@@ -61,14 +62,20 @@ class Humanoid:
         """Stand at a pose with the arm at rest, or carrying what is held."""
         self.pose = pose
         self.set_base(*self.base_pose())
-        self.arm.set(Arm.carry if self.world.held else Arm.rest)
+        configuration = Arm.carry if self.world.held else Arm.rest
+        # Physics lets the joints give way a little.
+        if (configuration, self.world.steps) != (self.arm.last, self._arm_steps):
+            self.arm.set(configuration)
+            self._arm_steps = self.world.steps
         if self.world.held:
             self.world.place(self.world.held, *self.held_pose(self.world.held))
 
     def base_pose(self) -> Pose:
         """Return the position (metres) and orientation (x, y, z, w) that its lattice pose means."""
-        x, y, yaw = self.lattice.pose(self.pose)
-        return (x, y, 0.0), yaw_quaternion(yaw)
+        if self._base[0] != self.pose:
+            x, y, yaw = self.lattice.pose(self.pose)
+            self._base = self.pose, ((x, y, 0.0), yaw_quaternion(yaw))
+        return self._base[1]
 
     def read_base(self) -> Pose:
         """Return the body's present position (metres) and orientation (x, y, z, w)."""

@@ -1,7 +1,7 @@
 """Cameras drawn by PyBullet's TinyRenderer: RGB, depth and segmentation, without a display."""
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 import pybullet
@@ -79,7 +79,6 @@ def view_matrix(eye: Pose) -> Vector:
     return tuple(pybullet.computeViewMatrix(position, target.tolist(), rotation[:, 2].tolist()))
 
 
-@lru_cache(maxsize=1 << 15)
 def lens(camera: Camera, view: Vector) -> Lens:
     """Return a camera at a pose as :func:`chmarl_pb.sensing.raster.draw` takes it.
 

@@ -24,9 +24,10 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.homes.space import Space, space_of
 from chmarl_pb.sensing import camera
-from chmarl_pb.sensing.camera import Picture, Vector, render, view_matrix
+from chmarl_pb.sensing.camera import Camera, Picture, Vector, lens, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
 from chmarl_pb.sensing.raster import farthest
+from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
 from chmarl_pb.world import bodies, load_home_body, quiet
 
@@ -43,10 +44,17 @@ class HomeView:
     Attributes:
         view: view matrix.
         picture: its segmentation holds PyBullet link indices of the home, -1 for nothing.
+        camera: the camera that it was drawn with.
     """
 
     view: Vector
     picture: Picture
+    camera: Camera
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The camera at its pose, as bodies are drawn with it."""
+        return lens(self.camera, self.view)
 
     @cached_property
     def tiles(self) -> NDArray[np.float32]:
@@ -108,7 +116,7 @@ class HomeViews:
                 picture = file.put(pose, matrix, drawn) if file else None
                 if picture is None:
                     picture, taken = drawn, _OWN + _bytes(drawn)
-            view = HomeView(matrix, picture)
+            view = HomeView(matrix, picture, CAMERAS[robot])
             self._kept.put(key, view, taken)
         return view
 

@@ -16,7 +16,7 @@ from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import load_drone
 from chmarl_pb.robots.humanoid import load_humanoid
 from chmarl_pb.sensing import placing, raster
-from chmarl_pb.sensing.camera import Camera, Picture, lens, light
+from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.home_views import HomeView
 from chmarl_pb.sensing.meshes import Part, models_of, parts_of
 from chmarl_pb.sensing.triangles import Canvas, clean_canvas
@@ -149,12 +149,11 @@ class Bodies:
         )  # fmt: skip
 
 
-def draw_over(home: HomeView, camera: Camera, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:
+def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:
     """Return a view of the empty home with bodies drawn into it.
 
     Args:
         home: the view.
-        camera: the camera that it was drawn with.
         bodies: where the bodies are.
         present: numbers of those to draw.
         first: segmentation value of body 0; values of the home are kept as they are.
@@ -163,7 +162,7 @@ def draw_over(home: HomeView, camera: Camera, bodies: Bodies, present: NDArray[n
     size = len(picture.depth)
     depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
     raster.paint(
-        present, first, bodies.models, bodies.placed, lens(camera, home.view), light(), picture.depth, home.tiles,
+        present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
         _canvas(size), bodies.scratch, depth, links, colour.view(np.uint8).reshape(size, size, 4),
     )  # fmt: skip
     return Picture(colour, depth, links)

@@ -85,7 +85,7 @@ class Replay:
                 self._bodies.put_robot(name, pose, scene.arm)
             names = sorted([*scene.objects, *scene.robots], key=movables().numbers.__getitem__)
             present = np.array([movables().numbers[name] for name in names], dtype=np.int32)
-            picture = draw_over(self._look(robot, view, size), CAMERAS[robot], self._bodies, present, 0)
+            picture = draw_over(self._look(robot, view, size), self._bodies, present, 0)
             self._pictures[robot, size] = kept = shown, picture.rgb
         return kept[1]
 
@@ -94,7 +94,7 @@ class Replay:
         kept = self._homes.get((robot, size))
         if kept is None or kept.view != view:
             picture = render(self._client, CAMERAS[robot], view, size)
-            self._homes[robot, size] = kept = HomeView(view, picture)
+            self._homes[robot, size] = kept = HomeView(view, picture, CAMERAS[robot])
         return kept
 
 

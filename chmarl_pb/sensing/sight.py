@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing import raster
-from chmarl_pb.sensing.camera import Picture, lens
-from chmarl_pb.sensing.eyes import CAMERAS
+from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.home_views import home_views
 from chmarl_pb.sensing.movables import Bodies, draw_over, movables
 from chmarl_pb.sensing.triangles import clean_canvas
@@ -56,7 +55,7 @@ class Sight:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
         home = self._views.look(robot, pose, size)
-        return draw_over(home, CAMERAS[robot], self._bodies, self._present(robot), self._first)
+        return draw_over(home, self._bodies, self._present(robot), self._first)
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
@@ -65,7 +64,7 @@ class Sight:
         pixels[: len(home.pixels)] = home.pixels
         bodies, picture = self._bodies, home.picture
         raster.count(
-            self._present(robot), self._first, bodies.models, bodies.placed, lens(CAMERAS[robot], home.view),
+            self._present(robot), self._first, bodies.models, bodies.placed, home.lens,
             picture.depth, home.tiles, picture.segmentation, self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels

@@ -1,8 +1,10 @@
 """Set up a task in a world: where everything lies and stands, drawn from the task's seed alone."""
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
@@ -16,6 +18,7 @@ from chmarl_pb.world import World, yaw_quaternion
 DISTRACTORS = 18  # other objects that dress the home in every task
 _STREAMS = (0, 3, 4)  # of a task's seed: places, starts, states; words use 1 and 2
 _OBJECTS = np.array([f"{name}_1" for name in catalog.GRASPABLES])
+_KEPT = 8192  # layouts of one home, 2 kB each
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
 
 
@@ -36,16 +39,55 @@ class Setting:
     drone: int
 
 
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What a task's seed draws for a home, kept small: there are thousands of tasks.
+
+    Attributes:
+        items: names of the objects, in the order in which they were placed.
+        receptacles: name of what carries each.
+        poses: (items, 7) position of the bottom centre (metres) and quaternion x, y, z, w.
+        states: of the home's things, then of the objects.
+        humanoid: pose that the humanoid starts from.
+        drone: position that the drone starts from.
+    """
+
+    items: tuple[str, ...]
+    receptacles: tuple[str, ...]
+    poses: NDArray[np.float64]
+    states: tuple[str, ...]
+    humanoid: int
+    drone: int
+
+
+_layouts: WeakKeyDictionary[Space, dict[Task, Layout]] = WeakKeyDictionary()
+
+
 def set_up(world: World, space: Space, task: Task) -> Setting:
     """Clear a world and lay out a task in it: X on its source, the distractors, the states, the starts.
 
     Raises:
         TaskError: X does not fit on the source, or the home cannot hold the objects.
     """
+    goal = Goal(task.item, receptacles_of(space.home, task.target))
+    kept = _layouts.setdefault(space, {})
+    layout = kept.get(task)
+    if layout is None:
+        layout = _lay_out(world, space, task)
+        if len(kept) == _KEPT:
+            del kept[next(iter(kept))]
+        kept[task] = layout
+    else:
+        _repeat(world, layout)
+    names = (*(thing.name for thing in space.home.things), *world.objects)
+    return Setting(goal, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
+
+
+def _lay_out(world: World, space: Space, task: Task) -> Layout:
+    """Draw a task's layout, with the objects put into the world one by one."""
     # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
     things, starts, moods = (np.random.default_rng([task.seed, stream]) for stream in _STREAMS)
     world.clear()
-    goal = Goal(task.item, receptacles_of(space.home, task.target))
     sources = list(receptacles_of(space.home, task.source))
     things.shuffle(sources)
     if not any(put_somewhere(world, space, task.item, source, things) for source in sources):
@@ -53,10 +95,19 @@ def set_up(world: World, space: Space, task: Task) -> Setting:
             f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
         )
     _dress(world, space, task, things)
+    items, supports = tuple(world.supports), world.supports.values()
+    poses = np.array([[number for part in world.pose(item) for number in part] for item in items])
     states = _states(space.home, world.objects, moods)
     humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
     drone = int(starts.integers(len(space.drone_lattice.points)))
-    return Setting(goal, states, humanoid, drone)
+    return Layout(items, tuple(support.receptacle for support in supports), poses, states, humanoid, drone)
+
+
+def _repeat(world: World, layout: Layout) -> None:
+    """Put the objects where they were when the layout was drawn."""
+    world.clear()
+    for item, receptacle, row in zip(layout.items, layout.receptacles, layout.poses.tolist(), strict=True):
+        world.place(item, tuple(row[:3]), tuple(row[3:]), receptacle)
 
 
 def receptacles_of(home: Home, class_name: str) -> tuple[str, ...]:
@@ -96,13 +147,12 @@ def _dress(world: World, space: Space, task: Task, rng: np.random.Generator) -> 
     raise TaskError(f"task {task.id!r}: {space.home.name} has room for only {placed} of {DISTRACTORS} other objects")
 
 
-def _states(home: Home, objects: list[str], rng: np.random.Generator) -> dict[str, str]:
-    """Return the symbolic state of every static thing and object, drawn from those of its class."""
-    classes = {thing.name: thing.class_name for thing in home.things}
-    classes |= {name: catalog.class_of(name) for name in objects}
-    choices = [_choices(class_name) for class_name in classes.values()]
+def _states(home: Home, objects: list[str], rng: np.random.Generator) -> tuple[str, ...]:
+    """Return the symbolic state of every static thing, then of every object, drawn from those of its class."""
+    classes = [*(thing.class_name for thing in home.things), *map(catalog.class_of, objects)]
+    choices = [_choices(class_name) for class_name in classes]
     numbers = rng.integers([len(states) for states in choices]).tolist()
-    return {name: states[number] for name, states, number in zip(classes, choices, numbers, strict=True)}
+    return tuple(states[number] for states, number in zip(choices, numbers, strict=True))
 
 
 def _choices(class_name: str) -> tuple[str, ...]:

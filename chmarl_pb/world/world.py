@@ -60,6 +60,7 @@ class World:
         links: name of a thing of the home -> PyBullet link index.
         version: grows with every change of ``objects``, ``pose``, ``supports`` or ``held``; an equal one means
             equal answers.
+        steps: steps of physics so far.
     """
 
     def __init__(self, home: Home):
@@ -81,7 +82,7 @@ class World:
         self._constraint: int | None = None
         self.supports: dict[str, Support] = {}
         self._poses: dict[str, Pose] = {}
-        self.version = 0
+        self.version, self.steps = 0, 0
         self._home_body = self._load(home)
         self.links = {name: number for number, name in enumerate(link_names(self.client, self._home_body))}
         self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
@@ -243,6 +244,7 @@ class World:
 
     def step(self) -> None:
         """Advance physics by ``TIME_STEP``."""
+        self.steps += 1
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def set_down(self, name: str, position: Vector, yaw: float, receptacle: str) -> bool:
