@@ -8,8 +8,11 @@ from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.planner.policy import Actions, Infos, Observations
-from training.encoders import ImageEncoder, build_encoder
+from training.encoders import build_encoder
+from training.features import feature_space, with_features
+from training.resnet import frozen_resnet18
 
+KIND = "bc"  # of checkpoints
 NO_ACTION = -1  # last action at the first step
 
 
@@ -43,15 +46,15 @@ class CloningConfig:
     feedback: bool = True
     noise: float = 0.0
     seed: int = 0
-    epochs: int = 40
-    batch_size: int = 64
-    learning_rate: float = 1e-3
+    epochs: int = 20
+    batch_size: int = 16
+    learning_rate: float = 2e-3
     weight_decay: float = 1e-4
     dropout: float = 0.0
     features: int = 128
     hidden: int = 128
     past_actions: bool = True
-    image_encoder: ImageEncoder = "resnet18"
+    image_encoder: str = "resnet18"
     temperature: float = 0.0
     validation_interval: int = 5
 
@@ -59,6 +62,11 @@ class CloningConfig:
     def left_out(self) -> tuple[str, ...]:
         """Endings of the keys that the networks do not see."""
         return tuple(key for key in ("messages", "feedback") if not getattr(self, key))
+
+    @property
+    def uses_features(self) -> bool:
+        """Whether pictures are encoded before they reach the networks, by frozen weights."""
+        return self.observation == "visual" and self.image_encoder == "resnet18"
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
@@ -99,24 +107,22 @@ class Mind(nn.Module):
         return [head(histories) for head in self.heads], hidden
 
 
-def make_minds(space: spaces.Dict, actions: dict[str, int], config: CloningConfig) -> nn.ModuleList:
-    """Return the networks of all robots.
-
-    Args:
-        space: of the joint environment.
-        actions: robot -> number of its actions.
-        config: of the run.
-    """
+def make_minds(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
+    """Return the networks of all robots of an environment, with random weights."""
+    space = _joint_space(env)
+    if config.uses_features:
+        space = feature_space(space)
+    actions = {name: len(names) for name, names in env.action_names.items()}
     minds = []
     for group in config.groups:
-        keys = [key for key in space.spaces if key.startswith(group) and not key.endswith(config.left_out or ("\0",))]
+        keys = [key for key in space.spaces if key.startswith(group) and not key.endswith(config.left_out)]
         minds.append(
             Mind(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )
     return nn.ModuleList(minds)
 
 
-def joint_space(env: HouseholdEnv) -> spaces.Dict:
+def _joint_space(env: HouseholdEnv) -> spaces.Dict:
     """Return both robots' observation spaces as one, with the keys of the joint environment."""
     return spaces.Dict(
         {f"{name}_{key}": part for name in AGENTS for key, part in env.observation_space(name).spaces.items()}
@@ -139,11 +145,10 @@ class ClonedPolicy:
     @torch.no_grad()
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
-        seen = {
-            f"{name}_{key}": torch.from_numpy(part)[None, None]
-            for name in AGENTS
-            for key, part in observations[name].items()
-        }
+        if self.config.uses_features:
+            observations = with_features(observations, frozen_resnet18())
+        parts = {f"{name}_{key}": part for name in AGENTS for key, part in observations[name].items()}
+        seen = {key: torch.from_numpy(part)[None, None] for key, part in parts.items()}
         for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
             last = torch.tensor([[[self._last[name] for name in group]]])
             logits, self._hidden[number] = mind(seen, last, self._hidden[number])

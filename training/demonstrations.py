@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from torch import Tensor
 
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
-from chmarl_pb.data.record import make_env
 from chmarl_pb.data.store import dataset_folder
-from training.clones import NO_ACTION
+from training.clones import NO_ACTION, CloningConfig
+from training.features import kept_features
+from training.resnet import frozen_resnet18
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,50 +69,43 @@ class Demonstrations:
             yield self.batch(torch.from_numpy(order[first : first + size]))
 
 
-def read_demonstrations(root: Path, recipe: Recipe, leave_out: Sequence[str] = ()) -> Demonstrations:
-    """Read a data set into memory.
+def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> Demonstrations:
+    """Read what a run of cloning needs of a data set into memory.
 
     The state after the last action is left out: nobody acts in it. Rows of padding that no graph of the data set fills
-    are cut off.
+    are cut off. Pictures that the run encodes by frozen weights are replaced by their features.
 
     Args:
         root: folder of Minari data sets.
         recipe: of the data set.
-        leave_out: endings of keys that are not read, e.g. "messages".
+        config: of the run.
 
     Raises:
-        DatasetError: it is missing or damaged.
+        DatasetError: the data set is missing or damaged.
     """
     dataset = Dataset(dataset_folder(root, recipe.dataset_id))
     dataset.check()
-    keys = [key for key in joint_space(recipe).spaces if not key.endswith(tuple(leave_out))]
-    parts: dict[str, list[np.ndarray]] = {key: [] for key in (*keys, "actions", "labels")}
+    ready = kept_features(dataset, frozen_resnet18()) if config.uses_features else {}
+    columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
+        names = [name for name in file["episode_0/observations"] if not name.endswith(config.left_out)]
+        columns |= {name: [] for name in names if name not in ready}
         for number in range(dataset.episodes):
             episode = file[f"episode_{number}"]
-            parts["actions"].append(episode["actions"][()])
-            parts["labels"].append(episode["infos/planner_action"][:-1])
-            for key in keys:
-                parts[key].append(episode[f"observations/{key}"][:-1])
-    lengths = torch.tensor([len(actions) for actions in parts["actions"]])
-    tensors = {key: _with_padding(parts.pop(key)) for key in list(parts)}
+            columns["actions"].append(episode["actions"][()])
+            columns["labels"].append(episode["infos/planner_action"][:-1])
+            for name in columns.keys() - {"actions", "labels"}:
+                columns[name].append(episode[f"observations/{name}"][:-1])
+    lengths = torch.tensor([len(actions) for actions in columns["actions"]])
+    tensors = {name: _with_padding(columns.pop(name)) for name in list(columns)}
+    tensors |= {name: _with_padding([features]) for name, features in ready.items()}
     return Demonstrations(
-        observations={key: _cut(key, tensors[key]) for key in keys},
-        actions=tensors["actions"],
-        labels=tensors["labels"],
+        actions=tensors.pop("actions"),
+        labels=tensors.pop("labels"),
+        observations={name: _cut(name, tensors[name]) for name in sorted(tensors)},
         starts=torch.cumsum(lengths, 0) - lengths,
         lengths=lengths,
     )
-
-
-def joint_space(recipe: Recipe) -> spaces.Dict:
-    """Return the observation space of the environment that a data set is recorded in."""
-    env = make_env(recipe)
-    try:
-        assert isinstance(env.observation_space, spaces.Dict)
-        return env.observation_space
-    finally:
-        env.close()
 
 
 def _with_padding(parts: list[np.ndarray]) -> Tensor:

@@ -1,0 +1,239 @@
+"""Behaviour cloning: robots learn to do what the planner did, from stored episodes.
+
+Three forms, as in the paper: decentralized (each robot has its own network and its own observations), the same with
+messages, and centralized (one network sees and drives both robots). All are recurrent over the episode.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.store import default_root
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
+from training import checkpoint
+from training.clones import KIND, ClonedPolicy, CloningConfig, make_minds
+from training.demonstrations import Batch, Demonstrations, read_demonstrations
+from training.resnet import frozen_resnet18
+
+BEST, LAST = "best.pt", "last.pt"
+UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
+VALIDATION = ("val-seen", "val-unseen")
+
+#: Called after each epoch with its figures.
+Report = Callable[[dict[str, Any]], None]
+
+
+def clone(config: CloningConfig, folder: Path, data: Path | None = None, report: Report = print) -> dict[str, Any]:
+    """Train clones and keep the best; killed, the same call goes on from the last epoch and ends with the same numbers.
+
+    The best are those of the epoch with the highest mean of the two validation splits' PLW.
+
+    Args:
+        config: of the run.
+        folder: gets ``best.pt``, ``last.pt`` (what an interrupted run goes on from) and ``metrics.jsonl``.
+        data: folder of Minari data sets; None: Minari's own.
+        report: called after each epoch.
+
+    Returns:
+        The figures of the best epoch.
+
+    Raises:
+        DatasetError: the data set is missing or damaged.
+        CheckpointError: ``last.pt`` is damaged or of other settings.
+    """
+    recipe = Recipe(observation=config.observation, noise=config.noise)
+    run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder)
+    try:
+        run.restore()
+        while run.epoch < config.epochs:
+            report(run.next_epoch())
+    finally:
+        run.examiner.close()
+    return run.best
+
+
+class _Run:
+    """A training in progress.
+
+    Attributes:
+        epoch: number of finished epochs.
+        best: figures of the best one.
+        examiner: measures.
+    """
+
+    def __init__(self, config: CloningConfig, data: Demonstrations, folder: Path):
+        """Make networks and optimizer."""
+        self.config, self.data, self.folder = config, data, folder
+        self.examiner = Examiner(config)
+        with torch.random.fork_rng():
+            torch.manual_seed(config.seed)
+            self.minds = make_minds(self.examiner.env, config)
+        self.optimizer = torch.optim.AdamW(
+            self.minds.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        )
+        batches = -(-len(data.lengths) // config.batch_size)
+        self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimizer, config.epochs * batches)
+        self.epoch, self.best = 0, {"score": -1.0}
+
+    def next_epoch(self) -> dict[str, Any]:
+        """Go through the data once; return the figures."""
+        start = time.perf_counter()
+        losses = self._learn()
+        self.epoch += 1
+        figures: dict[str, Any] = {"epoch": self.epoch, "seconds": round(time.perf_counter() - start, 1)}
+        figures |= {f"{name}_loss": round(float(loss), 4) for name, loss in zip(AGENTS, losses, strict=True)}
+        if self.epoch % self.config.validation_interval == 0 or self.epoch == self.config.epochs:
+            figures |= self.examiner.examine(self.minds)
+            if figures["score"] > self.best["score"]:
+                self.best = figures
+                self._save_best()
+        self._save(figures)
+        return figures
+
+    def _learn(self) -> Tensor:
+        self.minds.train()
+        total = torch.zeros(len(AGENTS))
+        with torch.random.fork_rng():  # dropout is the same in every process and after every interruption
+            torch.manual_seed(self.config.seed * 100_003 + self.epoch)
+            for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch)):
+                losses = loss_of(self.minds, self.config, batch)
+                self.optimizer.zero_grad()
+                losses.sum().backward()
+                nn.utils.clip_grad_norm_(self.minds.parameters(), 1.0)
+                self.optimizer.step()
+                self.schedule.step()
+                total += losses.detach() * batch.mask.sum()
+        return total / self.data.lengths.sum()
+
+    def _save_best(self) -> None:
+        facts = {"config": asdict(self.config), "figures": self.best, "resnet18": weights_of(self.config)}
+        checkpoint.save(self.folder / BEST, KIND, {**facts, "minds": self.minds.state_dict()})
+
+    def _save(self, figures: dict[str, Any]) -> None:
+        rows = self.folder / "metrics.jsonl"
+        before = rows.read_text(encoding="utf-8").splitlines()[: self.epoch - 1] if self.epoch > 1 else []
+        self.folder.mkdir(parents=True, exist_ok=True)
+        rows.write_text("\n".join([*before, json.dumps(figures)]) + "\n", encoding="utf-8")
+        parts = {"minds": self.minds, "optimizer": self.optimizer, "schedule": self.schedule}
+        state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
+        facts = {"config": asdict(self.config), "epoch": self.epoch, "best": self.best}
+        checkpoint.save(self.folder / LAST, UNFINISHED, {**facts, **state})
+
+    def restore(self) -> None:
+        """Go on from ``last.pt``, if there is one."""
+        path = self.folder / LAST
+        if not path.is_file():
+            return
+        content = checkpoint.load(path, UNFINISHED)
+        if content["config"] != asdict(self.config):
+            raise checkpoint.CheckpointError(f"{path}: a run with other settings; use another folder, or remove it")
+        checkpoint.fill(self.minds, content["minds"], path)
+        self.optimizer.load_state_dict(content["optimizer"])
+        self.schedule.load_state_dict(content["schedule"])
+        self.epoch, self.best = content["epoch"], content["best"]
+
+
+def loss_of(minds: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+    """Return the cross-entropy of each robot's labels, (robots), means over the real steps."""
+    losses = []
+    for group, mind in zip(config.groups, minds, strict=True):
+        columns = [AGENTS.index(name) for name in group]
+        logits, _ = mind(batch.observation, batch.last[..., columns])
+        for column, values in zip(columns, logits, strict=True):
+            losses.append(nn.functional.cross_entropy(values[batch.mask], batch.labels[..., column][batch.mask]))
+    return torch.stack(losses)
+
+
+class Examiner:
+    """Plays validation tasks, to choose the best epoch; never those of a test split."""
+
+    def __init__(self, config: CloningConfig, most: int = 50):
+        """Open an environment.
+
+        Args:
+            config: of the run.
+            most: tasks of each split; if it has more, they are taken at equal distances.
+        """
+        self.env = HouseholdEnv(
+            observation=config.observation, split="train", messages=config.messages, feedback=config.feedback
+        )
+        self.config = config
+        self.tasks = {split: _spread(load_tasks(split), most) for split in VALIDATION}
+
+    def examine(self, minds: nn.ModuleList) -> dict[str, float]:
+        """Return success rate and PLW on each split, and the mean PLW as ``score``."""
+        policy = ClonedPolicy(minds.eval(), self.config)
+        figures: dict[str, float] = {}
+        for split, tasks in self.tasks.items():
+            episodes = [rollout(self.env, policy, episode_seed(task, 0), task) for task in tasks]
+            pairs = list(zip(episodes, tasks, strict=True))
+            weighted = [path_weighted(one.success, len(one), task.optimal_steps) for one, task in pairs]
+            figures[f"{split}_sr"] = round(float(np.mean([one.success for one in episodes])), 4)
+            figures[f"{split}_plw"] = round(float(np.mean(weighted)), 4)
+        return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in VALIDATION])), 4)} | figures
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.env.close()
+
+
+def _spread(tasks: list[Task], most: int) -> list[Task]:
+    places = np.linspace(0, len(tasks), min(most, len(tasks)), endpoint=False).astype(int)
+    return [tasks[place] for place in places]
+
+
+class ClonedPolicies:
+    """Makes the policies of a checkpoint of clones; can be sent to other processes."""
+
+    def __init__(self, path: Path):
+        """Read the settings of a checkpoint.
+
+        Raises:
+            CheckpointError: it is missing, damaged or of another kind.
+        """
+        self.path = path
+        self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
+        self.deterministic = self.config.temperature == 0
+
+    def __call__(self, env: HouseholdEnv) -> ClonedPolicy:
+        """Return the policy for an environment.
+
+        Raises:
+            CheckpointError: the checkpoint was trained with other observations.
+        """
+        content = checkpoint.load(self.path, KIND)
+        if content["resnet18"] != weights_of(self.config):
+            raise checkpoint.CheckpointError(
+                f"{self.path}: was trained with other weights of ResNet-18 (fingerprint {content['resnet18'][:12]}); "
+                "name their file by CHMARL_RESNET18"
+            )
+        minds = make_minds(env, self.config)
+        checkpoint.fill(minds, content["minds"], self.path)
+        return ClonedPolicy(minds.requires_grad_(False).eval(), self.config)
+
+
+def load_policy(path: Path) -> ClonedPolicies:
+    """Return what makes the policies of a checkpoint.
+
+    Raises:
+        CheckpointError: it is missing, damaged or of another kind.
+    """
+    return ClonedPolicies(path)
+
+
+def weights_of(config: CloningConfig) -> str:
+    """Return the fingerprint of the frozen weights that a run uses, or nothing."""
+    return frozen_resnet18().fingerprint if config.uses_features else ""

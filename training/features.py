@@ -1,0 +1,159 @@
+"""Frozen features of pictures: computed once for a data set and kept beside it, or step by step in an environment.
+
+Both ways use the same network and round to float16, so a policy that has learned from kept features sees the same ones
+when it acts, but for the last bit, which depends on how many pictures are computed together.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+from rich.progress import Progress
+
+from chmarl_pb.data.read import Dataset
+from chmarl_pb.errors import DatasetError
+from training.resnet import FEATURES, FrozenResNet18, frozen_resnet18
+
+_IMAGE = "image"  # end of the keys of pictures
+_TOGETHER = 32  # pictures of one robot that are computed at once: larger batches are not faster on a CPU
+
+
+def feature_space(space: spaces.Dict) -> spaces.Dict:
+    """Return an observation space with features (512,) float16 in the place of each picture."""
+    features = spaces.Box(-np.inf, np.inf, (FEATURES,), np.float16)
+    return spaces.Dict({key: features if key.endswith(_IMAGE) else part for key, part in space.spaces.items()})
+
+
+def with_features(observations: dict[str, Any], resnet: FrozenResNet18) -> dict[str, Any]:
+    """Return agents' observations with features in the place of their pictures, computed together."""
+    places = [(name, key) for name, seen in observations.items() for key in seen if key.endswith(_IMAGE)]
+    if not places:
+        return observations
+    pictures = np.stack([observations[name][key] for name, key in places])
+    changed = {name: dict(seen) for name, seen in observations.items()}
+    for (name, key), features in zip(places, resnet(torch.from_numpy(pictures)).numpy(), strict=True):
+        changed[name][key] = features
+    return changed
+
+
+class FeatureEnv(ParallelEnv):
+    """A ParallelEnv whose agents observe features in the place of pictures; all else is that of the inner one."""
+
+    def __init__(self, env: Any, weights: str | None = None):
+        """Wrap an environment with Dict observations.
+
+        Args:
+            env: the inner environment.
+            weights: see :func:`training.resnet.frozen_resnet18`.
+
+        Raises:
+            CheckpointError: there are no such weights.
+        """
+        self.env, self.resnet = env, frozen_resnet18(weights)
+        self.metadata, self.possible_agents = env.metadata, env.possible_agents
+        self._spaces = {name: feature_space(env.observation_space(name)) for name in env.possible_agents}
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute of the inner environment."""
+        if name == "env":  # not yet there while a copy is unpickled
+            raise AttributeError(name)
+        return getattr(self.env, name)
+
+    @property
+    def agents(self) -> list[str]:
+        """The agents whose episode goes on."""
+        return self.env.agents
+
+    def observation_space(self, agent: str) -> spaces.Dict:
+        """Return an agent's observation space."""
+        return self._spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space:
+        """Return an agent's action space."""
+        return self.env.action_space(agent)
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict, dict]:
+        """Start an episode; see the inner environment."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return with_features(observations, self.resnet), infos
+
+    def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
+        """Let all agents act once; see the inner environment."""
+        observations, *rest = self.env.step(actions)
+        return with_features(observations, self.resnet), *rest
+
+    def state(self) -> np.ndarray:
+        """Return the inner environment's global state."""
+        return self.env.state()
+
+    def render(self) -> Any:
+        """Return what the inner environment renders."""
+        return self.env.render()
+
+    def close(self) -> None:
+        """Close the inner environment."""
+        self.env.close()
+
+
+def kept_features(dataset: Dataset, resnet: FrozenResNet18, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
+    """Return the features of every state in which the robots of a data set act, from a file beside the data set.
+
+    The file is made at the first call, episode by episode: an interrupted call goes on where it was. Its name has a
+    hash of the weights and of the data set.
+
+    Args:
+        dataset: with pictures.
+        resnet: computes the features.
+        quiet: whether no progress is shown.
+
+    Returns:
+        Key of a picture -> (all steps, 512), memory-mapped, in the order of the episodes.
+
+    Raises:
+        DatasetError: the data set cannot be read.
+    """
+    key = hashlib.sha256(f"{resnet.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
+    path = dataset.folder / f"features-{key}.f16"
+    with dataset.open() as file:
+        names = [name for name in file["episode_0/observations"] if name.endswith(_IMAGE)]
+        if not names:
+            raise DatasetError(f"{dataset.folder}: no pictures; generate the data set with `--observation visual`")
+        shape = (dataset.steps, len(names), FEATURES)
+        if not path.is_file():
+            with Progress(disable=quiet) as bar:
+                _compute(path, file, names, shape, resnet, bar)
+    rows = np.memmap(path, dtype=np.float16, mode="r", shape=shape)
+    return {name: rows[:, number] for number, name in enumerate(names)}
+
+
+def _compute(
+    path: Path, file: Any, names: list[str], shape: tuple[int, ...], resnet: FrozenResNet18, bar: Progress
+) -> None:
+    """Append the features of one episode after the other to an unfinished file, and name it at the end."""
+    unfinished = path.with_suffix(".unfinished")
+    size = 2 * shape[1] * shape[2]  # bytes of a step
+    steps, task = 0, bar.add_task("encode pictures", total=shape[0])
+    with open(unfinished, "ab") as out:
+        done = os.fstat(out.fileno()).st_size // size
+        out.truncate(done * size)
+        for number in range(len(file)):
+            group = file[f"episode_{number}"]
+            length = len(group["actions"])
+            if steps + length > done:
+                images = [group[f"observations/{name}"][max(done - steps, 0) : length] for name in names]
+                out.write(np.stack([_features(part, resnet) for part in images], axis=1).tobytes())
+                out.flush()
+            steps += length
+            bar.update(task, completed=steps)
+    unfinished.replace(path)
+
+
+def _features(images: NDArray[np.uint8], resnet: FrozenResNet18) -> NDArray[np.float16]:
+    parts = [resnet(torch.from_numpy(images[first : first + _TOGETHER])) for first in range(0, len(images), _TOGETHER)]
+    return torch.cat(parts).numpy()

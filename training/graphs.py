@@ -1,0 +1,89 @@
+"""Scene graphs: a graph convolution over all graphs of a batch at once.
+
+Letters: B graphs in the batch, N real nodes of all of them.
+"""
+
+import warnings
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from training.parts import EMBEDDING, Part, embedding, id_count
+
+GRAPH = 64  # features of a node after each graph convolution
+
+# The one product that is used of the beta state is tested.
+warnings.filterwarnings("ignore", "Sparse CSR tensor support", UserWarning)
+
+
+class GraphEncoder(Part):
+    """Class and state embeddings -> two graph convolutions -> mean over the nodes.
+
+    A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2),
+    ReLU(D^-1/2 (A + I) D^-1/2 H W + b): A counts the relations between two nodes, whatever their kind and direction,
+    and D is the degree with the self loop. An empty graph has the features 0.
+    """
+
+    size = GRAPH
+
+    def __init__(self, classes: spaces.Space, states: spaces.Space):
+        """Make tables for the ids in two spaces; 0 is padding."""
+        super().__init__()
+        self.classes, self.states = embedding(id_count(classes)), embedding(id_count(states))
+        self.first = nn.Linear(2 * EMBEDDING, GRAPH)
+        self.second = nn.Linear(GRAPH, GRAPH)
+
+    def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
+        """Return (B, GRAPH) from classes (B, nodes), states (B, nodes), edges (B, edges, 3)."""
+        real = node_class > 0  # padding is left out: (N) nodes of all graphs, one after the other
+        spread = _propagation(real, edges)
+        nodes = self._embedded(node_class[real].long(), node_state[real].long())
+        nodes = torch.relu(_Product.apply(spread, nodes))
+        nodes = torch.relu(_Product.apply(spread, self.second(nodes)))
+        total = nodes.new_zeros(len(real), GRAPH).index_add_(0, real.nonzero(as_tuple=True)[0], nodes)
+        return total / real.sum(dim=1, keepdim=True).clamp(min=1)
+
+    def _embedded(self, node_class: Tensor, node_state: Tensor) -> Tensor:
+        """Return H W + b of the first convolution; the product is taken once for each class and state, not node."""
+        by_class = self.classes.weight @ self.first.weight[:, :EMBEDDING].T + self.first.bias
+        by_state = self.states.weight @ self.first.weight[:, EMBEDDING:].T
+        return by_class.index_select(0, node_class) + by_state.index_select(0, node_state)
+
+
+class _Product(torch.autograd.Function):
+    """A symmetric sparse matrix without gradient, times features."""
+
+    @staticmethod
+    def forward(ctx: Any, matrix: Tensor, features: Tensor) -> Tensor:
+        ctx.matrix = matrix
+        return torch.sparse.mm(matrix, features)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[None, Tensor]:
+        return None, torch.sparse.mm(ctx.matrix, gradient)
+
+
+def _propagation(real: Tensor, edges: Tensor) -> Tensor:
+    """Return D^-1/2 (A + I) D^-1/2 of all graphs of a batch as one sparse matrix (N, N).
+
+    Args:
+        real: (B, nodes) which nodes are not padding.
+        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
+    """
+    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
+    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
+    graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
+    ends = numbers[graph.unsqueeze(1), edges[graph, row, :2].long().clamp(max=real.shape[1])]
+    one, other = ends[(ends >= 0).all(dim=1)].unbind(dim=1)
+    loops = torch.arange(int(real.sum()), device=real.device)
+    rows, columns = torch.cat([one, other, loops]), torch.cat([other, one, loops])
+    degree = torch.bincount(rows, minlength=len(loops))
+    root = degree.float().rsqrt()
+    columns = columns[rows.argsort()]
+    values = root.repeat_interleave(degree) * root[columns]
+    starts = nn.functional.pad(degree.cumsum(0), (1, 0))
+    return torch.sparse_csr_tensor(
+        starts.int(), columns.int(), values, (len(loops), len(loops)), check_invariants=False
+    )

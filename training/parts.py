@@ -1,0 +1,73 @@
+"""The parts of an encoder: each turns one key of an observation into features. Here: words and small vectors."""
+
+import math
+
+from gymnasium import spaces
+from torch import Tensor, nn
+
+EMBEDDING = 32  # features of a word, of a node's class, and of its state
+
+
+class Part(nn.Module):
+    """Encodes one part of an observation.
+
+    Attributes:
+        size: number of its features.
+    """
+
+    size: int
+
+
+class TokenEncoder(Part):
+    """The mean of the embeddings of a sentence's words; 0 is padding."""
+
+    size = EMBEDDING
+
+    def __init__(self, words: nn.Embedding):
+        """Use a table of words."""
+        super().__init__()
+        self.words = words
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        """Return (B, EMBEDDING) from token ids (B, length)."""
+        return nn.functional.embedding_bag(tokens.long(), self.words.weight, mode="mean", padding_idx=0)
+
+
+class FlatEncoder(Part):
+    """The numbers as they are; a Discrete as one-hot."""
+
+    def __init__(self, space: spaces.Space):
+        """Know the size of a space."""
+        super().__init__()
+        self.shape = space.shape or ()
+        self.count = int(space.n) if isinstance(space, spaces.Discrete) else None
+        self.size = self.count or math.prod(self.shape)
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Return (B, size)."""
+        flat = flattened(values, self.shape)
+        if self.count is not None:
+            return nn.functional.one_hot(flat.long(), self.count).float()
+        return flat.flatten(start_dim=1).float() if self.shape else flat.unsqueeze(1).float()
+
+
+def flattened(values: Tensor, shape: tuple[int, ...] | None) -> Tensor:
+    """Return the values with one leading dimension; graphs may be cut to fewer rows than their space has."""
+    rank = len(shape or ())
+    return values.reshape(-1, *values.shape[values.dim() - rank :])
+
+
+def id_count(space: spaces.Space) -> int:
+    """Return the number of ids in a Box of ids, with 0.
+
+    Raises:
+        ValueError: the space is no Box.
+    """
+    if not isinstance(space, spaces.Box):
+        raise ValueError(f"{space} is not a Box of ids")
+    return int(space.high.max()) + 1
+
+
+def embedding(count: int) -> nn.Embedding:
+    """Return a table for ids; that of 0, which is padding, stays zero."""
+    return nn.Embedding(count, EMBEDDING, padding_idx=0)
