@@ -67,7 +67,7 @@ def observe(
         pose = stage.world.robots[robot].pose
         observation = {"image": stage.sight.picture(robot, pose, options.image_size).rgb}
     else:
-        observation = dict(stage.graphs.graph(outcome.seen[robot], setting.states).arrays())
+        observation = {**stage.graphs.graph(outcome.seen[robot], setting.states).arrays()}
     return observation | {
         "instruction": instruction.copy(),
         "feedback": language.tokenize(feedback, language.FEEDBACK_LENGTH),

@@ -72,6 +72,21 @@ def _extent(ball, lens, tiles, size):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def may_show(body, balls, lens, tiles, size):  # type: ignore[no-untyped-def]
+    """Return whether a body could be seen: it lies in view, and the home does not hide its ball.
+
+    Args:
+        body: its number.
+        balls: of :class:`chmarl_pb.sensing.placing.Placed`.
+        lens: the camera.
+        tiles: what :func:`farthest` makes of the empty home's depth.
+        size: width and height of the picture.
+    """
+    left, right, _, _ = _extent(balls[body], lens, tiles, size)
+    return right >= left
+
+
+@compiled
 def _project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyped-def]
     """Set a part's rows of the scratch to its corners as the camera has them."""
     view, product = np.empty((4, 4), np.float32), np.empty((4, 4), np.float32)

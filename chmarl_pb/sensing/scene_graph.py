@@ -36,8 +36,10 @@ class SceneGraph:
     edges: NDArray[np.int16]
 
     def arrays(self) -> dict[str, NDArray[np.int16]]:
-        """Return ``node_class``, ``node_state`` and ``edges`` by name."""
-        return {"node_class": self.node_class, "node_state": self.node_state, "edges": self.edges}
+        """Return new ``node_class``, ``node_state`` and ``edges`` by name."""
+        return {
+            "node_class": self.node_class.copy(), "node_state": self.node_state.copy(), "edges": self.edges.copy()
+        }  # fmt: skip
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -80,6 +82,7 @@ class SceneGraphs:
         self._states = np.zeros(count, dtype=np.int16)
         self._known: tuple[int, Mapping[str, str]] | None = None
         self._covered: dict[Support, bool] = {}
+        self._kept: dict[tuple[str, ...], SceneGraph] = {}  # of things that have not moved
 
     def graph(self, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
         """Return the graph of the things that a robot sees and the rooms that they are in.
@@ -89,6 +92,14 @@ class SceneGraphs:
             states: the symbolic states of things and objects.
         """
         self._learn(states)
+        graph = self._kept.get(seen)
+        if graph is None:
+            graph = self._make(seen)
+            if self._world.held is None and not any(name in self._world.robots for name in seen):
+                self._kept[seen] = graph
+        return graph
+
+    def _make(self, seen: tuple[str, ...]) -> SceneGraph:
         numbers = np.array([self._numbers[name] for name in seen], dtype=np.int32)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
         present = relate(numbers, self._facts, len(self._rooms), edges)
@@ -113,6 +124,7 @@ class SceneGraphs:
 
     def _learn_objects(self, states: Mapping[str, str]) -> None:
         facts, world = self._facts, self._world
+        self._kept.clear()
         facts.movable[:], facts.carrier[:] = False, -1
         for name in (*world.objects, *world.robots):
             facts.movable[self._numbers[name]] = True

@@ -39,7 +39,9 @@ class Sight:
         self.numbers = {name: number for number, name in enumerate(self.names)}
         self._nodes = np.array([_is_node(name) for name in self.names])
         self._version = -1
-        self._numbers_of: dict[str, NDArray[np.int32]] = {}
+        self._robots_of: dict[str, list[int]] = {}  # those that a robot might see
+        self._present: dict[str, NDArray[np.int32]] = {}  # all bodies that it might see
+        self._seen: dict[tuple[str, int], tuple[str, ...]] = {}  # from a pose, when no robot could be in view
         self._stances: dict[str, tuple[int, bool]] = {}
         self._canvas = clean_canvas(SIGHT_SIZE)
 
@@ -54,46 +56,61 @@ class Sight:
         Returns:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
+        self._update()
         home = self._views.look(robot, pose, size)
-        return draw_over(home, self._bodies, self._present(robot), self._first)
+        return draw_over(home, self._bodies, self._present[robot], self._first)
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
+        self._update()
         home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
         pixels = np.zeros(len(self.names), dtype=np.int64)
         pixels[: len(home.pixels)] = home.pixels
         bodies, picture = self._bodies, home.picture
         raster.count(
-            self._present(robot), self._first, bodies.models, bodies.placed, home.lens,
+            self._present[robot], self._first, bodies.models, bodies.placed, home.lens,
             picture.depth, home.tiles, picture.segmentation, self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels
 
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees, in the order of ``names``."""
+        self._update()
+        key = robot, self.world.robots[robot].pose
+        kept = self._seen.get(key)
+        if kept is not None and not self._sees_a_robot(robot):
+            return kept
         seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._nodes
         seen[self.numbers[robot]] = False
-        return tuple([self.names[number] for number in np.flatnonzero(seen).tolist()])
+        names = tuple([self.names[number] for number in np.flatnonzero(seen).tolist()])
+        if not self._sees_a_robot(robot):
+            self._seen[key] = names
+        return names
 
-    def _present(self, robot: str) -> NDArray[np.int32]:
-        """Bring the bodies up to date and return the numbers of those that a robot might see."""
+    def _sees_a_robot(self, robot: str) -> bool:
+        """Return whether a robot's view might change with where the robots are."""
+        home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
+        balls = self._bodies.placed.balls
+        return any(raster.may_show(body, balls, home.lens, home.tiles, SIGHT_SIZE) for body in self._robots_of[robot])
+
+    def _update(self) -> None:
+        """Bring the bodies up to date."""
         world = self.world
         if world.version != self._version:
             self._bodies.put_objects({name: world.pose(name) for name in world.objects})
-            self._numbers_of = {name: self._numbers_seen_by(name) for name in world.robots}
+            objects = [self._body_numbers[name] for name in world.objects]
+            for robot in world.robots:
+                # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
+                robots = [name for name in world.robots if name != robot or world.held is not None]
+                self._robots_of[robot] = [self._body_numbers[name] for name in robots]
+                self._present[robot] = np.array(objects + self._robots_of[robot], dtype=np.int32)
+            self._seen.clear()
             self._version = world.version
         for name, other in world.robots.items():
             stance = other.pose, world.held is not None
             if self._stances.get(name) != stance:
                 self._bodies.put_robot(name, other.base_pose(), Arm.carry if world.held else Arm.rest)
                 self._stances[name] = stance
-        return self._numbers_of[robot]
-
-    def _numbers_seen_by(self, robot: str) -> NDArray[np.int32]:
-        world = self.world
-        # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
-        robots = [name for name in world.robots if name != robot or world.held is not None]
-        return np.array([self._body_numbers[name] for name in (*world.objects, *robots)], dtype=np.int32)
 
 
 def _is_node(name: str) -> bool:
