@@ -1,8 +1,12 @@
 """What a robot sees, drawn in two parts and merged, equals a full TinyRenderer picture of the world, bit for bit."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pybullet
 import pytest
+from conftest import home_text
 
 from chmarl_pb import catalog
 from chmarl_pb.envs.stage import Stage
@@ -13,6 +17,13 @@ from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.task import Task
 
 ROBOTS = ("humanoid", "drone")
+CYLINDER = """<link name="livingroom/tv_stand_1">
+  <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>
+  <visual><geometry><cylinder radius="0.3" length="0.4"/></geometry></visual>
+  <collision><geometry><cylinder radius="0.3" length="0.4"/></geometry></collision>
+</link>
+<joint name="pedestal" type="fixed"><parent link="world"/><child link="livingroom/tv_stand_1"/>
+  <origin xyz="1.5 0.5 0.2" rpy="0 0 0.3"/></joint>"""
 
 
 def full_picture(stage: Stage, robot: str, size: int) -> Picture:
@@ -165,3 +176,15 @@ def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> 
             position, quaternion = eye(stage.space, name, robot.pose)
             np.testing.assert_allclose(position, state[4], atol=1e-5)
             assert abs(np.dot(quaternion, state[5])) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("extra", ["", CYLINDER], ids=["boxes", "cylinder"])
+def test_a_home_of_any_shapes_is_drawn_as_tinyrenderer_draws_it(write_home: Callable[[str], Path], extra: str) -> None:
+    """Boxes and meshes are drawn by our rasteriser, other shapes by TinyRenderer itself."""
+    stage = Stage(str(write_home(home_text(extra=extra))))
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        wander(stage, rng)
+        for robot in ROBOTS:
+            assert_same(stage, robot, 64)
+    stage.close()

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.cli import main
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.content import content_hash
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.sensing import home_views as home_views_module
@@ -44,15 +44,21 @@ def home(write_home: Callable[[str], Path]) -> Home:
 
 
 @pytest.fixture
+def drawn_by_tinyrenderer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let homes be drawn as those are whose shapes only TinyRenderer knows."""
+
+    def refuse(client: int, body: int) -> None:
+        raise AssetError("only TinyRenderer can draw this")
+
+    monkeypatch.setattr(home_views_module, "HomeModel", refuse)
+
+
+@pytest.fixture
 def draws(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """Grows by the size of each picture that is drawn."""
     drawn: list[int] = []
-    render = home_views_module.render
-    monkeypatch.setattr(
-        home_views_module,
-        "render",
-        lambda client, camera, view, size: [drawn.append(size), render(client, camera, view, size)][1],
-    )
+    draw = HomeViews.draw
+    monkeypatch.setattr(HomeViews, "draw", lambda *arguments: [drawn.append(arguments[-1]), draw(*arguments)][1])
     return drawn
 
 
@@ -124,7 +130,7 @@ def test_stored_views_equal_drawn_ones_and_are_read_only(
 
 
 def test_stored_views_of_a_furnished_home_equal_those_drawn_in_another_order(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, drawn_by_tinyrenderer: None
 ) -> None:
     home, rng = load_home("home_2"), np.random.default_rng(0)
     poses = rng.integers(4000, size=25).tolist()
@@ -144,8 +150,8 @@ SCRIPT = """
 import hashlib, json, sys
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.sensing import home_views
-drawn, render = [], home_views.render
-home_views.render = lambda *arguments: [drawn.append(1), render(*arguments)][1]
+drawn, draw = [], home_views.HomeViews.draw
+home_views.HomeViews.draw = lambda *arguments: [drawn.append(1), draw(*arguments)][1]
 views, digest = home_views.HomeViews(load_home(sys.argv[1])), hashlib.sha256()
 for pose in range(60):
     seen = views.look("humanoid", pose, 48).picture

@@ -18,14 +18,15 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.homes.space import Space, space_of
-from chmarl_pb.sensing import camera
+from chmarl_pb.sensing import camera, home_model, meshes, placing, raster, triangles
 from chmarl_pb.sensing.camera import Camera, Picture, Vector, lens, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
+from chmarl_pb.sensing.home_model import HomeModel
 from chmarl_pb.sensing.raster import farthest
 from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
@@ -86,13 +87,24 @@ class HomeViews:
 
     @cached_property
     def client(self) -> int:
-        """A PyBullet client with the empty home, for pictures by other cameras."""
-        return self._load()
+        """A PyBullet client with the empty home, for pictures of other kinds."""
+        return self._load()[0]
+
+    @cached_property
+    def _model(self) -> HomeModel | None:
+        """The home's triangles, or None if only TinyRenderer can draw them."""
+        client, body = self._load()
+        try:
+            return HomeModel(client, body)
+        except AssetError:
+            return None
+        finally:
+            pybullet.disconnect(client)
 
     @cached_property
     def _drawer(self) -> int:
-        """The client that draws the views: a picture of another kind would change the rounding of its colours."""
-        return self._load()
+        """The client in which TinyRenderer draws: pictures of another kind would change how it rounds colours."""
+        return self._load()[0]
 
     def look(self, robot: str, pose: int, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
@@ -112,7 +124,7 @@ class HomeViews:
             file, taken = self._file(robot, size), _OWN
             picture = file.get(pose, matrix) if file else None
             if picture is None:
-                drawn = self._draw(robot, matrix, size)
+                drawn = self.draw(CAMERAS[robot], matrix, size).picture
                 picture = file.put(pose, matrix, drawn) if file else None
                 if picture is None:
                     picture, taken = drawn, _OWN + _bytes(drawn)
@@ -120,25 +132,37 @@ class HomeViews:
             self._kept.put(key, view, taken)
         return view
 
-    def _draw(self, robot: str, matrix: Vector, size: int) -> Picture:
-        drawn = render(self._drawer, CAMERAS[robot], matrix, size)
-        # TinyRenderer rounds rare colours differently in every other picture of a client: a second one of a single
-        # pixel lets each kept view be an odd one, whatever was drawn before.
-        render(self._drawer, CAMERAS[robot], matrix, 1)
-        links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
-        for array in (drawn.colour, drawn.depth, links):
-            array.flags.writeable = False
-        return Picture(drawn.colour, drawn.depth, links)
+    def draw(self, camera: Camera, view: Vector, size: int) -> HomeView:
+        """Draw the empty home anew, from anywhere.
 
-    def _load(self) -> int:
+        Args:
+            camera: the camera.
+            view: its view matrix.
+            size: width and height in pixels.
+        """
+        if self._model is not None:
+            picture = self._model.draw(lens(camera, view), size)
+        else:
+            drawn = render(self._drawer, camera, view, size)
+            # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: a
+            # second picture of a single pixel lets each one that is kept be an odd one.
+            render(self._drawer, camera, view, 1)
+            links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
+            picture = Picture(drawn.colour, drawn.depth, links)
+        for array in (picture.colour, picture.depth, picture.segmentation):
+            array.flags.writeable = False
+        return HomeView(view, picture, camera)
+
+    def _load(self) -> tuple[int, int]:
+        """Return a new client with the home, and the home's body."""
         client = pybullet.connect(pybullet.DIRECT)
         home = self.space.home
         with quiet():
-            load_home_body(client, home)
+            body = load_home_body(client, home)
         if content_hash(home) != self._content:
             pybullet.disconnect(client)
             raise HomeError(f"{home.path}: the home has changed since it was read; start again")
-        return client
+        return client, body
 
     def _file(self, robot: str, size: int) -> ViewFile | None:
         """Return the views on disk of a robot's camera at a size, or None if there is no store."""
@@ -207,7 +231,8 @@ def _library() -> tuple[object, ...]:
 @cache
 def _drawing_code() -> tuple[bytes, ...]:
     """Return the sources that decide what a picture of a home looks like: light, cameras, loading, numbers of links."""
-    return tuple(Path(str(module.__file__)).read_bytes() for module in (camera, bodies, sys.modules[__name__]))
+    modules = camera, bodies, meshes, placing, triangles, raster, home_model, sys.modules[__name__]
+    return tuple(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
 @lru_cache(maxsize=16)

@@ -1,16 +1,31 @@
-"""The triangles of what moves, as TinyRenderer holds them after loading a body."""
+"""The triangles of a body, as TinyRenderer holds them after loading it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from chmarl_pb.errors import AssetError
 from chmarl_pb.sensing.placing import Models
 
 Floats = NDArray[np.float32]
+
+# TinyRenderer's box: corners of each side, its normal, and its two triangles.
+_BOX_CORNERS = (
+    (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1),
+    (-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
+    (-1, -1, -1), (-1, 1, -1), (-1, 1, 1), (-1, -1, 1),
+    (1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1),
+    (-1, -1, -1), (-1, -1, 1), (1, -1, 1), (1, -1, -1),
+    (-1, 1, -1), (-1, 1, 1), (1, 1, 1), (1, 1, -1),
+)  # fmt: skip
+_BOX_NORMALS = ((0, 0, 1), (0, 0, -1), (-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0))
+_FORTH, _BACK = (0, 1, 2, 0, 2, 3), (2, 1, 0, 3, 2, 0)
+_BOX_TRIANGLES = (_FORTH, _BACK, _BACK, _FORTH, _BACK, _FORTH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,34 +50,68 @@ class Part:
 def parts_of(client: int, body: int) -> list[Part]:
     """Return the parts of a loaded body, in the order in which TinyRenderer draws them.
 
-    The visual shapes must be OBJ meshes of triangles with normals, without a texture.
+    Raises:
+        AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
     """
     parts = []
     for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
-        _, link, _, scale, name, position, quaternion, rgba = shape[:8]
+        _, link, kind, size, name, position, quaternion, rgba = shape[:8]
+        if rgba[3] == 0:
+            continue
+        if kind == pybullet.GEOM_BOX:
+            points, normals, corners = _box(size)
+        else:
+            vertices, normals, corners = _read_obj(_obj_path(kind, name))
+            points = (vertices.astype(float) * size).astype(np.float32)
         centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
         # PyBullet's own functions for transforms round to single precision.
         inverse = rotation(np.array(turn)).T
         basis = inverse @ rotation(np.array(quaternion))
-        vertices, normals, corners = _read_obj(Path(name.decode()))
-        scaled = (vertices.astype(float) * scale).astype(np.float32)
+        moved = _moved(points, basis, inverse @ np.subtract(position, centre))
         colour = (np.float32(255) * np.array(rgba[:3], dtype=np.float32)).astype(np.uint8)
-        moved = _moved(scaled, basis, inverse @ np.subtract(position, centre))
         parts.append(Part(link, colour, moved, _settled(_moved(normals, basis, np.zeros(3))), corners))
     return parts
 
 
+def _obj_path(kind: int, name: bytes) -> Path:
+    path = Path(name.decode())
+    if kind != pybullet.GEOM_MESH or path.suffix.lower() != ".obj":
+        raise AssetError(f"{path or 'a visual shape'}: only boxes and OBJ meshes can be drawn by our own rasteriser")
+    return path
+
+
+def _box(size: Sequence[float]) -> tuple[Floats, Floats, NDArray[np.int32]]:
+    """Return TinyRenderer's box of the extents x, y, z in metres: four corners a side, two triangles each."""
+    points = np.array(_BOX_CORNERS) * (np.array(size) * 0.5)
+    triangles = np.array([[4 * side + corner for corner in row] for side, row in enumerate(_BOX_TRIANGLES)])
+    numbers = triangles.reshape(-1, 3)
+    return (
+        points.astype(np.float32),
+        np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32),
+        np.hstack([numbers, numbers]).astype(np.int32),
+    )
+
+
+@lru_cache(maxsize=1024)
 def _read_obj(path: Path) -> tuple[Floats, Floats, NDArray[np.int32]]:
-    """Return vertices, normals and corners of a Wavefront file."""
+    """Return vertices, normals and corners of a Wavefront file.
+
+    Raises:
+        AssetError: it has materials, polygons of more than three corners, or corners without normals.
+    """
     rows: dict[str, list[list[float]]] = {"v": [], "vn": []}
     corners = []
     for line in path.read_text(encoding="utf-8").splitlines():
         kind, *values = line.split() or [""]
         if kind in rows:
-            rows[kind].append([float(value) for value in values])
+            rows[kind].append([float(value) for value in values[:3]])
         elif kind == "f":
             numbers = [value.split("/") for value in values]
+            if len(numbers) != 3 or any(len(number) != 3 or int(number[0]) < 1 for number in numbers):
+                raise AssetError(f"{path}: face {' '.join(values)!r} is no triangle with normals")
             corners.append([int(number[column]) - 1 for column in (0, 2) for number in numbers])
+        elif kind == "mtllib":
+            raise AssetError(f"{path}: materials are not known to our own rasteriser")
     return (
         np.array(rows["v"], dtype=np.float32),
         np.array(rows["vn"], dtype=np.float32),

@@ -13,7 +13,7 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import DRONE_HEADING
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.execution import Snapshot
-from chmarl_pb.sensing.camera import render, view_matrix
+from chmarl_pb.sensing.camera import view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH, looking
 from chmarl_pb.sensing.home_views import HomeView, home_views
 from chmarl_pb.sensing.movables import Bodies, draw_over, movables
@@ -62,8 +62,8 @@ class Replay:
     """Draws scenes of one home; what has not moved since the last picture is not drawn again."""
 
     def __init__(self, home: Home):
-        """Share the process's client for the home and its models of what moves."""
-        self._client = home_views(home).client
+        """Share the process's models of the home and of what moves."""
+        self._views = home_views(home)
         self._bodies = Bodies()
         self._homes: dict[tuple[str, int], HomeView] = {}
         self._pictures: dict[tuple[str, int], tuple[object, NDArray[np.uint8]]] = {}
@@ -93,8 +93,7 @@ class Replay:
         """Return the empty home."""
         kept = self._homes.get((robot, size))
         if kept is None or kept.view != view:
-            picture = render(self._client, CAMERAS[robot], view, size)
-            self._homes[robot, size] = kept = HomeView(view, picture, CAMERAS[robot])
+            self._homes[robot, size] = kept = self._views.draw(CAMERAS[robot], view, size)
         return kept
 
 
