@@ -48,6 +48,7 @@ def assert_same(stage: Stage, robot: str, size: int) -> None:
     np.testing.assert_array_equal(merged.segmentation, full.segmentation)
     np.testing.assert_array_equal(merged.depth, full.depth)
     np.testing.assert_array_equal(merged.rgb, full.rgb)
+    np.testing.assert_array_equal(stage.sight.colours(robot, size), full.rgb)
 
 
 def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:

@@ -64,8 +64,7 @@ def observe(
     """
     observation: Observation
     if options.observation == "visual":
-        pose = stage.world.robots[robot].pose
-        observation = {"image": stage.sight.picture(robot, pose, options.image_size).rgb}
+        observation = {"image": stage.sight.colours(robot, options.image_size)}
     else:
         observation = {**stage.graphs.graph(outcome.seen[robot], setting.states).arrays()}
     return observation | {

@@ -44,9 +44,9 @@ class HomeModel:
         colour = np.full((size, size, 4), _WHITE, np.uint8)
         depth = np.full((size, size), depth_of.py_func(-far, near, far), np.float32)
         links = np.full((size, size), -1, np.int32)
-        raster.paint(
+        raster.picture(
             self._shown, -1, self._models, self._placed, lens, light(), depth.copy(), raster.farthest(depth),
-            clean_canvas(size), self._scratch, depth, links, colour,
+            clean_canvas(size), self._scratch, colour, depth, links,
         )  # fmt: skip
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))
 

@@ -161,11 +161,23 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
     picture = home.picture
     size = len(picture.depth)
     depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
-    raster.paint(
+    raster.picture(
         present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
-        _canvas(size), bodies.scratch, depth, links, colour.view(np.uint8).reshape(size, size, 4),
+        _canvas(size), bodies.scratch, colour.view(np.uint8).reshape(size, size, 4), depth, links,
     )  # fmt: skip
     return Picture(colour, depth, links)
+
+
+def colours_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return the colours (size, size, 3) of what :func:`draw_over` draws."""
+    size = len(home.picture.depth)
+    rgb = np.empty((size, size, 3), np.uint8)
+    raster.copy_rgb(home.picture.colour.view(np.uint8).reshape(size, size, 4), rgb)
+    raster.paint(
+        present, bodies.models, bodies.placed, home.lens, light(), home.picture.depth, home.tiles, _canvas(size),
+        bodies.scratch, rgb,
+    )  # fmt: skip
+    return rgb
 
 
 @cache

@@ -187,25 +187,47 @@ def count(bodies, first, models, placed, lens, home, tiles, links, canvas, scrat
 
 
 @compiled
-def paint(bodies, first, models, placed, lens, light, home, tiles, canvas, scratch, depth, links, colour):  # type: ignore[no-untyped-def]
+def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, colour):  # type: ignore[no-untyped-def]
+    """Draw bodies into a picture's ``colour`` (size, size, 3 or 4) alone.
+
+    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards, and the light.
+    """
+    box = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    _shade(box, models, placed, light, canvas, scratch, colour)
+    _wipe(box, canvas)
+
+
+@compiled
+def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scratch, colour, depth, links):  # type: ignore[no-untyped-def]
     """Draw bodies into a picture.
 
-    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards; the light; and the picture to
-    change: ``depth`` (size, size), ``links`` (size, size), to which it gives the number of the body from ``first`` on,
-    and ``colour`` (size, size, 3 or 4).
+    As :func:`paint`; ``depth`` and ``links`` (size, size) are changed as well, ``links`` to the numbers of the bodies
+    from ``first`` on.
     """
-    left, right, top, bottom = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    size = home.shape[0]
+    box = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    _shade(box, models, placed, light, canvas, scratch, colour)
+    left, right, top, bottom = box
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = canvas.face[row, column]
+            if face >= 0:
+                depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
+                links[row, column] = first + models.body[models.part[face]]
+    _wipe(box, canvas)
+
+
+@compiled
+def _shade(box, models, placed, light, canvas, scratch, colour):  # type: ignore[no-untyped-def]
+    """Set the colours of the pixels of triangles."""
+    size = canvas.face.shape[0]
     normals = np.empty((3, 3), np.float32)
+    left, right, top, bottom = box
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
             face = canvas.face[row, column]
             if face < 0:
                 continue
-            part = models.part[face]
-            depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
-            links[row, column] = first + models.body[part]
-            corners = models.corners[face]
+            part, corners = models.part[face], models.corners[face]
             b0, b1, b2 = weights_at(
                 _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(size - 1 - row)
             )
@@ -214,8 +236,25 @@ def paint(bodies, first, models, placed, lens, light, home, tiles, canvas, scrat
             for i in range(3):
                 own = np.float32(models.colour[part, i])
                 colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+
+
+@compiled
+def _wipe(box, canvas):  # type: ignore[no-untyped-def]
+    """Make a canvas clean again."""
+    left, right, top, bottom = box
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
             canvas.face[row, column] = -1
             canvas.raw[row, column] = -np.inf
+
+
+@compiled
+def copy_rgb(colour, out):  # type: ignore[no-untyped-def]
+    """Copy red, green and blue of a picture (size, size, 4) to another (size, size, 3)."""
+    for row in range(colour.shape[0]):
+        for column in range(colour.shape[1]):
+            for i in range(3):
+                out[row, column, i] = colour[row, column, i]
 
 
 @compiled

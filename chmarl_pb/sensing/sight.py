@@ -12,7 +12,7 @@ from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing import raster
 from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.home_views import home_views
-from chmarl_pb.sensing.movables import Bodies, draw_over, movables
+from chmarl_pb.sensing.movables import Bodies, colours_over, draw_over, movables
 from chmarl_pb.sensing.triangles import clean_canvas
 from chmarl_pb.world import World
 
@@ -59,6 +59,12 @@ class Sight:
         self._update()
         home = self._views.look(robot, pose, size)
         return draw_over(home, self._bodies, self._present[robot], self._first)
+
+    def colours(self, robot: str, size: int) -> NDArray[np.uint8]:
+        """Return the colours (size, size, 3) of what a robot's camera shows now."""
+        self._update()
+        home = self._views.look(robot, self.world.robots[robot].pose, size)
+        return colours_over(home, self._bodies, self._present[robot])
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""

@@ -17,7 +17,7 @@ def side_by_side(sight: Sight, size: int) -> np.ndarray:
     """Return the pictures of both robots next to each other, (size, 2 size, 3) uint8."""
     pictures = []
     for robot, label in _LABELS.items():
-        picture = sight.picture(robot, sight.world.robots[robot].pose, size).rgb.copy()
+        picture = sight.colours(robot, size)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 3, cv2.LINE_AA)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
         pictures.append(picture)
