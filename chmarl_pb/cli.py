@@ -110,8 +110,11 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     evaluate.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     evaluate.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     evaluate.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
+    evaluate.add_argument(
+        "--feedback", choices=("paper", "planner"), default=True, help="style of the language feedback (default: paper)"
+    )
     evaluate.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
-    evaluate.add_argument("--max-steps", type=int, metavar="N", help="joint steps in an episode (default: 50)")
+    evaluate.add_argument("--max-steps", type=int, metavar="N", help="joint steps in an episode (default: 28)")
     evaluate.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     evaluate.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     evaluate.add_argument(

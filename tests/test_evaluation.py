@@ -296,6 +296,16 @@ def test_result_file_tells_how_to_repeat_it(tmp_path: Path, random_report: Repor
         load_result(path)
 
 
+@pytest.mark.parametrize(
+    ("flags", "style"), [([], True), (["--feedback", "planner"], "planner"), (["--no-feedback"], False)]
+)
+def test_style_of_feedback_on_the_command_line(tmp_path: Path, flags: list[str], style: bool | str) -> None:
+    out = tmp_path / "result.json"
+    arguments = ["evaluate", "--policy", "random", "--task", TASKS[0].id, "--seeds", "1", "--workers", "1"]
+    assert main([*arguments, "--max-steps", "3", *flags, "--out", str(out)]) == 0
+    assert load_result(out).settings["options"]["feedback"] == style
+
+
 def test_train_is_sampled() -> None:
     assert evaluated_tasks("train") == load_tasks("train")[:TRAIN_SAMPLE]
     assert all(evaluated_tasks(split) == load_tasks(split) for split in SPLITS if split != "train")

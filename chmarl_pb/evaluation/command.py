@@ -12,7 +12,7 @@ from chmarl_pb.evaluation.result import Report
 
 
 def run_evaluation(
-    policy: str, split: str, observation: str, seeds: int, workers: int, messages: bool, feedback: bool,
+    policy: str, split: str, observation: str, seeds: int, workers: int, messages: bool, feedback: bool | str,
     max_steps: int, tasks: list[str] | None, out: Path | None, label: str | None,
 ) -> int:  # fmt: skip
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
@@ -39,6 +39,8 @@ def print_report(console: Console, report: Report) -> None:
     settings = report.settings
     off = [name for name in ("messages", "feedback") if not settings["options"][name]]
     without = f", no {' and no '.join(off)}" if off else ""
+    if isinstance(settings["options"]["feedback"], str):
+        without += f", {settings['options']['feedback']} feedback"
     title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")

@@ -34,7 +34,7 @@ def evaluate(
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
     messages: bool = True,
-    feedback: bool = True,
+    feedback: bool | str = True,
     max_steps: int = MAX_STEPS,
     image_size: int = 128,
     tasks: Sequence[Task | str] | None = None,
@@ -53,7 +53,7 @@ def evaluate(
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.
         messages: whether the robots' messages are observed.
-        feedback: whether language feedback is given.
+        feedback: style of the language feedback, "paper" (or True) or "planner"; none if False.
         max_steps: joint steps after which an episode is cut.
         image_size: width and height of camera images in pixels.
         tasks: tasks or their ids, instead of the split's.
