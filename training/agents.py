@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from training.config import Config
 from training.encoders import build_encoder
-from training.spaces import Interface, Tree, over
+from training.spaces import Tree, over
 
 NO_ACTION = -1  # last action at the first step
 
@@ -20,7 +20,7 @@ class Agent(nn.Module):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
-        self.encoder = build_encoder(space, config.features, config.image_encoder)  # type: ignore[arg-type]
+        self.encoder = build_encoder(space, config.features, config.image_encoder)
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
 
@@ -40,11 +40,9 @@ class Agent(nn.Module):
         return self.head(histories), histories, hidden
 
 
-def make_agents(interface: Interface, config: Config) -> nn.ModuleDict:
-    """Return agent -> its network."""
-    return nn.ModuleDict(
-        {name: Agent(space, interface.actions[name], config) for name, space in interface.observations.items()}
-    )
+def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], config: Config) -> nn.ModuleDict:
+    """Return agent -> its network, from its observation space and its number of actions."""
+    return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
 
 
 class Player:

@@ -32,7 +32,7 @@ class Learner:
         self.algorithm, self.config = algorithm, config
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
-            self.agents = make_agents(interface, config)
+            self.agents = make_agents(interface.observations, interface.actions, config)
             self.mixer = make_mixer(algorithm, interface, config)
         self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False)

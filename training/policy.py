@@ -14,7 +14,7 @@ from training.agents import Player, make_agents
 from training.checkpoint import CheckpointError, fill, load
 from training.config import Config
 from training.losses import best_legal
-from training.spaces import interface_of, over
+from training.spaces import over, spaces_of
 
 
 class LearnedPolicy:
@@ -82,12 +82,12 @@ class ValuePolicies:
             CheckpointError: the checkpoint was trained with other observations or actions.
         """
         content = load(self.path, "value")
-        interface = interface_of(env)
-        seen = {name: str(space) for name, space in interface.observations.items()}
-        for what, own in (("observations", seen), ("actions", interface.actions)):
+        observations, actions = spaces_of(env)
+        seen = {name: str(space) for name, space in observations.items()}
+        for what, own in (("observations", seen), ("actions", actions)):
             if content[what] != own:
                 raise CheckpointError(f"{self.path}: was trained with the {what} {content[what]}, not {own}")
-        agents = make_agents(interface, Config(**content["config"]))
+        agents = make_agents(observations, actions, Config(**content["config"]))
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
         return LearnedPolicy(agents, silenced(content["setting"]))

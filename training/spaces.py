@@ -1,7 +1,7 @@
 """Observations between environments and torch: one array for a Box or Discrete, a dict of arrays for a Dict."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,18 @@ def interface_of(env: Any) -> Interface:
     """Return what a learner has to know of a ParallelEnv; resets it.
 
     Raises:
+        ValueError: its spaces are not of the kinds that can be learned from.
+    """
+    observations, actions = spaces_of(env)
+    seen, _ = env.reset(seed=0)
+    interface = Interface(observations, actions, 0, _has_state(env))
+    return replace(interface, state_size=len(interface.state(env, seen)))
+
+
+def spaces_of(env: Any) -> tuple[dict[str, spaces.Space], dict[str, int]]:
+    """Return agent -> observation space, and agent -> number of actions.
+
+    Raises:
         ValueError: an action space is not Discrete, or an observation space is neither Box, Discrete nor Dict of them.
     """
     names = list(env.possible_agents)
@@ -58,11 +70,7 @@ def interface_of(env: Any) -> Interface:
         parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
         if not all(isinstance(part, spaces.Box | spaces.Discrete) for part in parts):
             raise ValueError(f"the observation space of {name!r} is {space}; use a Box, a Discrete, or a Dict of them")
-    seen, _ = env.reset(seed=0)
-    has_state = _has_state(env)
-    interface = Interface(observations, {name: int(space.n) for name, space in actions.items()}, 0, has_state)
-    size = len(interface.state(env, seen))
-    return Interface(interface.observations, interface.actions, size, has_state)
+    return observations, {name: int(space.n) for name, space in actions.items()}
 
 
 def over(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:

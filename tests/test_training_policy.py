@@ -1,0 +1,91 @@
+"""Checkpoints as policies of the benchmark."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import chmarl_pb  # noqa: E402
+from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
+from chmarl_pb.evaluation.policies import find_policy, register_loader  # noqa: E402
+from training import Config, train  # noqa: E402
+from training.checkpoint import CheckpointError, save  # noqa: E402
+from training.loop import BEST, LAST  # noqa: E402
+from training.policy import LearnedPolicy, load_policy, silenced  # noqa: E402
+from training.train import main  # noqa: E402
+
+torch.set_num_threads(1)  # these networks are too small for more
+TINY = Config(
+    episodes=4, envs=1, horizon=4, updates=1, batch_size=2, learning_starts=2, buffer_size=4, features=8, hidden=8
+)
+
+
+def make_env(**options: Any) -> HouseholdEnv:
+    return chmarl_pb.parallel_env(split="val-unseen", max_steps=4, **options)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    train(make_env, "qmix", TINY, folder, setting={"messages": False, "feedback": True})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def env() -> Any:
+    env = make_env()
+    yield env
+    env.close()
+
+
+def test_checkpoint_plays_the_same_episode_again(folder: Path, env: HouseholdEnv) -> None:
+    register_loader(".pt", load_policy)
+    source = find_policy(str(folder / BEST))
+    assert source.deterministic and source.sha256
+    policy = source.make(env)
+    first = chmarl_pb.rollout(env, policy, seed=1)
+    chmarl_pb.rollout(env, policy, seed=2)
+    again = chmarl_pb.rollout(env, policy, seed=1)
+    assert first.actions == again.actions and len(first) == 4
+
+
+def test_silenced_keys_change_nothing(folder: Path, env: HouseholdEnv) -> None:
+    observations, infos = env.reset(seed=3)
+    told = {name: {**seen, "messages": 1 - seen["messages"]} for name, seen in observations.items()}
+    policy = load_policy(folder / BEST)(env)
+    assert isinstance(policy, LearnedPolicy) and policy.silenced == ("messages",) == silenced({"messages": False})
+    chosen = []
+    for seen in (observations, told):
+        policy.reset(0)
+        chosen.append(policy.act(seen, infos))
+    assert chosen[0] == chosen[1]
+    assert any(np.any(seen["messages"]) for seen in told.values())
+
+
+def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"kind 'run', which is no policy; use best\.pt"):
+        load_policy(folder / LAST)
+    other = chmarl_pb.parallel_env("visual", split="val-unseen", image_size=32)
+    with pytest.raises(CheckpointError, match="observations"):
+        load_policy(folder / BEST)(other)
+    other.close()
+    save(tmp_path / "x.pt", "other", {})
+    with pytest.raises(CheckpointError, match="kind 'other'"):
+        load_policy(tmp_path / "x.pt")
+
+
+def test_command_refuses_what_does_not_fit_together(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--algo", "qmix", "--centralized"]) == 2
+    assert "--centralized" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["--algo", "dqn"])
+
+
+def test_train_is_the_function_and_the_module_can_be_called() -> None:
+    import training
+
+    assert callable(training.train)
+    assert callable(__import__("importlib").import_module("training.train"))

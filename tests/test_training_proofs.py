@@ -1,0 +1,41 @@
+"""What the algorithms learn of small games is what theory says that they can hold: `python -m training.proofs`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from training.config import ALGORITHMS  # noqa: E402
+from training.proofs import GAMES, TOLERANCE, prove  # noqa: E402
+
+torch.set_num_threads(1)  # these networks are too small for more
+COMMITTED = Path(__file__).parents[1] / "results" / "proofs.json"
+
+
+@pytest.mark.parametrize(
+    ("game", "algorithm", "gain"), [("non-monotonic", "vdn", 0), ("non-monotonic", "qmix", 0), ("two-step", "vdn", 7)]
+)
+def test_class_that_cannot_hold_the_game_misses_the_optimum(game: str, algorithm: str, gain: float) -> None:
+    proof = prove(game, algorithm)
+    assert proof.error < TOLERANCE and proof.gain == gain < proof.best
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("game", "algorithm"), [("non-monotonic", "qtran"), ("two-step", "qmix"), ("two-step", "qtran")]
+)
+def test_class_that_can_hold_the_game_finds_the_optimum(game: str, algorithm: str) -> None:
+    proof = prove(game, algorithm)
+    assert proof.error < TOLERANCE and proof.gain == proof.best
+
+
+def test_committed_tables_are_as_theory_says() -> None:
+    proofs = {(row["game"], row["algorithm"]): row for row in json.loads(COMMITTED.read_text())["proofs"]}
+    assert set(proofs) == {(game, algorithm) for game in GAMES for algorithm in ALGORITHMS}
+    assert all(row["error"] < TOLERANCE for row in proofs.values())
+    found = {key for key, row in proofs.items() if row["gain"] == row["best"]}
+    missed = {(game, name) for game in ("non-monotonic", "two-step") for name in ("iql", "vdn")}
+    assert set(proofs) - found == missed | {("non-monotonic", "qmix")}
+    assert all(row["theorem"][0] > -TOLERANCE for (_, name), row in proofs.items() if name == "qtran")
