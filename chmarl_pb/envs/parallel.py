@@ -89,6 +89,7 @@ class HouseholdEnv(ParallelEnv):
         self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
         self.action_spaces = {name: self.action_space(name) for name in AGENTS}
         self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self.rooms)),), np.float32)
+        self._masks = {name: np.ones(len(names), dtype=np.int8) for name, names in self.action_names.items()}
         self._rng = np.random.default_rng()
         self.snapshots: tuple[Snapshot, ...] = ()
         self.steps = 0
@@ -279,7 +280,7 @@ class HouseholdEnv(ParallelEnv):
                 "potential": self.outcome.potential,
                 "visible": self.outcome.seen[name],
                 # Every action may be tried: one that cannot be done just changes nothing.
-                "action_mask": np.ones(len(self.action_names[name]), dtype=np.int8),
+                "action_mask": self._masks[name].copy(),
                 "task_id": self.task.id,
             }
             for name in AGENTS

@@ -11,6 +11,7 @@ from chmarl_pb import catalog
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing import raster
 from chmarl_pb.sensing.camera import Picture
+from chmarl_pb.sensing.eyes import CAMERAS
 from chmarl_pb.sensing.home_views import home_views
 from chmarl_pb.sensing.movables import Bodies, colours_over, draw_over, movables
 from chmarl_pb.sensing.triangles import clean_canvas
@@ -37,7 +38,9 @@ class Sight:
         self.names = tuple(world.links) + tuple(self._body_numbers)
         self._first = len(world.links)
         self.numbers = {name: number for number, name in enumerate(self.names)}
-        self._nodes = np.array([_is_node(name) for name in self.names])
+        nodes = np.array([_is_node(name) for name in self.names])
+        # A robot does not see itself.
+        self._node_of = {robot: nodes & (np.array(self.names) != robot) for robot in CAMERAS}
         self._version = -1
         self._robots_of: dict[str, list[int]] = {}  # those that a robot might see
         self._present: dict[str, NDArray[np.int32]] = {}  # all bodies that it might see
@@ -74,8 +77,8 @@ class Sight:
         pixels[: len(home.pixels)] = home.pixels
         bodies, picture = self._bodies, home.picture
         raster.count(
-            self._present[robot], self._first, bodies.models, bodies.placed, home.lens,
-            picture.depth, home.tiles, picture.segmentation, self._canvas, bodies.scratch, pixels,
+            self._present[robot], self._first, bodies.models, bodies.placed, home.lens, picture.depth, home.tiles,
+            picture.segmentation, self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels
 
@@ -83,13 +86,12 @@ class Sight:
         """Return the names of the things that a robot sees, in the order of ``names``."""
         self._update()
         key = robot, self.world.robots[robot].pose
-        kept = self._seen.get(key)
-        if kept is not None and not self._sees_a_robot(robot):
-            return kept
-        seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._nodes
-        seen[self.numbers[robot]] = False
-        names = tuple([self.names[number] for number in np.flatnonzero(seen).tolist()])
-        if not self._sees_a_robot(robot):
+        alone = not self._sees_a_robot(robot)
+        if alone and key in self._seen:
+            return self._seen[key]
+        seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._node_of[robot]
+        names = tuple([self.names[number] for number in seen.nonzero()[0].tolist()])
+        if alone:
             self._seen[key] = names
         return names
 

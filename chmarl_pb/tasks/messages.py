@@ -24,8 +24,11 @@ def update(messages: Messages, outcome: Outcome, goal: Goal, rooms: tuple[str, .
         goal: X and Y.
         rooms: the rooms that have a bit, in order.
     """
-    seen = set().union(*outcome.seen.values())
-    found = [{outcome.item_room} if goal.item in seen else set()]
-    found.append({catalog.room_of(name) for name in goal.receptacles if name in seen})
-    now = [[room in where for room in rooms] for where in found]
-    return np.maximum(messages, np.array(now, dtype=np.int8))
+    now = messages.copy()
+    for row, things in enumerate(((goal.item,), goal.receptacles)):
+        for name in things:
+            if any(name in seen for seen in outcome.seen.values()):
+                room = outcome.item_room if row == 0 else catalog.room_of(name)
+                if room in rooms:
+                    now[row, rooms.index(room)] = 1
+    return now
