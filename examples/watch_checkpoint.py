@@ -1,0 +1,46 @@
+"""Load a checkpoint, play one task with it, and watch: what the robots do, and what both see as an animated GIF.
+
+python examples/watch_checkpoint.py out/train/qmix-scene_graph-messages-feedback-seed0/best.pt --task val-unseen-000
+"""
+
+import argparse
+from pathlib import Path
+
+from PIL import Image
+
+import chmarl_pb
+from training.policy import load_policy
+
+
+def main(arguments=None):
+    """Play, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--task", default="val-unseen-000")
+    parser.add_argument("--observation", default="scene_graph", help="as the checkpoint was trained")
+    parser.add_argument("--out", type=Path, default=Path("out/episode.gif"))
+    options = parser.parse_args(arguments)
+
+    env = chmarl_pb.parallel_env(options.observation, render_mode="rgb_array")
+    policy = load_policy(options.checkpoint)(env)
+    observations, infos = env.reset(seed=0, options={"task": options.task})
+    policy.reset(0)
+    print(env.instruction)
+    frames = [Image.fromarray(env.render())]
+    while env.agents:
+        actions = policy.act(observations, infos)
+        observations, _, _, _, infos = env.step(actions)
+        names = {robot: env.action_names[robot][action] for robot, action in actions.items()}
+        print(f"{env.steps:2}  {names['humanoid']:16} {names['drone']:16} phi {infos['humanoid']['potential']:g}")
+        frames.append(Image.fromarray(env.render()))
+    print(
+        "success" if infos["humanoid"]["success"] else "failure",
+        f"after {env.steps} steps, L* {env.task.optimal_steps}",
+    )
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    frames[0].save(options.out, save_all=True, append_images=frames[1:], duration=400, loop=0)
+    env.close()
+
+
+if __name__ == "__main__":
+    main()

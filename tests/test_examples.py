@@ -1,0 +1,44 @@
+"""The examples run."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import chmarl_pb  # noqa: E402
+from training import Config, train  # noqa: E402
+from training.loop import BEST  # noqa: E402
+
+torch.set_num_threads(1)
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_custom_learner_is_short_and_learns(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len((EXAMPLES / "custom_learner.py").read_text().splitlines()) < 60
+    example("custom_learner").main(["--episodes", "2", "--split", "val-unseen"])
+    assert "episode 1: return" in capsys.readouterr().out
+
+
+def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = Config(episodes=1, envs=1, horizon=4, learning_starts=9, buffer_size=1, features=8, hidden=8)
+    train(
+        lambda: chmarl_pb.parallel_env(split="val-unseen", max_steps=4),
+        "iql",
+        config,
+        tmp_path,
+        lambda *_: {"score": 0},
+    )
+    example("watch_checkpoint").main([str(tmp_path / BEST), "--out", str(tmp_path / "episode.gif")])
+    assert "after" in capsys.readouterr().out
+    assert (tmp_path / "episode.gif").stat().st_size > 1000
