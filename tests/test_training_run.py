@@ -143,6 +143,14 @@ def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:
         train(UnevenEnv, "vdn", replace(SMALL, gamma=0.5), tmp_path)
 
 
+def test_finished_run_is_loaded_and_keeps_no_replay(tmp_path: Path) -> None:
+    first = train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert load(tmp_path / LAST)["replay"] is None
+    again = train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert again.best_score == first.best_score
+    assert again.learner.updates == first.learner.updates
+
+
 def test_checkpoint_errors_name_the_file(tmp_path: Path) -> None:
     path = tmp_path / "x.pt"
     with pytest.raises(CheckpointError, match=r"x\.pt: no such checkpoint"):

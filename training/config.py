@@ -38,7 +38,7 @@ class Config:
     """
 
     seed: int = 0
-    episodes: int = 20_000
+    episodes: int = 12_000
     envs: int = 8
     horizon: int = 28
     updates: int = 4

@@ -133,10 +133,11 @@ class Run:
             save(self.folder / LAST, "run", self.state())
 
     def state(self) -> dict[str, Any]:
-        """Return all that the run needs to go on."""
+        """Return all that the run needs to go on; a finished one needs no replay buffer."""
+        replay = self.replay.state() if self.episodes < self.config.episodes else None
         streams = {name: json.dumps(stream.bit_generator.state) for name, stream in self._streams.items()}
         return {
-            **self._settings(), "learner": self.learner.state(), "replay": self.replay.state(), "streams": streams,
+            **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
             "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
         }  # fmt: skip
 
@@ -154,7 +155,8 @@ class Run:
             if state.get(name) != own:
                 raise CheckpointError(f"{path}: its {name} {state.get(name)} differs from {own}; use another folder")
         self.learner.restore(state["learner"], path)
-        self.replay.restore(state["replay"])
+        if state["replay"] is not None:
+            self.replay.restore(state["replay"])
         for name, stream in self._streams.items():
             stream.bit_generator.state = json.loads(state["streams"][name])
         self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]

@@ -82,6 +82,7 @@ class ValuePolicies:
             CheckpointError: the checkpoint was trained with other observations or actions.
         """
         content = load(self.path, "value")
+        torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         observations, actions = spaces_of(env)
         seen = {name: str(space) for name, space in observations.items()}
         for what, own in (("observations", seen), ("actions", actions)):

@@ -16,7 +16,8 @@ from training.config import ALGORITHMS, Config
 from training.loop import BEST, train
 from training.validation import by_tasks
 
-SETTABLE = ("episodes", "envs", "updates", "batch_size", "buffer_size", "learning_rate", "gamma")
+#: Settings of the configuration that the command takes; all others keep their defaults.
+SETTABLE = ("episodes", "envs", "updates", "batch_size", "buffer_size", "memory_gib", "learning_rate", "gamma")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,7 +36,9 @@ def _factorise(options: argparse.Namespace, folder: Path) -> int:
     if options.centralized:
         print("error: --centralized is for --algo bc; value factorisation acts decentralized", file=sys.stderr)
         return 2
-    given = {name: getattr(options, name) for name in SETTABLE if getattr(options, name) is not None}
+    given = {
+        name: getattr(options, name) for name in (*SETTABLE, "image_encoder") if getattr(options, name) is not None
+    }
     config = replace(Config(seed=options.seed, horizon=MAX_STEPS), **given)
     setting = {"observation": options.observation, "messages": options.messages, "feedback": options.feedback}
     env_fn = partial(
@@ -52,9 +55,13 @@ def _clone(options: argparse.Namespace, folder: Path) -> int:
     from training.cloning import CloningConfig, clone
 
     config = CloningConfig(
-        options.observation, options.centralized, options.messages, options.feedback, seed=options.seed
+        options.observation, options.centralized, options.messages, options.feedback, options.noise, options.seed
     )
-    clone(config, folder)
+    if options.image_encoder:
+        config = replace(config, image_encoder=options.image_encoder)
+    clone(config, folder, options.data)
+    print(f"{folder / BEST}: the best weights. Evaluate them with")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
     return 0
 
 
@@ -69,6 +76,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="folder of the run; default: out/train/NAME")
     parser.add_argument("--image-size", type=int, default=128, help="pixels")
+    parser.add_argument("--image-encoder", help="of pictures: cnn, resnet18, ...; default: that of the learner")
+    parser.add_argument("--data", type=Path, help="bc only: folder of the data sets; default: Minari's own")
+    parser.add_argument("--noise", type=float, default=0.0, help="bc only: share of random actions in the data")
     parser.add_argument("--threads", type=int, default=1, help="of torch")
     kinds = {field.name: type(field.default) for field in fields(Config)}
     defaults = Config()
