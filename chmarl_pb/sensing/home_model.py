@@ -43,9 +43,11 @@ class HomeModel:
         near, far = lens.planes
         colour = np.full((size, size, 4), _WHITE, np.uint8)
         depth = np.full((size, size), depth_of.py_func(-far, near, far), np.float32)
+        nothing = depth.copy()
+        nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
         links = np.full((size, size), -1, np.int32)
         raster.picture(
-            self._shown, -1, self._models, self._placed, lens, light(), depth.copy(), raster.farthest(depth),
+            self._shown, -1, self._models, self._placed, lens, light(), nothing, raster.farthest(nothing),
             clean_canvas(size), self._scratch, colour, depth, links,
         )  # fmt: skip
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))

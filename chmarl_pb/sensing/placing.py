@@ -145,13 +145,12 @@ def put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-de
 
 @compiled
 def _set_ball(points, ball):  # type: ignore[no-untyped-def]
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for number in range(len(points)):
-        for i in range(3):
-            low[i], high[i] = min(low[i], points[number, i]), max(high[i], points[number, i])
-    greatest = 0.0
     for i in range(3):
-        ball[i] = (low[i] + high[i]) / 2
+        low, high = np.inf, -np.inf
+        for number in range(len(points)):
+            low, high = min(low, points[number, i]), max(high, points[number, i])
+        ball[i] = (low + high) / 2
+    greatest = 0.0
     for number in range(len(points)):
         square = 0.0
         for i in range(3):

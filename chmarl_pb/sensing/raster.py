@@ -119,7 +119,7 @@ def _draw_part(part, models, placed, lens, home, canvas, scratch):  # type: igno
             across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
             if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
                 a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
-                cover(a, b, c, False, face, near, far, home, canvas.raw, canvas.face)
+                cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.face)
         elif behind < 3:
             cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
 
@@ -132,8 +132,11 @@ def _spans_pixel(a, b, c, last):  # type: ignore[no-untyped-def]
 
 @compiled
 def _rows_of(scratch, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the rows of three corners; entry by entry, which compiles much faster than row by row."""
     rows = np.empty((3, 6), np.float32)
-    rows[0], rows[1], rows[2] = scratch[i], scratch[j], scratch[k]
+    for place, corner in enumerate((i, j, k)):
+        for column in range(6):
+            rows[place, column] = scratch[corner, column]
     return rows
 
 
@@ -152,18 +155,18 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
         scratch: (vertices, 6) room for the corners: x and y in pixels, z, w, x and y in clip coordinates.
 
     Returns:
-        First and last column, first and last row of the part of the picture that may have changed.
+        (n, 4) first and last column, first and last row of the part of the picture that each body may have changed.
     """
     size = home.shape[0]
-    left, right, top, bottom = size, -1, size, -1
-    for body in bodies:
-        low, high, upper, lower = _extent(placed.balls[body], lens, tiles, size)
-        if high < low:
+    boxes = np.empty((len(bodies), 4), np.int64)
+    for number, body in enumerate(bodies):
+        left, right, top, bottom = _extent(placed.balls[body], lens, tiles, size)
+        boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3] = left, right, top, bottom
+        if right < left:
             continue
-        left, right, top, bottom = min(left, low), max(right, high), min(top, upper), max(bottom, lower)
         for part in range(models.first_part[body], models.first_part[body + 1]):
             _draw_part(part, models, placed, lens, home, canvas, scratch)
-    return left, right, top, bottom
+    return boxes
 
 
 @compiled
@@ -174,11 +177,13 @@ def count(bodies, first, models, placed, lens, home, tiles, links, canvas, scrat
     number of the home's thing at each pixel, -1 for nothing; and ``pixels`` (n,) by thing, bodies from ``first`` on,
     which it changes.
     """
-    left, right, top, bottom = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            face = canvas.face[row, column]
-            if face >= 0:
+    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    for left, right, top, bottom in boxes:
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                face = canvas.face[row, column]
+                if face < 0:
+                    continue
                 pixels[first + models.body[models.part[face]]] += 1
                 if links[row, column] >= 0:
                     pixels[links[row, column]] -= 1
@@ -192,9 +197,16 @@ def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, col
 
     It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards, and the light.
     """
-    box = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    _shade(box, models, placed, light, canvas, scratch, colour)
-    _wipe(box, canvas)
+    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    normals = np.empty((3, 3), np.float32)
+    for left, right, top, bottom in boxes:
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                face = canvas.face[row, column]
+                if face >= 0:
+                    _shade(face, row, column, models, placed, light, scratch, normals, colour)
+                    canvas.face[row, column] = -1
+                    canvas.raw[row, column] = -np.inf
 
 
 @compiled
@@ -204,48 +216,34 @@ def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scr
     As :func:`paint`; ``depth`` and ``links`` (size, size) are changed as well, ``links`` to the numbers of the bodies
     from ``first`` on.
     """
-    box = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    _shade(box, models, placed, light, canvas, scratch, colour)
-    left, right, top, bottom = box
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            face = canvas.face[row, column]
-            if face >= 0:
-                depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
-                links[row, column] = first + models.body[models.part[face]]
-    _wipe(box, canvas)
-
-
-@compiled
-def _shade(box, models, placed, light, canvas, scratch, colour):  # type: ignore[no-untyped-def]
-    """Set the colours of the pixels of triangles."""
-    size = canvas.face.shape[0]
+    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
     normals = np.empty((3, 3), np.float32)
-    left, right, top, bottom = box
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            face = canvas.face[row, column]
-            if face < 0:
-                continue
-            part, corners = models.part[face], models.corners[face]
-            b0, b1, b2 = weights_at(
-                _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(size - 1 - row)
-            )
-            _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
-            ambient, reflected = brightness(normals, b0, b1, b2, light)
-            for i in range(3):
-                own = np.float32(models.colour[part, i])
-                colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+    for left, right, top, bottom in boxes:
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                face = canvas.face[row, column]
+                if face >= 0:
+                    _shade(face, row, column, models, placed, light, scratch, normals, colour)
+                    depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
+                    links[row, column] = first + models.body[models.part[face]]
+                    canvas.face[row, column] = -1
+                    canvas.raw[row, column] = -np.inf
 
 
 @compiled
-def _wipe(box, canvas):  # type: ignore[no-untyped-def]
-    """Make a canvas clean again."""
-    left, right, top, bottom = box
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            canvas.face[row, column] = -1
-            canvas.raw[row, column] = -np.inf
+def _shade(face, row, column, models, placed, light, scratch, normals, colour):  # type: ignore[no-untyped-def]
+    """Set the colour of a pixel in which a triangle is seen."""
+    part, corners = models.part[face], models.corners[face]
+    b0, b1, b2 = weights_at(
+        _rows_of(scratch, corners[0], corners[1], corners[2]),
+        np.float64(column),
+        np.float64(colour.shape[0] - 1 - row),
+    )
+    _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+    ambient, reflected = brightness(normals, b0, b1, b2, light)
+    for i in range(3):
+        own = np.float32(models.colour[part, i])
+        colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
 
 
 @compiled

@@ -41,33 +41,56 @@ def relate(seen, facts, rooms, edges):  # type: ignore[no-untyped-def]
         rooms: number of rooms.
         edges: (m, 3) zeros, set to source node, target node and relation; what does not fit is left out.
     """
-    node_of_room = np.full(rooms, -1, np.int32)
-    for number in seen:
-        node_of_room[facts.room[number]] = 0
-    present = np.flatnonzero(node_of_room == 0)
-    for place, room in enumerate(present):
-        node_of_room[room] = len(seen) + place
-    row = 0
+    node_of_room = np.empty(rooms, np.int32)
+    present = _number_rooms(seen, facts.room, node_of_room)
+    near = np.empty(_NEIGHBOURS, np.int32)
+    row, size = 0, len(edges)
     for node, number in enumerate(seen):
-        row = _add(edges, row, node, node_of_room[facts.room[number]], _IN_ROOM)
+        row = _set(edges, row, size, node, node_of_room[facts.room[number]], _IN_ROOM)
     for node, number in enumerate(seen):
         for other, carrier in enumerate(seen):
             if facts.carrier[number] == carrier:
-                row = _add(edges, row, node, other, facts.relation[number])
-    for node in range(len(seen)):
-        if facts.movable[seen[node]]:
-            row = _add_neighbours(node, seen, facts, edges, row)
+                row = _set(edges, row, size, node, other, int(facts.relation[number]))
+    for node, number in enumerate(seen):
+        if facts.movable[number]:
+            for place in range(_find_neighbours(node, seen, facts, near)):
+                row = _set(edges, row, size, node, near[place], _NEAR)
+    return present
+
+
+@njit("int64(int16[:, ::1], int64, int64, int64, int64, int64)", cache=True)
+def _set(edges, row, size, source, target, relation):  # type: ignore[no-untyped-def]
+    """Set one row, if there is one; return the number of the next."""
+    if row < size:
+        edges[row, 0], edges[row, 1], edges[row, 2] = source, target, relation
+    return row + 1
+
+
+@njit(cache=True)
+def _number_rooms(seen, room_of, node_of_room):  # type: ignore[no-untyped-def]
+    """Set the nodes of the rooms of seen things, -1 for the others; return the rooms that are nodes, in order."""
+    for room in range(len(node_of_room)):
+        node_of_room[room] = -1
+    for number in seen:
+        node_of_room[room_of[number]] = 0
+    present = []
+    for room in range(len(node_of_room)):
+        if node_of_room[room] == 0:
+            node_of_room[room] = len(seen) + len(present)
+            present.append(room)
     return present
 
 
 @njit(cache=True)
-def _add_neighbours(node, seen, facts, edges, row):  # type: ignore[no-untyped-def]
-    """Relate a movable thing to the nearest others, the nearest first; return the next free row."""
-    taken = np.zeros(len(seen), np.bool_)
-    for _ in range(_NEIGHBOURS):
+def _find_neighbours(node, seen, facts, near):  # type: ignore[no-untyped-def]
+    """Set ``near`` to the nodes of the nearest other movable things, the nearest first; return their number."""
+    for count in range(_NEIGHBOURS):
         best, least = -1, _REACH
         for other in range(len(seen)):
-            if other != node and facts.movable[seen[other]] and not taken[other]:
+            known = other == node or not facts.movable[seen[other]]
+            for place in range(count):
+                known |= near[place] == other
+            if not known:
                 square = 0.0
                 for axis in range(3):
                     square += (facts.position[seen[node], axis] - facts.position[seen[other], axis]) ** 2
@@ -75,14 +98,6 @@ def _add_neighbours(node, seen, facts, edges, row):  # type: ignore[no-untyped-d
                 if distance < least:
                     best, least = other, distance
         if best < 0:
-            break
-        taken[best] = True
-        row = _add(edges, row, node, best, _NEAR)
-    return row
-
-
-@njit(cache=True)
-def _add(edges, row, source, target, relation):  # type: ignore[no-untyped-def]
-    if row < len(edges):
-        edges[row, 0], edges[row, 1], edges[row, 2] = source, target, relation
-    return row + 1
+            return count
+        near[count] = best
+    return _NEIGHBOURS

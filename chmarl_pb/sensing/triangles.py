@@ -17,7 +17,6 @@ Floats = NDArray[np.float32]
 
 # "numpy": a division by zero gives infinity, as in TinyRenderer.
 compiled = njit(cache=True, error_model="numpy")
-_inlined = njit(cache=True, error_model="numpy", inline="always")
 
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
@@ -67,19 +66,19 @@ def clean_canvas(size: int) -> Canvas:
     return Canvas(np.full((size, size), -np.inf, np.float32), np.full((size, size), -1, np.int32))
 
 
-@_inlined
+@compiled
 def dot4(a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """Return a product of two vectors, summed from the last entry on."""
     return ((a3 * b3 + a2 * b2) + a1 * b1) + a0 * b0
 
 
-@_inlined
+@compiled
 def screen(x, w, half):  # type: ignore[no-untyped-def]
     """Return a coordinate in pixels of a point in clip coordinates."""
     return (half * w + half * x) / w
 
 
-@_inlined
+@compiled
 def _weights(s0, s1, s2, w0, w1, w2):  # type: ignore[no-untyped-def]
     """Return barycentric coordinates corrected for perspective."""
     b0, b1, b2 = s0 / w0, s1 / w1, s2 / w2
@@ -87,7 +86,7 @@ def _weights(s0, s1, s2, w0, w1, w2):  # type: ignore[no-untyped-def]
     return b0 / total, b1 / total, b2 / total
 
 
-@_inlined
+@compiled
 def _barycentric(ax, ay, bx, by, cx, cy, uz, px, py):  # type: ignore[no-untyped-def]
     """Return a pixel's barycentric coordinates in a triangle of twice the area ``uz``; -1 first if it lies outside."""
     uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
@@ -156,19 +155,19 @@ def _rows(x0, y0, x1, y1, x2, y2, px, low, high):  # type: ignore[no-untyped-def
     return int(first), int(final)
 
 
-@_inlined
+@compiled
 def _doubles(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
     return np.float64(a), np.float64(b), np.float64(c), np.float64(d), np.float64(e), np.float64(f)
 
 
-@_inlined
+@compiled
 def depth_of(raw, near, far):  # type: ignore[no-untyped-def]
     """Return the depth in [0, 1] that PyBullet makes of TinyRenderer's own."""
     z = -raw
     return np.float32(np.float64(far * (near + z)) / ((2.0 * far * near + np.float64(far * z)) - np.float64(near * z)))
 
 
-@_inlined
+@compiled
 def corner_of(row):  # type: ignore[no-untyped-def]
     """Return a corner as :func:`cover` takes it from a row of the scratch."""
     return row[0], row[1], row[2], row[3]
@@ -194,7 +193,7 @@ def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-u
         points[i, 0], points[i, 1] = screen(points[i, 0], points[i, 3], half), screen(points[i, 1], points[i, 3], half)
     for i in range(1, count - 1):
         a, b, c = corner_of(points[0]), corner_of(points[i]), corner_of(points[i + 1])
-        cover(a, b, c, True, face, near, far, home, raw, faces)
+        cover(a, b, c, count > 0, face, near, far, home, raw, faces)
 
 
 @compiled
