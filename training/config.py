@@ -31,7 +31,7 @@ class Config:
         hidden: units of each agent's GRU.
         embedding: units of the mixing network of QMIX.
         joint_units: units of the joint networks of QTRAN.
-        image_encoder: of pictures; see :func:`training.encoders.build_encoder`.
+        image_encoder: of pictures that are observed as such; see :func:`training.encoders.build_encoder`.
         validation_interval: episodes between two validations.
         checkpoint_interval: episodes between two checkpoints.
         log_interval: episodes between two rows of metrics.

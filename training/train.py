@@ -6,6 +6,7 @@ import types
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -13,7 +14,10 @@ import chmarl_pb
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.errors import ChmarlError
 from training.config import ALGORITHMS, Config
+from training.features import FeatureEnv
 from training.loop import BEST, train
+from training.policy import FROZEN
+from training.resnet import frozen_resnet18
 from training.validation import by_tasks
 
 #: Settings of the configuration that the command takes; all others keep their defaults.
@@ -36,19 +40,24 @@ def _factorise(options: argparse.Namespace, folder: Path) -> int:
     if options.centralized:
         print("error: --centralized is for --algo bc; value factorisation acts decentralized", file=sys.stderr)
         return 2
-    given = {
-        name: getattr(options, name) for name in (*SETTABLE, "image_encoder") if getattr(options, name) is not None
-    }
-    config = replace(Config(seed=options.seed, horizon=MAX_STEPS), **given)
-    setting = {"observation": options.observation, "messages": options.messages, "feedback": options.feedback}
+    given = {name: getattr(options, name) for name in SETTABLE if getattr(options, name) is not None}
+    encoder = options.image_encoder or "resnet18"
+    config = replace(Config(seed=options.seed, horizon=MAX_STEPS), image_encoder=encoder, **given)
     env_fn = partial(
-        chmarl_pb.parallel_env, options.observation, messages=options.messages, feedback=options.feedback,
+        _environment, options.observation, encoder, messages=options.messages, feedback=options.feedback,
         image_size=options.image_size,
     )  # fmt: skip
+    frozen = frozen_resnet18().fingerprint if options.observation == "visual" and encoder == "resnet18" else ""
+    setting = {"messages": options.messages, "feedback": options.feedback, FROZEN: frozen}
     result = train(env_fn, options.algo, config, folder, by_tasks(), setting, quiet=False)
     print(f"{folder / BEST}: PLW {100 * result.best_score:.1f} on the validation tasks. Evaluate it with")
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
     return 0
+
+
+def _environment(observation: str, encoder: str, **options: Any) -> Any:
+    env = chmarl_pb.parallel_env(observation, **options)
+    return FeatureEnv(env) if observation == "visual" and encoder == "resnet18" else env
 
 
 def _clone(options: argparse.Namespace, folder: Path) -> int:
@@ -76,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="folder of the run; default: out/train/NAME")
     parser.add_argument("--image-size", type=int, default=128, help="pixels")
-    parser.add_argument("--image-encoder", help="of pictures: cnn, resnet18, ...; default: that of the learner")
+    parser.add_argument("--image-encoder", help="of pictures; default: resnet18, frozen")
     parser.add_argument("--data", type=Path, help="bc only: folder of the data sets; default: Minari's own")
     parser.add_argument("--noise", type=float, default=0.0, help="bc only: share of random actions in the data")
     parser.add_argument("--threads", type=int, default=1, help="of torch")
