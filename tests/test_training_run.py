@@ -56,6 +56,7 @@ def test_collected_steps_know_who_acted_and_who_ended(collector: Collector) -> N
     assert np.array(episode.terminated).tolist() == [[False, False], [False, True], [False, False], [False, False]]
     assert len(episode.observations) == len(episode.states) == 5
     assert float(np.abs(episode.observations[4]["short"]["noise"]).sum()) == 0
+    assert not np.array_equal(episode.observations[0]["short"]["noise"], episode.observations[1]["short"]["noise"])
 
 
 def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:

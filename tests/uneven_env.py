@@ -17,7 +17,7 @@ class UnevenEnv(ParallelEnv):
     def __init__(self, steps: int = 4):
         self.possible_agents = ["long", "short"]
         self.agents: list[str] = []
-        self.steps = steps
+        self.steps, self._noise = steps, np.zeros(3, np.float32)
         self._spaces = {
             "long": spaces.Box(-10, 10, (2, 2), np.float32),
             "short": spaces.Dict({"time": spaces.Discrete(10), "noise": spaces.Box(0, 1, (3,), np.float32)}),
@@ -46,9 +46,10 @@ class UnevenEnv(ParallelEnv):
         return observations, rewards, ended, cut, infos
 
     def _observe(self) -> dict[str, Any]:
+        self._noise[:] = self._rng.random(3)  # the same array every time, as some environments have it
         seen = {
             "long": self._rng.normal(size=(2, 2)).astype(np.float32),
-            "short": {"time": self._time, "noise": self._rng.random(3).astype(np.float32)},
+            "short": {"time": self._time, "noise": self._noise},
         }
         return {name: seen[name] for name in self.agents}
 

@@ -11,7 +11,7 @@ from torch import nn
 from training.agents import Player
 from training.losses import best_legal
 from training.replay import Episode
-from training.spaces import Interface, interface_of, stack, tensors, zeros
+from training.spaces import Interface, interface_of, over, stack, tensors, zeros
 
 
 class Collector:
@@ -106,8 +106,9 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str,
 def _look(
     interface: Interface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
 ) -> None:
-    nothing = {name: zeros(space) for name, space in interface.observations.items() if name not in observations}
-    episode.observations.append({name: {**observations, **nothing}[name] for name in interface.agents})
+    seen = {name: over(np.array, observation) for name, observation in observations.items()}  # envs may reuse theirs
+    nothing = {name: zeros(space) for name, space in interface.observations.items() if name not in seen}
+    episode.observations.append({name: {**seen, **nothing}[name] for name in interface.agents})
     episode.states.append(interface.state(env, observations))
     episode.legal.append({name: _legal(infos.get(name, {}), count) for name, count in interface.actions.items()})
     episode.info = infos
