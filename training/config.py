@@ -39,9 +39,9 @@ class Config:
 
     seed: int = 0
     episodes: int = 12_000
-    envs: int = 8
+    envs: int = 4
     horizon: int = 28
-    updates: int = 4
+    updates: int = 2
     batch_size: int = 32
     learning_starts: int = 128
     buffer_size: int = 4_000
