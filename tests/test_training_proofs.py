@@ -15,7 +15,13 @@ COMMITTED = Path(__file__).parents[1] / "results" / "proofs.json"
 
 
 @pytest.mark.parametrize(
-    ("game", "algorithm", "gain"), [("non-monotonic", "vdn", 0), ("non-monotonic", "qmix", 0), ("two-step", "vdn", 7)]
+    ("game", "algorithm", "gain"),
+    [
+        ("non-monotonic", "qmix", 0),
+        ("two-step", "vdn", 7),
+        pytest.param("non-monotonic", "vdn", 0, marks=pytest.mark.slow),
+        pytest.param("non-monotonic", "iql", 0, marks=pytest.mark.slow),
+    ],
 )
 def test_class_that_cannot_hold_the_game_misses_the_optimum(game: str, algorithm: str, gain: float) -> None:
     proof = prove(game, algorithm)
