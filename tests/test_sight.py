@@ -9,6 +9,7 @@ import pytest
 from conftest import home_text
 
 from chmarl_pb import catalog
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.sensing.camera import Picture, render, view_matrix
@@ -189,3 +190,17 @@ def test_a_home_of_any_shapes_is_drawn_as_tinyrenderer_draws_it(write_home: Call
         for robot in ROBOTS:
             assert_same(stage, robot, 64)
     stage.close()
+
+
+@pytest.mark.parametrize("execution", ["instant", "simulated"])
+def test_observed_pictures_are_full_pictures_in_both_executions(execution: str) -> None:
+    env = HouseholdEnv("visual", split="val-unseen", execution=execution, image_size=64)
+    observations, _ = env.reset(options={"task": "val-unseen-004"})
+    plan, rng = env.stage.oracle.plan(env.setting.goal), np.random.default_rng(9)
+    for action in plan:
+        for robot in ROBOTS:
+            np.testing.assert_array_equal(observations[robot]["image"], full_picture(env.stage, robot, 64).rgb)
+        drone = int(rng.integers(len(env.action_names["drone"])))
+        observations, *_ = env.step({"humanoid": env.action_names["humanoid"].index(action), "drone": drone})
+    assert env.outcome.success
+    env.close()
