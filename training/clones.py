@@ -38,6 +38,7 @@ class CloningConfig:
         image_encoder: of pictures.
         temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
         validation_interval: epochs between two choices of the best weights.
+        validation_tasks: of each validation split that are played then, at equal distances.
     """
 
     observation: str = "scene_graph"
@@ -57,6 +58,7 @@ class CloningConfig:
     image_encoder: str = "resnet18"
     temperature: float = 0.0
     validation_interval: int = 5
+    validation_tasks: int = 50
 
     @property
     def left_out(self) -> tuple[str, ...]:

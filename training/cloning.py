@@ -160,18 +160,13 @@ def loss_of(minds: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor
 class Examiner:
     """Plays validation tasks, to choose the best epoch; never those of a test split."""
 
-    def __init__(self, config: CloningConfig, most: int = 50):
-        """Open an environment.
-
-        Args:
-            config: of the run.
-            most: tasks of each split; if it has more, they are taken at equal distances.
-        """
+    def __init__(self, config: CloningConfig):
+        """Open an environment for a run."""
         self.env = HouseholdEnv(
             observation=config.observation, split="train", messages=config.messages, feedback=config.feedback
         )
         self.config = config
-        self.tasks = {split: _spread(load_tasks(split), most) for split in VALIDATION}
+        self.tasks = {split: _spread(load_tasks(split), config.validation_tasks) for split in VALIDATION}
 
     def examine(self, minds: nn.ModuleList) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``."""

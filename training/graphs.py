@@ -14,8 +14,12 @@ from training.parts import EMBEDDING, Part, embedding, id_count
 
 GRAPH = 64  # features of a node after each graph convolution
 
-# The one product that is used of the beta state is tested.
-warnings.filterwarnings("ignore", "Sparse CSR tensor support", UserWarning)
+# Torch calls these matrices beta at their first use; the one product that is needed is tested.
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    torch.sparse_csr_tensor(
+        torch.tensor([0, 0]), torch.tensor([], dtype=torch.long), torch.tensor([]), (1, 1), check_invariants=False
+    )
 
 
 class GraphEncoder(Part):

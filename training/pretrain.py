@@ -130,7 +130,7 @@ def pretrain(out: Path, views: Views, checked: Views, epochs: int, seed: int, ba
             loss.backward()
             optimizer.step()
             schedule.step()
-            bar.update(task, advance=1, description=f"learn, loss {float(loss):.2f}")
+            bar.update(task, advance=1, description=f"learn, loss {loss.item():.2f}")
         state = {name: part.state_dict() for name, part in parts.items()}
         checkpoint.save(kept, KIND, {"facts": facts, "epoch": epoch + 1, **state})
     weights = {name: value.contiguous() for name, value in labeller.network.state_dict().items()}

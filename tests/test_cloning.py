@@ -1,0 +1,134 @@
+"""Cloning: learns what it is shown, goes on after an interruption with the same numbers, and plays its checkpoints."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("minari")
+
+from chmarl_pb.data.generate import generate  # noqa: E402
+from chmarl_pb.data.recipe import Recipe  # noqa: E402
+from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
+from chmarl_pb.envs.rollout import rollout  # noqa: E402
+from chmarl_pb.tasks.splits import load_tasks  # noqa: E402
+from training import cloning  # noqa: E402
+from training.checkpoint import CheckpointError  # noqa: E402
+from training.clones import NO_ACTION, CloningConfig  # noqa: E402
+from training.cloning import clone, load_policy  # noqa: E402
+from training.demonstrations import read_demonstrations  # noqa: E402
+
+EPISODES = 4
+SMALL = CloningConfig(epochs=2, batch_size=2, features=32, hidden=32, validation_interval=1, validation_tasks=1)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("datasets")
+    generate(Recipe("train", limit=EPISODES), folder, workers=1)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Validation tasks are played in tests of policies alone."""
+    figures = iter(range(100))
+    monkeypatch.setattr(cloning.Examiner, "examine", lambda *_: {"score": next(figures) / 100})
+
+
+def quiet(figures: dict[str, Any]) -> None:
+    pass
+
+
+def weights(folder: Path, name: str = "best.pt") -> dict[str, Any]:
+    return torch.load(folder / name, weights_only=True)["minds"]
+
+
+def test_batches_hold_whole_episodes(data: Path) -> None:
+    shown = read_demonstrations(data, Recipe("train"), SMALL)
+    batch = shown.batch(torch.tensor([2, 0]))
+    assert batch.mask.sum(dim=1).tolist() == shown.lengths[[2, 0]].tolist()
+    assert (batch.last[:, 0] == NO_ACTION).all()
+    first = int(shown.starts[2])
+    length = int(shown.lengths[2])
+    assert torch.equal(batch.labels[0, :length], shown.labels[first : first + length])
+    assert torch.equal(batch.last[0, 1:length], shown.actions[first : first + length - 1])
+    assert not batch.observation["humanoid_node_class"][~batch.mask].any()
+    assert sum(len(one.labels) for one in shown.batches(3, (0, 1))) == EPISODES
+    silent = read_demonstrations(data, Recipe("train"), replace(SMALL, messages=False))
+    assert not any(key.endswith("messages") for key in silent.observations)
+
+
+@pytest.mark.parametrize("centralized", [False, True])
+def test_an_interrupted_run_ends_with_the_same_numbers(data: Path, tmp_path: Path, centralized: bool) -> None:
+    config = replace(SMALL, centralized=centralized, dropout=0.1)
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    clone(config, whole, data, quiet)
+
+    def stop(figures: dict[str, Any]) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        clone(config, cut, data, stop)
+    clone(config, cut, data, quiet)
+    for one, other in zip(weights(whole).values(), weights(cut).values(), strict=True):
+        assert torch.equal(one, other)
+    rows = [
+        [json.loads(line)["humanoid_loss"] for line in (folder / "metrics.jsonl").read_text().splitlines()]
+        for folder in (whole, cut)
+    ]
+    assert rows[0] == rows[1] and len(rows[0]) == config.epochs
+    with pytest.raises(CheckpointError, match="other settings"):
+        clone(replace(config, seed=1), cut, data, quiet)
+
+
+def test_clones_repeat_what_they_have_seen(data: Path, tmp_path: Path) -> None:
+    config = replace(SMALL, epochs=60, learning_rate=5e-3)
+    clone(config, tmp_path, data, quiet)
+    factory = load_policy(tmp_path / "best.pt")
+    assert factory.deterministic
+    env = HouseholdEnv()
+    task = load_tasks("train")[0]
+    episode = rollout(env, factory(env), task.seed, task)
+    env.close()
+    assert episode.success and len(episode) == task.optimal_steps
+
+
+def test_silent_clones_do_not_hear(data: Path, tmp_path: Path) -> None:
+    clone(replace(SMALL, messages=False, epochs=1), tmp_path, data, quiet)
+    env = HouseholdEnv()
+    observations, infos = env.reset(seed=0)
+    policy = load_policy(tmp_path / "best.pt")(env)
+    said = {name: {**seen, "messages": np.ones_like(seen["messages"])} for name, seen in observations.items()}
+    logits = []
+    for heard in (observations, said):
+        policy.reset(0)
+        policy.act(heard, infos)
+        logits.append(torch.cat([part.flatten() for part in policy._hidden]))
+    env.close()
+    assert torch.equal(*logits)
+
+
+def test_drawn_actions_follow_the_seed(data: Path, tmp_path: Path) -> None:
+    clone(replace(SMALL, epochs=1, temperature=1.0), tmp_path, data, quiet)
+    factory = load_policy(tmp_path / "best.pt")
+    assert not factory.deterministic
+    env = HouseholdEnv(max_steps=5)
+    policy, task = factory(env), load_tasks("train")[0]
+    played = [rollout(env, policy, seed, task).actions for seed in (1, 1, 2)]
+    env.close()
+    assert played[0] == played[1] != played[2]
+
+
+def test_a_checkpoint_of_something_else_is_refused(data: Path, tmp_path: Path) -> None:
+    clone(replace(SMALL, epochs=1), tmp_path, data, quiet)
+    with pytest.raises(CheckpointError, match="kind"):
+        load_policy(tmp_path / "last.pt")
+    env = HouseholdEnv(observation="visual")
+    with pytest.raises((CheckpointError, KeyError)):
+        load_policy(tmp_path / "best.pt")(env)
+    env.close()
