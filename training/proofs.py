@@ -71,10 +71,7 @@ def prove(game: str, algorithm: str, seed: int = 0) -> Proof:
     tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
     theory = _theory(game, algorithm, learned)
-    states = {
-        state: {"learned": learned[state].round(3).tolist(), "theory": theory[state].round(3).tolist()}
-        for state in paths
-    }
+    states = {state: {"learned": _rounded(learned[state]), "theory": _rounded(theory[state])} for state in paths}
     error = max(float(np.abs(learned[state] - theory[state]).max()) for state in paths)
     collector = Collector(env_fn, 1)
     episode = play_greedily(collector, learner.agents, [0])[0]
@@ -185,6 +182,10 @@ def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
     replay = Replay(interface, CONFIG.horizon, 1, 1.0)
     replay.add(episode)
     return replay.sample(1, np.random.default_rng(0))
+
+
+def _rounded(table: np.ndarray) -> list[list[float]]:
+    return [[round(float(value), 3) + 0.0 for value in row] for row in table]  # + 0.0: no -0.0
 
 
 def _summary(proofs: list[Proof]) -> Table:
