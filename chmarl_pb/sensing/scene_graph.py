@@ -91,7 +91,10 @@ class SceneGraphs:
             seen: names of the visible things, in the order of all names.
             states: the symbolic states of things and objects.
         """
-        self._learn(states)
+        known = self._world.version, states
+        if self._known is None or self._known[0] != known[0] or self._known[1] is not states:
+            self._learn_objects(states)
+            self._known = known
         graph = self._kept.get(seen)
         if graph is None:
             graph = self._make(seen)
@@ -100,6 +103,7 @@ class SceneGraphs:
         return graph
 
     def _make(self, seen: tuple[str, ...]) -> SceneGraph:
+        self._learn_robots()
         numbers = np.array([self._numbers[name] for name in seen], dtype=np.int32)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
         present = relate(numbers, self._facts, len(self._rooms), edges)
@@ -109,12 +113,7 @@ class SceneGraphs:
         node_class[count:total], node_state[count:total] = self._room_classes[present], catalog.STATE_IDS["fixed"]
         return SceneGraph((*seen, *[self._rooms[room] for room in present]), node_class, node_state, edges)
 
-    def _learn(self, states: Mapping[str, str]) -> None:
-        """Bring what is known of the world up to date."""
-        known = (self._world.version, states)
-        if self._known is None or self._known[0] != known[0] or self._known[1] is not states:
-            self._learn_objects(states)
-            self._known = known
+    def _learn_robots(self) -> None:
         facts, world = self._facts, self._world
         for name, robot in world.robots.items():
             number = self._numbers[name]

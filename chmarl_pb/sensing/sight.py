@@ -12,7 +12,7 @@ from chmarl_pb.robots.arm import Arm
 from chmarl_pb.sensing import raster
 from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.eyes import CAMERAS
-from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.home_views import HomeView, home_views
 from chmarl_pb.sensing.movables import Bodies, colours_over, draw_over, movables
 from chmarl_pb.sensing.triangles import clean_canvas
 from chmarl_pb.world import World
@@ -72,7 +72,25 @@ class Sight:
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
         self._update()
-        home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
+        return self._pixels(robot, self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE))
+
+    def visible(self, robot: str) -> tuple[str, ...]:
+        """Return the names of the things that a robot sees, in the order of ``names``."""
+        self._update()
+        key = robot, self.world.robots[robot].pose
+        home, balls = self._views.look(*key, SIGHT_SIZE), self._bodies.placed.balls
+        for body in self._robots_of[robot]:
+            if raster.may_show(body, balls, home.lens, home.tiles, SIGHT_SIZE):
+                return self._names(robot, home)
+        if key not in self._seen:
+            self._seen[key] = self._names(robot, home)
+        return self._seen[key]
+
+    def _names(self, robot: str, home: HomeView) -> tuple[str, ...]:
+        seen = (self._pixels(robot, home) >= VISIBLE_PIXELS) & self._node_of[robot]
+        return tuple([self.names[number] for number in seen.nonzero()[0].tolist()])
+
+    def _pixels(self, robot: str, home: HomeView) -> NDArray[np.int64]:
         pixels = np.zeros(len(self.names), dtype=np.int64)
         pixels[: len(home.pixels)] = home.pixels
         bodies, picture = self._bodies, home.picture
@@ -81,25 +99,6 @@ class Sight:
             picture.segmentation, self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels
-
-    def visible(self, robot: str) -> tuple[str, ...]:
-        """Return the names of the things that a robot sees, in the order of ``names``."""
-        self._update()
-        key = robot, self.world.robots[robot].pose
-        alone = not self._sees_a_robot(robot)
-        if alone and key in self._seen:
-            return self._seen[key]
-        seen = (self.pixels(robot) >= VISIBLE_PIXELS) & self._node_of[robot]
-        names = tuple([self.names[number] for number in seen.nonzero()[0].tolist()])
-        if alone:
-            self._seen[key] = names
-        return names
-
-    def _sees_a_robot(self, robot: str) -> bool:
-        """Return whether a robot's view might change with where the robots are."""
-        home = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE)
-        balls = self._bodies.placed.balls
-        return any(raster.may_show(body, balls, home.lens, home.tiles, SIGHT_SIZE) for body in self._robots_of[robot])
 
     def _update(self) -> None:
         """Bring the bodies up to date."""
