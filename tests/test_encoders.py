@@ -277,6 +277,7 @@ def test_average_precision_is_that_of_the_order() -> None:
     assert average_precision(np.array([4.0, 1.0, 3.0, 2.0]), present) == 1
 
 
+@pytest.mark.slow  # writes checkpoints of 130 MB
 def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng, count = np.random.default_rng(0), 8
     monkeypatch.setattr("training.pretrain.BATCH", count)
