@@ -73,7 +73,7 @@ def _number_rooms(seen, room_of, node_of_room):  # type: ignore[no-untyped-def]
         node_of_room[room] = -1
     for number in seen:
         node_of_room[room_of[number]] = 0
-    present = []
+    present: list[int] = []
     for room in range(len(node_of_room)):
         if node_of_room[room] == 0:
             node_of_room[room] = len(seen) + len(present)
