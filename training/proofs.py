@@ -64,10 +64,10 @@ class Proof:
     theorem: tuple[float, float] | None = None
 
 
-def prove(game: str, algorithm: str, seed: int = 0) -> Proof:
+def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG) -> Proof:
     """Learn a game and compare with theory."""
     env_fn, paths, best = _game(game)
-    learner = train(env_fn, algorithm, replace(CONFIG, seed=seed)).learner
+    learner = train(env_fn, algorithm, replace(config, seed=seed)).learner
     tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
     theory = _theory(game, algorithm, learned)
