@@ -81,6 +81,7 @@ class SceneGraphs:
         )
         self._states = np.zeros(count, dtype=np.int16)
         self._known: tuple[int, Mapping[str, str]] | None = None
+        self._carried: tuple[str | None, dict[str, Support]] | None = None
         self._covered: dict[Support, bool] = {}
         self._kept: dict[tuple[str, ...], SceneGraph] = {}  # of things that have not moved
 
@@ -124,27 +125,32 @@ class SceneGraphs:
     def _learn_objects(self, states: Mapping[str, str]) -> None:
         facts, world = self._facts, self._world
         self._kept.clear()
+        for name in world.objects:
+            facts.position[self._numbers[name]] = world.pose(name)[0]
+        carried = world.held, dict(world.supports)
+        if self._carried == carried and self._known is not None and self._known[1] is states:
+            return  # only the held object has moved
+        self._carried = carried
         facts.movable[:], facts.carrier[:] = False, -1
         for name in (*world.objects, *world.robots):
             facts.movable[self._numbers[name]] = True
-        for name in world.objects:
-            facts.position[self._numbers[name]] = world.pose(name)[0]
         for name, support in world.supports.items():
             number = self._numbers[name]
             facts.room[number] = self._rooms.index(catalog.room_of(support.receptacle))
             facts.carrier[number] = self._numbers[support.receptacle]
             facts.relation[number] = catalog.RELATION_IDS["inside" if self._is_covered(support) else "on"]
-        self._states[:] = catalog.STATE_IDS["fixed"]
-        for name, state in states.items():
-            if name in self._numbers:
-                self._states[self._numbers[name]] = catalog.STATE_IDS[state]
-        for name in world.robots:
-            holding = name == "humanoid" and world.held is not None
-            self._states[self._numbers[name]] = catalog.STATE_IDS["holding" if holding else "free"]
         if world.held is not None:
             number = self._numbers[world.held]
             facts.carrier[number], facts.relation[number] = self._numbers["humanoid"], catalog.RELATION_IDS["held_by"]
-            self._states[number] = catalog.STATE_IDS["held"]
+        self._learn_states(states)
+
+    def _learn_states(self, states: Mapping[str, str]) -> None:
+        held = self._world.held
+        robots = {name: "holding" if name == "humanoid" and held else "free" for name in self._world.robots}
+        self._states[:] = catalog.STATE_IDS["fixed"]
+        for name, state in {**states, **robots, **({held: "held"} if held else {})}.items():
+            if name in self._numbers:
+                self._states[self._numbers[name]] = catalog.STATE_IDS[state]
 
     def _is_covered(self, support: Support) -> bool:
         if support not in self._covered:
