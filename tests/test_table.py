@@ -1,0 +1,287 @@
+"""The tables of the learners: their rows, their runs with fake learners, and the page."""
+
+import json
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from chmarl_pb.errors import OptionError, ResultError
+from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.paper import SPLITS
+from training import table
+from training.page import NOT_RUN, write_page
+from training.rows import TABLES, Row
+from training.runs import FORMAT, Run, curve, read_records
+from training.schedule import Schedule
+from training.train import _parser as train_parser
+
+#: Stands for the trainer and for the evaluation: both write what the real ones write. The trainer counts its starts,
+#: does four epochs, keeps each, and stops hard after STOP of them, or waits for a signal after HANG.
+FAKE = """
+import json, os, sys, time
+from pathlib import Path
+module, arguments = sys.argv[1], sys.argv[2:]
+folder = Path(arguments[arguments.index("--out") + 1])
+def figure(mean): return {"mean": mean, "deviation": None, "low": None, "high": None}
+if module == "training.score":
+    splits = {s: {"tasks": 2, "summary": {"success_rate": figure(0.5), "plw": figure(0.25)}} for s in SPLITS}
+    (folder / "scores.json").write_text(json.dumps({
+        "checkpoint": {"config": {"episodes": 4, "seed": 0}, "sha256": "0"},
+        "evaluation": {"source_sha256": "f" * 64, "splits": splits}}))
+    raise SystemExit
+with (folder / "starts").open("a") as file: file.write("x")
+if "--fail" in arguments: raise SystemExit("error: no luck")
+rows = folder / "metrics.jsonl"
+done = len(rows.read_text().splitlines()) if rows.exists() else 0
+for epoch in range(done + 1, 5):
+    with rows.open("a") as file:
+        row = {"episodes": epoch, "train": {"success": epoch / 4}, "validation": {"score": 0.1 * epoch}}
+        file.write(json.dumps(row) + chr(10))
+    (folder / "best.pt").write_text("weights")
+    if epoch == int(os.environ.get("STOP", 0)): os._exit(9)
+    if epoch == int(os.environ.get("HANG", 0)): time.sleep(60)
+"""
+
+
+@pytest.fixture
+def launch(tmp_path: Path):
+    script = tmp_path / "fake.py"
+    script.write_text(f"SPLITS = {SPLITS}\n{FAKE}")
+    return lambda command: [sys.executable, str(script), *command]
+
+
+def row_of(name: str, table_name: str = "scene-graph") -> Row:
+    return next(row for row in TABLES[table_name] if row.name == name)
+
+
+def run_of(tmp_path: Path, name: str = "QMIX", seed: int = 0, table_name: str = "scene-graph", **changes) -> Run:
+    folders = (tmp_path / "out", tmp_path / "results", tmp_path / "data")
+    return Run(replace(row_of(name, table_name), **changes), seed, *folders)
+
+
+def work(runs: list[Run], launch, **options) -> Schedule:
+    schedule = Schedule(runs, launch=launch, poll=0.02, **options)
+    schedule.work()
+    return schedule
+
+
+# Rows
+
+
+@pytest.mark.parametrize(
+    ("name", "published"), [("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL), ("feedback", paper.FEEDBACK)]
+)
+def test_each_row_of_the_paper_is_there_once(name: str, published: paper.PaperTable) -> None:
+    ours = [row.published for row in TABLES[name]]
+    assert [ours.count(row) for row in published.rows] == [1] * len(published.rows)
+
+
+def test_rows_say_what_their_names_say() -> None:
+    for row in {row for rows in TABLES.values() for row in rows if row.published}:
+        assert row.messages == row.name.endswith("+ messages")
+        assert (row.observation, row.feedback) == (row.published.observation, row.published.feedback)
+        assert row.options[1] == row.name.split()[0].lower()
+        assert ("--centralized" in row.options) == ("BC centralized" in row.name)
+
+
+@pytest.mark.parametrize("observation", ["scene_graph", "visual"])
+def test_messages_and_feedback_come_in_all_combinations(observation: str) -> None:
+    rows = [row for row in TABLES["feedback"] if row.observation == observation]
+    assert {(row.messages, row.feedback) for row in rows} == {(a, b) for a in (True, False) for b in (True, False)}
+    assert {row.options for row in rows} == {("--algo", "qmix")}
+
+
+def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) -> None:
+    rows = {row for rows in TABLES.values() for row in rows}
+    assert len({(row.table, row.slug) for row in rows}) == len(rows) == 26
+    for row in rows:
+        run = Run(row, 3, tmp_path, tmp_path, tmp_path)
+        if row.module == "training.train":
+            options = train_parser().parse_args(run.command("train")[1:])
+            assert (options.observation, options.messages, options.feedback, options.seed, options.out) == (
+                row.observation, row.messages, row.feedback, 3, run.folder,
+            )  # fmt: skip
+
+
+def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:
+    runs = table.make_runs(table._parser().parse_args(["--seeds", "2"]))
+    assert len(runs) == len({run.name for run in runs}) == 52
+    assert [run.seed for run in runs] == [0] * 26 + [1] * 26
+
+
+def test_only_takes_patterns_and_refuses_what_is_no_row() -> None:
+    chosen = table._parser().parse_args(["--table", "visual", "--only", "bc-*", "qmix", "--seeds", "1"])
+    assert [run.row.slug for run in table.make_runs(chosen)] == [
+        "bc-decentralized", "bc-decentralized-messages", "bc-centralized", "qmix",
+    ]  # fmt: skip
+    chosen.only = ["sarsa"]
+    with pytest.raises(OptionError, match=r"sarsa.*qmix-messages"):
+        table.make_runs(chosen)
+
+
+def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit):
+        table.main(["--only", "qmix", "--", "--episodes", "5"])
+    assert "--results" in capsys.readouterr().err
+
+
+# Runs
+
+
+def test_runs_leave_small_files_and_are_skipped_afterwards(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, name, seed) for seed in (0, 1) for name in ("QMIX", "IQL + messages")]
+    finished: list[str] = []
+    assert work(runs, launch, finished=lambda run: finished.append(run.name)).failed == []
+    assert sorted(finished) == sorted(run.name for run in runs)
+    record = json.loads(runs[1].result.read_text())
+    assert (
+        record["format"] == FORMAT and record["name"] == "IQL + messages" and record["curve"]["success"][-1] == [4, 1]
+    )
+    assert record["commands"]["train"].startswith("python -m training.train --algo iql --observation scene_graph")
+    assert runs[1].result.stat().st_size < 8_000
+    assert work(runs, launch).over == 4
+    assert (runs[0].folder / "starts").read_text() == "x"
+
+
+def test_killed_training_goes_on(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_of(tmp_path)
+    monkeypatch.setenv("STOP", "2")
+    assert work([run], launch).failed == [run.name]
+    assert not run.result.exists() and run.next_step() == "train"
+    monkeypatch.delenv("STOP")
+    assert work([run], launch).failed == []
+    assert [x for x, _ in json.loads(run.result.read_text())["curve"]["success"]] == [1, 2, 3, 4]
+    assert run.state()["seconds"]["train"] > 0
+
+
+def test_interrupt_stops_the_processes_and_keeps_all(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
+    monkeypatch.setenv("HANG", "3")
+    schedule = Schedule(runs, launch=launch, poll=0.02)
+    begun, check = time.monotonic(), schedule._check
+
+    def press(worker) -> None:
+        check(worker)
+        if all(run.progress() > 0 and len(curve(run.folder / "metrics.jsonl")["success"]) == 3 for run in runs):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(schedule, "_check", press)
+    with pytest.raises(KeyboardInterrupt):
+        schedule.work()
+    assert time.monotonic() - begun < 15
+    monkeypatch.delenv("HANG")
+    assert work(runs, launch).over == 2
+
+
+def test_run_that_is_trained_is_only_scored(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    run.result.unlink()
+    assert run.next_step() == "score"
+    work([run], launch)
+    assert run.result.is_file() and (run.folder / "starts").read_text() == "x"
+    run.result.unlink()
+    assert replace(run, row=replace(run.row, options=("--algo", "vdn"))).next_step() == "train"
+
+
+def test_failed_run_tells_why_and_lets_the_others_go_on(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+    bad, good = run_of(tmp_path, options=("--algo", "qmix", "--fail")), run_of(tmp_path, "IQL")
+    assert work([bad, good], launch, jobs=1).failed == [bad.name]
+    assert "no luck" in " ".join(capsys.readouterr().err.split())
+    assert good.result.is_file() and not bad.result.exists()
+
+
+def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    lock = run.lock()
+    assert work([run], launch).failed == [run.name]
+    lock.close()
+    assert work([run], launch).failed == []
+
+
+def test_no_run_starts_when_the_time_is_up(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    schedule = work([run], launch, budget=0.0)
+    assert schedule.waiting == [run] and not run.folder.exists()
+
+
+def test_results_are_whole_or_not_there(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_of(tmp_path)
+    monkeypatch.setattr(Path, "replace", lambda self, target: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        run.spend("train", 1.0)
+    monkeypatch.undo()
+    assert not (run.folder / "state.json").exists()
+    assert work([run], launch).failed == []
+    assert list(run.results.rglob("*.tmp")) == []
+
+
+def test_half_a_line_of_metrics_is_no_trouble(tmp_path: Path) -> None:
+    metrics = tmp_path / "metrics.jsonl"
+    metrics.write_text('{"epoch": 1, "humanoid_loss": 1.0, "drone_loss": 0.5, "score": 0.25}\n{"epoch": 2, "huma')
+    assert curve(metrics) == {"unit": "epochs", "success": [], "loss": [[1, 1.5]], "validation": [[1, 0.25]]}
+
+
+# The page
+
+
+def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
+    write_page(tmp_path / "results", tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    assert text.count(f"| {NOT_RUN} |") == 2 * sum(map(len, TABLES.values()))
+    for row in (row for rows in TABLES.values() for row in rows if row.published):
+        for value in (*row.published.success, *row.published.plw):
+            assert f" {value:.2f} |" in text
+
+
+def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)] + [run_of(tmp_path, "QMIX", table_name="visual")]
+    work(runs, launch)
+    change(runs[1], plw=0.35)
+    write_page(runs[0].results, tmp_path / "docs" / "results.md")
+    text = (tmp_path / "docs" / "results.md").read_text()
+    assert "| QMIX | 2 | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+    assert "| QMIX | 1 | 14.09 | 25.0 |" in text
+    assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**" in text
+    assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
+    assert "4 episodes" in text
+
+
+def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)]
+    work(runs, launch)
+    record = json.loads(runs[1].result.read_text())
+    record["checkpoint"]["config"] |= {"seed": 1, "episodes": 8}
+    runs[1].result.write_text(json.dumps(record))
+    write_page(runs[0].results, tmp_path / "results.md")
+    assert "| QMIX | 2 (settings differ) |" in (tmp_path / "results.md").read_text()
+
+
+def test_page_is_the_same_when_written_again(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    pages = []
+    for _ in range(2):
+        write_page(run.results, tmp_path / "results.md")
+        pages.append([(tmp_path / name).read_bytes() for name in ("results.md", "curves_scene_graph.png")])
+    assert pages[0] == pages[1]
+
+
+def test_damaged_result_is_named(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    run.result.write_text(run.result.read_text()[:100])
+    with pytest.raises(ResultError, match=r"qmix-seed0\.json"):
+        read_records(run.results, TABLES)
+
+
+def change(run: Run, plw: float) -> None:
+    record = json.loads(run.result.read_text())
+    for split in SPLITS:
+        record["evaluation"]["splits"][split]["summary"]["plw"]["mean"] = plw
+    run.result.write_text(json.dumps(record))

@@ -1,0 +1,117 @@
+"""Learning curves of the runs of a table, as a picture beside the page of results."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from training.rows import Row
+from training.runs import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
+_CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
+#: Colours of the table of messages and feedback, by observation and feedback.
+_APART = {
+    ("scene_graph", True): "#4c78a8", ("scene_graph", False): "#72b7b2",
+    ("visual", True): "#e45756", ("visual", False): "#f58518",
+}  # fmt: skip
+_STYLE: Any = {
+    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "grid.color": "#e6e6e6", "savefig.dpi": 110, "axes.titlesize": 10, "axes.titlelocation": "left",
+}  # fmt: skip
+_WIDTH = 5  # points of a running mean
+
+#: Panels: title, unit of x, curve.
+_PANELS = (
+    ("Success in training, with exploration (%)", "episodes", "success"),
+    ("PLW on validation tasks (%)", "episodes", "validation"),
+    ("PLW on validation tasks (%)", "epochs", "validation"),
+)
+
+
+def draw_curves(
+    table: str, rows: Sequence[Row], records: dict[tuple[str, str], list[Record]], folder: Path
+) -> list[str]:
+    """Draw the curves of a table; return the Markdown that shows them, nothing without runs or without matplotlib.
+
+    Args:
+        table: its name.
+        rows: of the table.
+        records: (table, row) -> runs.
+        folder: of the page.
+    """
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError:
+        return []
+    known = [(row, records[row.table, row.slug]) for row in rows if (row.table, row.slug) in records]
+    panels = [panel for panel in _PANELS if any(_curves(same, *panel[1:]) for _, same in known)]
+    if not panels:
+        return []
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(4.2 * len(panels), 3.2), layout="constrained")
+        for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            _draw(axes, table == "feedback", known, *panel)
+        path = folder / f"curves_{table.replace('-', '_')}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_suffix(".tmp")
+        figure.savefig(temporary, format="png", metadata={"Software": None})
+        temporary.replace(path)
+    text = "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages."
+    if any(panel[2] == "success" for panel in panels):
+        text += f" Success in training is a running mean of {_WIDTH} points."
+    return [f"![Learning curves]({path.name})", text]
+
+
+def _curves(same: Sequence[Record], unit: str, name: str) -> list[NDArray[np.float64]]:
+    """Return the curve of each run, (points, 2), as far as they have one."""
+    return [
+        np.array(record["curve"][name], dtype=float)
+        for record in same
+        if record["curve"]["unit"] == unit and record["curve"][name]
+    ]
+
+
+def _draw(
+    axes: "Axes", apart: bool, known: Sequence[tuple[Row, list[Record]]], title: str, unit: str, name: str
+) -> None:
+    for row, same in known:
+        curves = _curves(same, unit, name)
+        if not curves:
+            continue
+        points = min(map(len, curves))
+        x = curves[0][:points, 0]
+        y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
+        colour = _APART[row.observation, row.feedback] if apart else _colour(row)
+        style = "-" if row.messages else "--"
+        axes.plot(x, y.mean(axis=0), color=colour, linestyle=style, label=_label(row) if apart else row.name)
+        axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+    axes.set_title(title)
+    axes.set_xlabel(unit)
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    axes.legend(fontsize=7, frameon=False)
+
+
+def _colour(row: Row) -> str:
+    if "--centralized" in row.options:
+        return _CENTRALIZED
+    return _COLOURS.get(row.options[1], _OTHER) if row.options[:1] == ("--algo",) else _OTHER
+
+
+def _label(row: Row) -> str:
+    """Return what tells the rows of the table of messages and feedback apart."""
+    given = [word for word, on in (("messages", row.messages), ("feedback", row.feedback)) if on]
+    return f"{'graphs' if row.observation == 'scene_graph' else 'pictures'}: {' + '.join(given) or 'neither'}"
+
+
+def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a running mean that is shorter at both ends."""
+    window = np.ones(min(_WIDTH, len(values)))
+    return np.convolve(values, window, "same") / np.convolve(np.ones(len(values)), window, "same")

@@ -1,0 +1,202 @@
+"""The page of results: our tables beside the paper's, from the kept files of the runs."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import fmean, stdev
+
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
+from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.evaluation.result import write_atomically
+from training.curves import draw_curves
+from training.rows import TABLES, Row
+from training.runs import Record, read_records
+
+Records = dict[tuple[str, str], list[Record]]
+
+TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
+METRICS = {"PLW": "plw", "Success rate": "success_rate"}
+NOT_RUN = "not run yet"
+
+INTRO = f"""# Results of the learners
+
+Written by `python -m training.table --show` from the files in `results/`; do not edit. How the runs are made:
+[training.md](training.md#the-tables). What is measured: [benchmark.md](benchmark.md#metrics).
+
+All numbers are per cent. *Paper*: Goyal et al., in VirtualHome; the homes, tasks and pictures there are others,
+so the columns tell which way things go and not which program is better. *Ours*: mean ± sample standard deviation
+over training seeds, whose number is in the column *seeds*; every task of a split is played once, greedily, for at
+most {MAX_STEPS} steps. The weights of a run are those with the best PLW on 50 tasks each of val-seen and
+val-unseen, so ours on these two splits are a little too good; nothing was chosen on a test split. The headline
+number is PLW on test-unseen. *search* is the built-in policy that learns nothing
+([benchmark.md](benchmark.md#baselines-and-difficulty)).
+"""
+
+ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
+are all four combinations for QMIX; the paper lacks the one with neither.
+"""
+
+
+def write_page(results: Path, page: Path) -> None:
+    """Write the page and, beside it, the pictures of learning curves that there are runs for.
+
+    Args:
+        results: folder of the kept files.
+        page: file to write.
+
+    Raises:
+        ResultError: a kept file is damaged.
+    """
+    records = read_records(results, TABLES)
+    parts = [INTRO, *_headlines(records)]
+    for table, rows in TABLES.items():
+        parts += [f"## {TITLES[table]}", *([ISOLATION] if table == "feedback" else []), f"```\n{_command(table)}\n```"]
+        parts += [_table(title, rows, records, table) for title in METRICS]
+        parts += draw_curves(table, rows, records, page.parent)
+    write_atomically(page, "\n\n".join(part.strip() for part in [*parts, *_runs(records)]) + "\n")
+
+
+def _command(table: str) -> str:
+    return f"python -m training.table --table {table}"
+
+
+def _headlines(records: Records) -> list[str]:
+    """Return, for each observation, the row that is best on the validation splits, beside the paper's best."""
+    lines = []
+    for table, published in (("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL)):
+        best = max(
+            (row for row in TABLES[table] if _of(row, records)), key=lambda row: _valid(row, records), default=None
+        )
+        theirs = max(published.rows, key=lambda row: row.plw[-1])
+        told = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
+        if best is None:
+            lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({told}).")
+            continue
+        plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
+        search = _search("plw", SPLITS[-1])
+        share = f", {fmean(plw) / search:.0%} of the PLW of search" if search else ""
+        lines.append(
+            f"- {TITLES[table]}, test-unseen: **{best.name}** (best on validation): PLW **{_cell(plw)}**, success "
+            f"**{_cell(success)}**{share} ({told})."
+        )
+    return ["\n".join(lines)]
+
+
+def _valid(row: Row, records: Records) -> float:
+    return fmean(fmean(_values(_of(row, records), "plw", split)) for split in SPLITS[:2])
+
+
+def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str:
+    """Return one metric of a table as Markdown."""
+    metric = METRICS[title]
+    lines = [f"| {title} % | seeds |" + "".join(f" {split}: paper | ours |" for split in SPLITS)]
+    lines.append("|---|---|" + "--:|--:|" * len(SPLITS))
+    name = _setting if table == "feedback" else _name
+    for row in rows:
+        same = _of(row, records)
+        cells = (
+            f" {_paper(row, metric, number)} | {_cell(_values(same, metric, split))} |"
+            for number, split in enumerate(SPLITS)
+        )
+        lines.append(f"| {name(row)} | {_seeds(same)} |{''.join(cells)}")
+    search = [_search(metric, split) for split in SPLITS]
+    if all(value is not None for value in search):
+        lines.append("| *search* | |" + "".join(f" | {100 * (value or 0):.1f} |" for value in search))
+    return "\n".join(lines)
+
+
+def _name(row: Row) -> str:
+    return row.name if row.published else f"{row.name} (ours, not in the paper)"
+
+
+def _setting(row: Row) -> str:
+    given = [word for word, on in (("messages", row.messages), ("feedback", row.feedback)) if on]
+    where = "graphs" if row.observation == "scene_graph" else "pictures"
+    absent = "" if row.published else " (not in the paper)"
+    return f"QMIX, {where}: {' + '.join(given) or 'neither'}{absent}"
+
+
+def _paper(row: Row, metric: str, number: int) -> str:
+    if row.published is None:
+        return ""
+    return f"{(row.published.plw if metric == 'plw' else row.published.success)[number]:.2f}"
+
+
+def _seeds(same: Sequence[Record]) -> str:
+    if not same:
+        return NOT_RUN
+    settings = [{**record["checkpoint"].get("config", {}), "seed": None} for record in same]
+    return f"{len(same)}{'' if all(one == settings[0] for one in settings) else ' (settings differ)'}"
+
+
+def _of(row: Row, records: Records) -> list[Record]:
+    return records.get((row.table, row.slug), [])
+
+
+def _values(same: Sequence[Record], metric: str, split: str) -> list[float]:
+    """Return a metric of each run, 0 to 1."""
+    return [record["evaluation"]["splits"][split]["summary"][metric]["mean"] for record in same]
+
+
+def _cell(values: Sequence[float]) -> str:
+    if not values:
+        return ""
+    spread = f" ± {100 * stdev(values):.1f}" if len(values) > 1 else ""
+    return f"{100 * fmean(values):.1f}{spread}"
+
+
+def _search(metric: str, split: str) -> float | None:
+    """Return a metric of the search policy, from its reference lengths, 0 to 1."""
+    reference = read_reference(split)
+    if reference is None:
+        return None
+    score: Callable[[int, int], float] = path_weighted_of if metric == "plw" else lambda steps, best: 1.0
+    return fmean(
+        0.0 if steps is None else score(steps, task.optimal_steps)
+        for task, lengths in reference.lengths.items()
+        for steps in lengths[SEARCH]
+    )
+
+
+def path_weighted_of(steps: int, optimal: int) -> float:
+    """Return the path-length-weighted score of a success."""
+    return path_weighted(True, steps, optimal)
+
+
+def _runs(records: Records) -> list[str]:
+    """Return what the runs were made with."""
+    lines = ["| row | seed | encoder | budget | best after | train, score | source |", "|---|---|---|---|---|---|---|"]
+    lines += [_run_line(record) for same in records.values() for record in same]
+    if len(lines) == 2:
+        return []
+    text = (
+        "One line for each run. *Best after*: where its best weights are from; *train, score*: minutes, with another "
+        "run beside it; *source*: sha256 of the package's code. The commands, all settings and all hashes are in "
+        "`results/TABLE/ROW-seedK.json`."
+    )
+    return ["## The runs", text, "\n".join(lines)]
+
+
+def _run_line(record: Record) -> str:
+    checkpoint, curve = record["checkpoint"], record["curve"]
+    config = checkpoint.get("config", {})
+    unit = curve["unit"]
+    best = max(curve["validation"], key=lambda point: point[1], default=None)
+    minutes = ", ".join(f"{seconds / 60:.0f}" for seconds in record["seconds"].values())
+    cells = (
+        f"{record['table']}/{record['row']}", record["seed"], encoder_of(record),
+        f"{config[unit]:,} {unit}" if unit in config else "", f"{best[0]:,}" if best else "", minutes,
+        record["evaluation"]["source_sha256"][:8],
+    )  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def encoder_of(record: Record) -> str:
+    """Return what encodes the observations of a run."""
+    if record["observation"] == "scene_graph":
+        return "graph convolution"
+    weights = record["checkpoint"].get("resnet18", "")
+    encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
+    return f"ResNet-18, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"

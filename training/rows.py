@@ -1,0 +1,82 @@
+"""The rows of the tables as data: what is trained, and which row of the paper it stands beside."""
+
+from dataclasses import dataclass
+
+from chmarl_pb.evaluation import paper
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: a learner in one setting, to be trained with several seeds.
+
+    Attributes:
+        name: as in the paper's tables.
+        observation: "scene_graph" or "visual".
+        options: of the training command that tell it from other learners.
+        messages: whether the robots hear each other.
+        feedback: whether they get language feedback.
+        published: the paper's numbers; None: the paper has no such row.
+        module: that trains; it takes ``--observation``, ``--messages``, ``--feedback``, ``--seed`` and ``--out`` beside
+            the options, and goes on with an interrupted run.
+        checkpoint: file of the run's folder with the weights that were best on the validation tasks.
+    """
+
+    name: str
+    observation: str
+    options: tuple[str, ...]
+    messages: bool
+    feedback: bool = True
+    published: paper.Row | None = None
+    module: str = "training.train"
+    checkpoint: str = "best.pt"
+
+    @property
+    def table(self) -> str:
+        """Name of the table that the row is at home in, and of its folders."""
+        return self.observation.replace("_", "-") if self.feedback else "feedback"
+
+    @property
+    def slug(self) -> str:
+        """Short name, unique in its table, e.g. ``qmix-messages`` or ``visual-qmix-no-feedback``."""
+        words = self.name.lower().replace("+ ", "").split()
+        if not self.feedback:
+            words = [*self.observation.split("_"), *words, "no", "feedback"]
+        return "-".join(words)
+
+    @property
+    def clones(self) -> bool:
+        """Whether it learns from stored episodes."""
+        return self.options[:2] == ("--algo", "bc")
+
+
+def _row(published: paper.Row) -> Row:
+    """Return the row that stands beside one of the paper."""
+    words = published.name.lower().split()
+    options = ("--algo", words[0], *(["--centralized"] if "centralized" in words else []))
+    return Row(published.name, published.observation, options, "messages" in words, published.feedback, published)
+
+
+def _isolated(observation: str) -> tuple[Row, ...]:
+    """Return QMIX with and without messages and feedback, in all four combinations; the paper lacks the last."""
+    main = paper.SCENE_GRAPH if observation == "scene_graph" else paper.VISUAL
+    published = [row for row in paper.FEEDBACK.rows if row.observation == observation]
+    published += [row for row in main.rows if row.name == "QMIX"]
+    neither = Row("QMIX", observation, ("--algo", "qmix"), messages=False, feedback=False)
+    return (*map(_row, published), neither)
+
+
+#: Rows that the paper has no counterpart of, shown below its rows in the table of their observation.
+OURS: tuple[Row, ...] = ()
+
+
+def _with_ours(table: paper.PaperTable) -> tuple[Row, ...]:
+    own = tuple(row for row in OURS if row.observation == table.rows[0].observation)
+    return (*map(_row, table.rows), *own)
+
+
+#: Table -> its rows. Some rows stand in two tables; they are trained once.
+TABLES: dict[str, tuple[Row, ...]] = {
+    "scene-graph": _with_ours(paper.SCENE_GRAPH),
+    "visual": _with_ours(paper.VISUAL),
+    "feedback": (*_isolated("scene_graph"), *_isolated("visual")),
+}

@@ -1,0 +1,216 @@
+"""One training run of a row: its folders, its two steps (train, score), and the small file that is kept of it."""
+
+import fcntl
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.result import write_atomically
+from training.rows import Row
+
+FORMAT = "chmarl-pb table run 1"
+STATE, LOCK, SCORES = "state.json", "lock", "scores.json"
+STEPS = ("train", "score")
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A row with a seed.
+
+    Attributes:
+        row: what is trained.
+        seed: of the training.
+        out: folder for models and logs.
+        results: folder for the files that are kept.
+        data: folder of the data sets for cloning.
+        extra: more options of the training command, for tries.
+    """
+
+    row: Row
+    seed: int
+    out: Path
+    results: Path
+    data: Path
+    extra: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name that is unique over all tables."""
+        return f"{self.row.table}/{self.row.slug}-seed{self.seed}"
+
+    @property
+    def folder(self) -> Path:
+        """Of the model, the logs and all evaluated episodes."""
+        return self.out / self.name
+
+    @property
+    def result(self) -> Path:
+        """The small file that is kept."""
+        return self.results / f"{self.name}.json"
+
+    @property
+    def checkpoint(self) -> Path:
+        """The weights that were best on the validation tasks."""
+        return self.folder / self.row.checkpoint
+
+    def command(self, step: str) -> list[str]:
+        """Return the command of a step, to be run by Python's ``-m``."""
+        row = self.row
+        options = ["--observation", row.observation, _switch("messages", row.messages)]
+        options += [_switch("feedback", row.feedback)]
+        if step == "score":
+            return ["training.score", str(self.checkpoint), *options, "--out", str(self.folder)]
+        data = ["--data", str(self.data)] if row.clones else []
+        seed = ["--seed", str(self.seed), "--out", str(self.folder)]
+        return [row.module, *row.options, *options, *data, *self.extra, *seed]
+
+    def next_step(self) -> str | None:
+        """Return the first step that is not finished."""
+        if self.result.is_file():
+            return None
+        return "score" if self.state()["trained"] == self.command("train") else "train"
+
+    def state(self) -> dict[str, Any]:
+        """Return how far the run is: seconds of each step, and the command of a finished training."""
+        path = self.folder / STATE
+        empty = {"seconds": dict.fromkeys(STEPS, 0.0), "trained": None}
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else empty
+
+    def spend(self, step: str, seconds: float) -> None:
+        """Add to the time of a step."""
+        state = self.state()
+        state["seconds"][step] = round(state["seconds"][step] + seconds, 1)
+        write_atomically(self.folder / STATE, json.dumps(state))
+
+    def finish(self, step: str) -> None:
+        """Write down that a step has ended well; after the last, write the result.
+
+        Raises:
+            ResultError: the step has left no file that it should have.
+        """
+        wanted = self.checkpoint if step == "train" else self.folder / SCORES
+        if not wanted.is_file():
+            raise ResultError(f"{wanted}: the step {step!r} has ended without writing it")
+        if step == "train":
+            (self.folder / SCORES).unlink(missing_ok=True)
+            write_atomically(self.folder / STATE, json.dumps(self.state() | {"trained": self.command("train")}))
+        else:
+            write_atomically(self.result, _lines(self.record()))
+
+    def record(self) -> Record:
+        """Return what is kept of the run."""
+        row = self.row
+        return {
+            "format": FORMAT, "table": row.table, "row": row.slug, "name": row.name, "seed": self.seed,
+            "observation": row.observation, "messages": row.messages, "feedback": row.feedback,
+            "commands": {step: " ".join(["python -m", *self.command(step)]) for step in STEPS},
+            "seconds": self.state()["seconds"],
+            **json.loads((self.folder / SCORES).read_text(encoding="utf-8")),
+            "curve": curve(self.folder / "metrics.jsonl"),
+        }  # fmt: skip
+
+    def lock(self) -> Any:
+        """Return an open file that is locked as long as this process or one that inherits it lives, or None.
+
+        None means that another process works on this run, perhaps one left over from a killed command.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        file = (self.folder / LOCK).open("w")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.close()
+            return None
+        return file
+
+    def progress(self) -> float:
+        """Return which share of the training is done, 0 to 1, or 0 where its metrics do not tell."""
+        rows = _rows(self.folder / "metrics.jsonl")
+        done = max((row.get("episodes", row.get("epoch", 0)) for row in rows), default=0)
+        return min(done / _total(self), 1.0)
+
+
+def _switch(name: str, on: bool) -> str:
+    return f"--{name}" if on else f"--no-{name}"
+
+
+def _total(run: Run) -> int:
+    """Return the number of episodes or epochs of a training."""
+    from training.clones import CloningConfig
+    from training.config import Config
+
+    options = (*run.row.options, *run.extra)
+    if "--episodes" in options:
+        return int(options[options.index("--episodes") + 1])
+    return CloningConfig().epochs if run.row.clones else Config().episodes
+
+
+def curve(metrics: Path) -> dict[str, Any]:
+    """Return a run's learning curves: unit of x, and lists of [x, value] of what its metrics have.
+
+    ``success`` is that of training episodes, with exploration; ``validation`` the mean PLW on validation tasks.
+    """
+    curves: dict[str, Any] = {"unit": "episodes", "success": [], "loss": [], "validation": []}
+    for row in _rows(metrics):
+        x = row.get("episodes")
+        if "epoch" in row:  # cloning
+            curves["unit"], x = "epochs", row["epoch"]
+            row = {"train": {"loss": sum(value for key, value in row.items() if key.endswith("_loss"))}} | (
+                {"validation": {"score": row["score"]}} if "score" in row else {}
+            )
+        for name in ("success", "loss"):
+            if name in row.get("train", {}):
+                curves[name].append([x, round(row["train"][name], 4)])
+        if "validation" in row:
+            curves["validation"].append([x, round(row["validation"]["score"], 4)])
+    return curves
+
+
+def _rows(metrics: Path) -> list[dict[str, Any]]:
+    """Return the whole rows of a file of metrics, which may be growing."""
+    rows = []
+    for line in metrics.read_text(encoding="utf-8").splitlines() if metrics.is_file() else []:
+        try:
+            rows.append(json.loads(line))
+        except ValueError:
+            break
+    return rows
+
+
+def _lines(record: Record) -> str:
+    """Return a record as JSON with a line for each key and each split: easy to read and to compare."""
+    inner = dict(record["evaluation"])
+    splits = ",\n".join(f"   {json.dumps(name)}: {json.dumps(value)}" for name, value in inner.pop("splits").items())
+    head = ",\n".join(f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in inner.items())
+    texts = {key: json.dumps(value) for key, value in record.items()}
+    texts["evaluation"] = f'{{\n{head},\n  "splits": {{\n{splits}}}}}'
+    return "{\n" + ",\n".join(f" {json.dumps(key)}: {text}" for key, text in texts.items()) + "\n}\n"
+
+
+def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], list[Record]]:
+    """Return (table, row) -> its runs by seed.
+
+    Raises:
+        ResultError: a file is damaged or of another kind.
+    """
+    found: dict[tuple[str, str], list[Record]] = {}
+    for path in sorted(path for table in tables for path in (results / table).glob("*.json")):
+        try:
+            record = json.loads(path.read_text(encoding="utf-8"))
+            if record["format"] != FORMAT:
+                raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
+            found.setdefault((record["table"], record["row"]), []).append(record)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"{path}: not the result of a run: {error!r}; remove it and run the table") from error
+    return {key: sorted(records, key=lambda record: record["seed"]) for key, records in found.items()}
+
+
+def python(command: list[str]) -> list[str]:
+    """Return a command as this Python runs it."""
+    return [sys.executable, "-m", *command]

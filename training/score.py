@@ -1,0 +1,123 @@
+"""`python -m training.score`: evaluate one checkpoint on the four splits of the tables; killed, it goes on."""
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import chmarl_pb
+from chmarl_pb.envs.provenance import file_hash, machine, versions
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.evaluation.policies import register_loader
+from chmarl_pb.evaluation.result import Report, write_atomically
+
+SCORES = "scores.json"
+LOADERS = {".pt": "training.policy", ".zip": "training.sb3"}  # ending of checkpoints -> module of ``load_policy``
+
+
+def score(
+    checkpoint: Path, observation: str, messages: bool, feedback: bool, folder: Path, splits: Sequence[str] = SPLITS
+) -> dict[str, Any]:
+    """Evaluate a checkpoint and return what a table keeps of it; the same call goes on where it was interrupted.
+
+    Args:
+        checkpoint: file of weights.
+        observation: "scene_graph" or "visual".
+        messages: whether the robots hear each other.
+        feedback: whether they get language feedback.
+        folder: for one result with all episodes for each split, and for ``scores.json``, which is returned.
+        splits: to evaluate on.
+
+    Raises:
+        ChmarlError: the checkpoint cannot be used.
+    """
+    register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
+    reports = {
+        split: chmarl_pb.evaluate(
+            str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
+            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split),
+        )
+        for split in splits
+    }  # fmt: skip
+    facts = {"sha256": file_hash(checkpoint), **(_facts(checkpoint) if checkpoint.suffix == ".pt" else {})}
+    kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
+    write_atomically(folder / SCORES, json.dumps(kept))
+    return kept
+
+
+def _facts(checkpoint: Path) -> dict[str, Any]:
+    """Return what a checkpoint of this package tells of its training."""
+    from training.checkpoint import load
+
+    content = load(checkpoint)
+    setting = content.get("setting", {})
+    return {
+        "kind": content["kind"],
+        "config": content["config"],
+        "validation": content.get("validation") or content.get("figures"),
+        "episodes": content.get("episodes"),
+        "resnet18": content.get("resnet18") or setting.get("resnet18") or "",
+    }
+
+
+def _kept(reports: dict[str, Report]) -> dict[str, Any]:
+    """Return all but the episodes, and what is the same for all splits only once."""
+    first = next(iter(reports.values())).settings
+    homes = {home: sha for report in reports.values() for home, sha in report.settings["homes_sha256"].items()}
+    return {
+        **{key: first[key] for key in ("observation", "options", "seeds", "source_sha256")},
+        "homes_sha256": homes,
+        "splits": {split: _of_split(report) for split, report in reports.items()},
+    }
+
+
+def _of_split(report: Report) -> dict[str, Any]:
+    gain = report.cooperation
+    return {
+        "tasks": report.settings["tasks"],
+        "tasks_sha256": report.settings["tasks_sha256"],
+        "seconds": report.run["seconds"],
+        "summary": asdict(report.summary),
+        "plw_search": None if gain is None else gain.plw_search,
+        "cooperation_share": None if gain is None else gain.share,
+    }
+
+
+def _versions() -> dict[str, str]:
+    import torch
+
+    return {**versions(), "torch": str(torch.__version__)}
+
+
+def _show(split: str, done: int, all: int) -> None:
+    if done % 25 == 0 or done == all:
+        print(f"{split}: {done} of {all} episodes", flush=True)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    parser = argparse.ArgumentParser(prog="python -m training.score", description=__doc__.split("`: ")[1])
+    switch = argparse.BooleanOptionalAction
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
+    parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
+    parser.add_argument("--splits", nargs="+", choices=SPLITS, default=SPLITS)
+    chosen = parser.parse_args(arguments)
+    try:
+        score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
+    except ChmarlError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,144 @@
+"""`python -m training.table`: train and evaluate every row of the tables; killed at any moment, it goes on.
+
+Every run is trained and evaluated in processes of its own, and leaves one small file under ``results/``. Runs that
+have one are skipped.
+"""
+
+import argparse
+import fnmatch
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from chmarl_pb.errors import ChmarlError, OptionError
+from training.page import write_page
+from training.rows import TABLES, Row
+from training.runs import Run, python
+from training.schedule import Schedule
+
+RESULTS, OUT, PAGE = Path("results"), Path("out/tables"), Path("docs/results.md")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    cut = given.index("--") if "--" in given else len(given)
+    parser = _parser()
+    chosen, extra = parser.parse_args(given[:cut]), tuple(given[cut + 1 :])
+    if extra and chosen.results == RESULTS:
+        parser.error("options after -- make other results: name another folder for them by --results")
+    page = PAGE if chosen.results == RESULTS else chosen.results / PAGE.name
+    for name in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(name, _interrupt)
+    try:
+        failed = [] if chosen.show else _work(chosen, extra, page)
+        write_page(chosen.results, page)
+    except KeyboardInterrupt:
+        print("\ninterrupted: the same command goes on", file=sys.stderr)
+        return 130
+    except ChmarlError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(page)
+    return 1 if failed else 0
+
+
+def _work(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> list[str]:
+    """Do all runs that are not finished; return the names of those that failed."""
+    runs = make_runs(chosen, extra)
+    schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page))
+    if schedule.waiting:
+        prepare(schedule.waiting, chosen.data, chosen.jobs)
+    schedule.work()
+    if schedule.waiting:
+        print(f"{len(schedule.waiting)} runs were not started: the time was up", file=sys.stderr)
+    return schedule.failed
+
+
+def make_runs(chosen: argparse.Namespace, extra: tuple[str, ...] = ()) -> list[Run]:
+    """Return the chosen runs, each once: first all rows with the first seed, then with the next.
+
+    Raises:
+        OptionError: no row has one of the given names.
+    """
+    rows = list(dict.fromkeys(row for table in chosen.table for row in TABLES[table]))
+    out = chosen.out or (OUT if chosen.results == RESULTS else chosen.results / "runs")
+    if chosen.only:
+        rows = [row for row in rows if any(fnmatch.fnmatch(row.slug, name) for name in _known(chosen.only, rows))]
+    return [Run(row, seed, out, chosen.results, chosen.data, extra) for seed in range(chosen.seeds) for row in rows]
+
+
+def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
+    slugs = list(dict.fromkeys(row.slug for row in rows))
+    for name in names:
+        if not fnmatch.filter(slugs, name):
+            raise OptionError(f"--only {name}: no such row; use {', '.join(slugs)}")
+    return names
+
+
+def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
+    """Make what several runs need, if it is missing: weights of ResNet-18, data sets, features of their pictures.
+
+    Raises:
+        DatasetError: a data set is damaged, or of another version.
+        ChmarlError: the weights cannot be made or used.
+    """
+    if not all(_is_trained(run) or run.row.observation != "visual" for run in runs):
+        from training.resnet import weights_file
+
+        if not weights_file().is_file():
+            if subprocess.run(python(["training.pretrain"])).returncode != 0:
+                raise ChmarlError("training.pretrain has failed, and pictures need its weights of ResNet-18")
+    for observation in dict.fromkeys(run.row.observation for run in runs if run.row.clones and not _is_trained(run)):
+        _prepare_data(observation, data, workers)
+
+
+def _is_trained(run: Run) -> bool:
+    return run.next_step() != "train"
+
+
+def _prepare_data(observation: str, data: Path, workers: int) -> None:
+    from rich.progress import Progress
+
+    from chmarl_pb.data.generate import generate
+    from chmarl_pb.data.recipe import Recipe
+
+    recipe = Recipe(observation=observation)
+    with Progress() as bar:
+        line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
+        dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
+    if observation == "visual":  # here, as two runs would write the same file
+        from training.features import kept_features
+        from training.resnet import frozen_resnet18
+
+        kept_features(dataset, frozen_resnet18())
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m training.table",
+        description="Train and evaluate every row of the tables; killed at any moment, it goes on.",
+        epilog="Options after -- go to every training, for tries: python -m training.table --results out/try --seeds 1 "
+        "--only qmix -- --episodes 200",
+    )
+    parser.add_argument("--table", nargs="+", choices=TABLES, default=list(TABLES), help="default: all")
+    parser.add_argument("--only", nargs="+", metavar="ROW", help="names of rows, e.g. qmix-messages or 'bc-*'")
+    parser.add_argument("--seeds", type=int, default=3, help="trainings of each row (default 3)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes side by side (default 2)")
+    parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")
+    parser.add_argument("--show", action="store_true", help="train nothing, write the page")
+    parser.add_argument("--data", type=Path, default=Path("out/data"), help="of data sets (default %(default)s)")
+    parser.add_argument("--out", type=Path, help=f"folder for models and logs (default {OUT})")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for results (default %(default)s)")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
