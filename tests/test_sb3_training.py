@@ -1,0 +1,189 @@
+"""Baselines of Stable-Baselines3: training, interruption, and their models as policies of the benchmark."""
+
+import json
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("sb3_contrib")
+import torch
+
+import chmarl_pb
+from chmarl_pb.evaluation.policies import find_policy, register_loader
+from chmarl_pb.planner.policy import Policy
+from training.checkpoint import CheckpointError
+from training.encoders import build_encoder
+from training.resnet import FEATURES, FrozenResNet18, ResNet18
+from training.sb3 import BEST, LAST, RESULT, load_policy, main, run
+from training.sb3_config import ALGORITHMS, Config
+from training.sb3_features import FeatureVecEnv, HouseholdFeatures
+from training.sb3_run import Log
+from training.sb3_validation import make_validation, validation_tasks
+
+torch.set_num_threads(1)  # these networks are too small for more
+HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"
+TINY: dict[str, Any] = {"envs": 1, "tasks": 2, "max_steps": 4, "features": 8, "image_size": 32}
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make rollouts small enough for tests."""
+    on_policy = {"n_steps": 4, "batch_size": 4, "n_epochs": 1}
+    smaller = {"ppo": on_policy, "recurrent-ppo": on_policy, "a2c": {"n_steps": 4}}
+    smaller["dqn"] = {"learning_starts": 4, "batch_size": 4}
+    for name, settings in smaller.items():
+        known = ALGORITHMS[name]
+        monkeypatch.setitem(ALGORITHMS, name, replace(known, settings={**known.settings, **settings}))
+
+
+class Both(Policy):
+    """Plays one policy and notes what another would have done."""
+
+    def __init__(self, first: Policy, second: Policy):
+        self.first, self.second, self.same = first, second, True
+
+    def reset(self, seed: int | None) -> None:
+        self.first.reset(seed)
+        self.second.reset(seed)
+
+    def act(self, observations: Any, infos: Any) -> Any:
+        actions = self.first.act(observations, infos)
+        self.same &= actions == self.second.act(observations, infos)
+        return actions
+
+
+@pytest.mark.parametrize(
+    ("algo", "env_id"),
+    [
+        ("ppo", HUMANOID),
+        ("ppo", "CHMARL/Visual-v0"),
+        ("a2c", JOINT),
+        ("dqn", JOINT),
+        ("dqn", "CHMARL/VisualHumanoid-v0"),
+        ("recurrent-ppo", JOINT),
+    ],
+)
+def test_trained_model_is_a_policy(algo: str, env_id: str, tmp_path: Path) -> None:
+    config = Config(algo, env_id, steps=8, interval=8, messages=False, **TINY)
+    run(config, tmp_path, workers=0)
+    register_loader(".zip", load_policy)
+    source = find_policy(str(tmp_path / BEST))
+    assert source.deterministic and source.sha256
+    env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32)
+    both = Both(source.make(env), source.make(env))
+    episode = chmarl_pb.rollout(env, both, seed=1)
+    again = chmarl_pb.rollout(env, both, seed=1)
+    assert both.same and episode.actions == again.actions and len(episode) == 4
+    other = chmarl_pb.parallel_env("visual" if config.observation == "scene_graph" else "scene_graph", image_size=32)
+    with pytest.raises(CheckpointError):
+        source.make(other)
+    env.close()
+    other.close()
+    result = json.loads((tmp_path / RESULT).read_text())
+    assert result["best"]["plw"] == max(row["plw"] for row in result["validations"]) and result["steps"] >= 8
+
+
+def weights(model: Any) -> dict[str, torch.Tensor]:
+    return model.policy.state_dict()
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = Config(algo, HUMANOID, steps=24, interval=8, **TINY)
+    whole = weights(run(config, tmp_path / "whole", workers=0))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Log, "write", killed_at_row(3))
+        with pytest.raises(KeyboardInterrupt):
+            run(config, tmp_path / "killed", workers=0)
+    assert (tmp_path / "killed" / LAST).exists()
+    resumed = weights(run(config, tmp_path / "killed", workers=0))
+    assert json.loads((tmp_path / "killed" / RESULT).read_text())["resumed_at"] > 0
+    assert all(torch.equal(value, resumed[name]) for name, value in whole.items())
+    results = [json.loads((tmp_path / name / RESULT).read_text()) for name in ("whole", "killed")]
+    assert results[0]["validations"] == results[1]["validations"]
+    run(config, tmp_path / "killed", workers=0)  # a finished run is not played again
+    with pytest.raises(CheckpointError, match="differ"):
+        run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
+
+
+def killed_at_row(number: int) -> Any:
+    """Return a writer of log rows that dies at one of them."""
+    rows, write = count(1), Log.write
+
+    def dies(*arguments: Any) -> None:
+        if next(rows) == number:
+            raise KeyboardInterrupt
+        write(*arguments)
+
+    return dies
+
+
+@pytest.mark.parametrize("env_id", [JOINT, "CHMARL/VisualHumanoid-v0"])
+def test_extractor_sees_what_the_encoder_sees(env_id: str) -> None:
+    """SB3's floats are taken back to the same ids and pictures."""
+    from stable_baselines3.common.preprocessing import preprocess_obs
+
+    env = gymnasium.make(env_id, image_size=32, split="val-unseen")
+    seen = {key: torch.from_numpy(np.asarray(value)[None]) for key, value in env.reset(seed=0)[0].items()}
+    extractor = HouseholdFeatures(env.observation_space, 8)
+    encoder = build_encoder(env.observation_space, 8)
+    encoder.load_state_dict(extractor.encoder.state_dict())
+    processed = preprocess_obs(seen, env.observation_space, normalize_images=False)
+    assert torch.equal(extractor(processed), encoder(seen))
+    env.close()
+
+
+def test_frozen_features_take_the_place_of_pictures() -> None:
+    torch.manual_seed(0)
+    resnet = FrozenResNet18(ResNet18().state_dict())
+    options = {"split": "val-unseen", "image_size": 32, "max_steps": 2}
+    env = FeatureVecEnv(chmarl_pb.sb3_vec_env(2, "CHMARL/Visual-v0", workers=0, **options), resnet)
+    space = env.observation_space
+    assert isinstance(space, spaces.Dict) and space["drone_image"].shape == (FEATURES,)
+    seen = env.reset()
+    assert seen["humanoid_image"].shape == (2, FEATURES) and seen["humanoid_image"].dtype == np.float16
+    for _ in range(2):
+        seen, _, ends, infos = env.step(np.array([env.action_space.sample()] * 2))
+    assert ends.all() and infos[1]["terminal_observation"]["drone_image"].shape == (FEATURES,)
+    env.close()
+
+
+def test_validation_pays_plw_and_begins_again_at_a_seed() -> None:
+    tasks = validation_tasks(3)
+    env = make_validation(JOINT, tasks, 2, {"max_steps": 3})
+    played = []
+    for seed in (0, None, None, 0):
+        _, info = env.reset(seed=seed)
+        played.append(info["humanoid"]["task_id"])
+    assert played == [tasks[0].id, tasks[2].id, tasks[1].id, tasks[0].id]
+    rewards = [env.step(np.array([9, 8]))[1] for _ in range(3)]
+    assert rewards == [0, 0, 0]  # both stay
+    env.close()
+
+
+def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:
+    from stable_baselines3 import PPO
+
+    foreign, broken = tmp_path / "foreign.zip", tmp_path / "broken.zip"
+    PPO("MlpPolicy", "CartPole-v1", device="cpu").save(foreign)
+    with pytest.raises(CheckpointError, match="not written by training"):
+        load_policy(foreign)
+    broken.write_bytes(foreign.read_bytes()[:1000])
+    with pytest.raises(CheckpointError, match="not a whole model"):
+        load_policy(broken)
+
+
+def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--algo", "qmix", "--env", JOINT])
+    with pytest.raises(SystemExit):
+        main(["--algo", "ppo", "--env", "CartPole-v1"])
+    assert "CHMARL/SceneGraph-v0" in capsys.readouterr().err

@@ -1,0 +1,187 @@
+"""`python -m training.sb3`: train a baseline of Stable-Baselines3; killed at any moment, the same command goes on."""
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict, fields
+from functools import partial
+from pathlib import Path
+
+import torch
+from gymnasium import spaces
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeImage
+
+import chmarl_pb
+from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.errors import ChmarlError
+from training.resnet import frozen_resnet18
+from training.sb3_config import ALGORITHMS, Config
+from training.sb3_features import FeatureVecEnv
+from training.sb3_policy import load_policy, save_model
+from training.sb3_run import Milestones, Validation, make_logger
+from training.sb3_validation import SPLIT, make_validation, validation_tasks
+
+__all__ = ["load_policy", "run"]
+
+BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
+_VALIDATION_ENVS = 2
+
+
+def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = True) -> BaseAlgorithm:
+    """Train a model, or go on with an interrupted run from its last checkpoint; it ends with the same numbers.
+
+    Args:
+        config: everything that fixes the run.
+        folder: for the best weights, checkpoints, log and result.
+        workers: processes of the environments; see :func:`chmarl_pb.sb3_vec_env`.
+        quiet: whether no progress is shown.
+
+    Returns:
+        The model with the last weights.
+
+    Raises:
+        CheckpointError: the folder's checkpoint is damaged or of other settings.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    tasks = validation_tasks(config.tasks)
+    make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
+    env = _wrapped(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options), config)
+    try:
+        validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
+        try:
+            return _learn(
+                config, folder, env, Validation(validation_env, len(tasks), folder, _Best(config, folder)), quiet
+            )
+        finally:
+            validation_env.close()
+    finally:
+        env.close()
+
+
+def _wrapped(env: VecEnv, config: Config) -> VecEnv:
+    if config.frozen:
+        env = FeatureVecEnv(env, frozen_resnet18())
+    env = VecMonitor(env)
+    space = env.observation_space
+    pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
+    return VecTransposeImage(env) if pictures else env
+
+
+def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, quiet: bool) -> BaseAlgorithm:
+    algorithm, start = ALGORITHMS[config.algo], time.perf_counter()
+    settings = config.settings(env.observation_space)
+    model = algorithm.model(
+        algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device="cpu", **settings
+    )
+    milestones = Milestones(validation, folder / LAST, asdict(config), config.seed, config.interval)
+    milestones.resume(model)
+    first = model.num_timesteps
+    model.set_logger(make_logger(folder, first))
+    if first < config.steps:
+        callbacks = [milestones, _Bar(config.steps, quiet)]
+        model.learn(config.steps - first, callbacks, log_interval=_log_interval(config), reset_num_timesteps=False)
+    rows = validation.rows()
+    best = max(rows, key=lambda row: row["plw"])
+    result = {
+        "config": asdict(config), "split": SPLIT, "best": best, "validations": rows, "steps": model.num_timesteps,
+        "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
+    }  # fmt: skip
+    (folder / RESULT).write_text(json.dumps(result, indent=1) + "\n")
+    return model
+
+
+def _log_interval(config: Config) -> int:
+    """Return how often SB3 logs: on-policy in rollouts, DQN in episodes."""
+    return 200 if config.algo == "dqn" else max(2_048 // (config.envs * ALGORITHMS[config.algo].settings["n_steps"]), 1)
+
+
+class _Best(BaseCallback):
+    """Keeps the weights that are the best so far."""
+
+    def __init__(self, config: Config, folder: Path):
+        super().__init__()
+        self._config, self._path = config, folder / BEST
+
+    def _on_step(self) -> bool:
+        save_model(self.model, self._config, self._path)
+        return True
+
+
+class _Bar(BaseCallback):
+    """Shows progress on standard error."""
+
+    def __init__(self, steps: int, quiet: bool):
+        super().__init__()
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
+        self._task = self._bar.add_task("steps", total=steps)
+
+    def _on_training_start(self) -> None:
+        self._bar.start()
+
+    def _on_step(self) -> bool:
+        self._bar.update(self._task, completed=self.model.num_timesteps)
+        return True
+
+    def _on_training_end(self) -> None:
+        self._bar.stop()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    options = vars(_parser().parse_args(arguments))
+    torch.set_num_threads(options.pop("threads"))
+    workers, out = options.pop("workers"), options.pop("out")
+    folder = out or Path("out/sb3") / _name(options)
+    try:
+        frozen = "Visual" in options["env_id"] and options["image_encoder"] == "resnet18"
+        config = Config(**options, frozen=frozen_resnet18().fingerprint if frozen else "")
+        run(config, folder, workers, quiet=False)
+    except ChmarlError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    best = json.loads((folder / RESULT).read_text())["best"]
+    print(f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on {SPLIT}. Evaluate it with")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {config.observation}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m training.sb3", description=__doc__.split("`: ")[1])
+    default = {field.name: field.default for field in fields(Config)}
+    switch = argparse.BooleanOptionalAction
+    parser.add_argument("--algo", choices=tuple(ALGORITHMS), required=True)
+    parser.add_argument("--env", choices=ENV_IDS, required=True, dest="env_id")
+    parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
+    parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
+    parser.add_argument("--image-encoder", choices=("cnn", "resnet18"), default="cnn", help="resnet18 is frozen")
+    texts = {
+        "steps": "of all environments", "seed": "of every random stream", "envs": "side by side",
+        "image_size": "pixels", "interval": "steps between two validations", "tasks": "validation tasks",
+    }  # fmt: skip
+    for name, text in texts.items():
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", type=int, default=default[name], help=f"{text}; default: %(default)s"
+        )
+    parser.add_argument("--learning-rate", type=float, help="default: that of the algorithm")
+    parser.add_argument("--workers", type=int, help="processes; default: one for each core")
+    parser.add_argument("--threads", type=int, default=1, help="of torch")
+    parser.add_argument("--out", type=Path, help="folder of the run; default: out/sb3/NAME")
+    return parser
+
+
+def _name(options: dict[str, object]) -> str:
+    """Return the name of a run's folder."""
+    parts = [options["algo"], str(options["env_id"]).removeprefix("CHMARL/").removesuffix("-v0").lower()]
+    parts += [word for word in ("messages", "feedback") if options[word]]
+    return "-".join([*map(str, parts), f"seed{options['seed']}"])
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,74 @@
+"""Our observations in Stable-Baselines3: its features extractor, and frozen features in the place of pictures."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from torch import Tensor
+
+from training.encoders import build_encoder
+from training.features import feature_space
+from training.resnet import FEATURES, FrozenResNet18
+
+_IMAGE = "image"  # end of the keys of pictures
+
+
+class HouseholdFeatures(BaseFeaturesExtractor):
+    """Encodes observations by :func:`training.encoders.build_encoder`.
+
+    Needs ``normalize_images=False``: SB3 turns all numbers into floats, which the encoder takes back to ids, and
+    would scale pictures, which the encoder does itself.
+    """
+
+    def __init__(self, observation_space: spaces.Space, features_dim: int = 128):
+        """Make the encoder of a space."""
+        super().__init__(observation_space, features_dim)
+        self.encoder = build_encoder(observation_space, features_dim)
+
+    def forward(self, observations: dict[str, Tensor]) -> Tensor:
+        """Return (B, features_dim)."""
+        return self.encoder(observations)
+
+
+class FeatureVecEnv(VecEnvWrapper):
+    """Environments whose pictures are replaced by features of the frozen ResNet-18, computed for all at once."""
+
+    def __init__(self, venv: VecEnv, resnet: FrozenResNet18):
+        """Wrap environments.
+
+        Raises:
+            ValueError: their observations are not Dicts.
+        """
+        space = venv.observation_space
+        if not isinstance(space, spaces.Dict):
+            raise ValueError(f"{space} is not a Dict of observations")
+        super().__init__(venv, observation_space=feature_space(space))
+        self.resnet = resnet
+
+    def reset(self) -> dict[str, np.ndarray]:
+        """Reset all environments."""
+        return encoded(self.venv.reset(), self.resnet)
+
+    def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return what came of the step."""
+        observations, rewards, ends, infos = self.venv.step_wait()
+        for info in infos:
+            if "terminal_observation" in info:
+                info["terminal_observation"] = encoded(info["terminal_observation"], self.resnet)
+        return encoded(observations, self.resnet), rewards, ends, infos
+
+
+def encoded(observation: Any, resnet: FrozenResNet18) -> dict[str, np.ndarray]:
+    """Return observations with features (..., 512) float16 in the place of pictures.
+
+    Args:
+        observation: key -> array; one observation or a batch.
+        resnet: computes the features.
+    """
+    keys = [key for key in observation if key.endswith(_IMAGE)]
+    pictures = np.stack([observation[key] for key in keys])
+    features = resnet(torch.from_numpy(pictures.reshape(-1, *pictures.shape[-3:]))).numpy()
+    return observation | dict(zip(keys, features.reshape(*pictures.shape[:-3], FEATURES), strict=True))

@@ -1,0 +1,155 @@
+"""``best.zip`` of a run: a model of Stable-Baselines3 with our settings beside it, and the policy made from it."""
+
+import json
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.vec_env import VecTransposeImage
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.planner.search import DroneSearch
+from training.checkpoint import CheckpointError, fill
+from training.features import feature_space
+from training.policy import silenced
+from training.resnet import FrozenResNet18, frozen_resnet18
+from training.sb3_config import ALGORITHMS, Config
+from training.sb3_features import encoded
+
+_SETTINGS = "chmarl_pb.json"  # member of the zip
+
+
+def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
+    """Write a model, whole or not at all, so that SB3 and :func:`load_policy` can read it."""
+    temporary = path.with_name(f"{path.stem}.unfinished.zip")
+    model.save(temporary)
+    with zipfile.ZipFile(temporary, "a") as archive:
+        archive.writestr(_SETTINGS, json.dumps(asdict(config)))
+    temporary.replace(path)
+
+
+def load_policy(path: Path) -> "Sb3Policies":
+    """Return what makes the policy of a ``best.zip``; entry point ``chmarl_pb.checkpoints``.
+
+    Only the settings (JSON) and the weights (``weights_only=True``) are read, so no code of the file is run.
+    SB3's own ``load`` unpickles the rest of the zip, which can run any code: use it on files that you trust only.
+
+    Raises:
+        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+    """
+    _read(path)
+    return Sb3Policies(path)
+
+
+class Sb3Policies:
+    """Makes the policies of a model; can be sent to other processes."""
+
+    deterministic = True
+
+    def __init__(self, path: Path):
+        """Remember the path of a model."""
+        self.path = path
+
+    def __call__(self, env: HouseholdEnv) -> Policy:
+        """Return the policy for an environment.
+
+        Raises:
+            CheckpointError: the model was trained with other observations, actions or frozen weights.
+        """
+        config, weights = _read(self.path)
+        torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
+        network = _network(config, env)
+        fill(network, weights, self.path)
+        network.set_training_mode(False)
+        return Sb3Policy(network.requires_grad_(False), config, env, self._resnet(config))
+
+    def _resnet(self, config: Config) -> FrozenResNet18 | None:
+        if not config.frozen:
+            return None
+        resnet = frozen_resnet18()
+        if resnet.fingerprint != config.frozen:
+            raise CheckpointError(f"{self.path}: was trained with other weights of ResNet-18; see training/resnet.py")
+        return resnet
+
+
+class Sb3Policy:
+    """Drives both robots by one network, or the humanoid by the network and the drone by the search policy."""
+
+    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
+        """Take a network over."""
+        self._network, self._config, self._resnet = network, config, resnet
+        self._silenced = silenced(asdict(config))
+        self._drone = DroneSearch(env.action_names["drone"], env.rooms) if config.alone else None
+        self._drone_actions = len(env.action_names["drone"])
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._state: Any = None
+        self._start = np.array([True])
+        if self._drone is not None:
+            self._drone.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return the most likely, or most valuable, action."""
+        heard = {name: self._heard(seen) for name, seen in observations.items()}
+        seen = heard["humanoid"] if self._config.alone else joined(heard)
+        if self._resnet is not None:
+            seen = encoded(seen, self._resnet)
+        chosen, self._state = self._network.predict(seen, self._state, self._start, deterministic=True)
+        self._start = np.array([False])
+        if self._drone is not None:
+            return {"humanoid": int(chosen), "drone": self._drone.act(observations["drone"], infos["drone"])}
+        numbers = divmod(int(chosen), self._drone_actions) if chosen.size == 1 else chosen
+        return {name: int(number) for name, number in zip(AGENTS, numbers, strict=True)}
+
+    def _heard(self, seen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return seen | {key: np.zeros_like(seen[key]) for key in self._silenced}
+
+
+def joined(robots: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of both robots as the joint ids name them."""
+    return {f"{name}_{key}": value for name in AGENTS for key, value in robots[name].items()}
+
+
+def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
+    """Return the network with new weights."""
+    parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
+    space = spaces.Dict(parts["humanoid"] if config.alone else joined(parts))
+    if config.frozen:
+        space = feature_space(space)
+    for key, part in space.items():
+        if isinstance(part, spaces.Box) and is_image_space(part):
+            space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
+    counts = [len(env.action_names[name]) for name in AGENTS]
+    actions: spaces.Space = spaces.Discrete(counts[0]) if config.alone else spaces.MultiDiscrete(counts)
+    if config.env_options.get("flat_actions"):
+        actions = spaces.Discrete(counts[0] * counts[1])
+    algorithm = ALGORITHMS[config.algo]
+    make = algorithm.model.policy_aliases[algorithm.policy]
+    return make(space, actions, lambda _: 0.0, **config.policy_kwargs)
+
+
+def _read(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
+    """Return settings and weights."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if _SETTINGS not in archive.namelist():
+                raise CheckpointError(
+                    f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
+                    "they are loaded; to evaluate one that you trust, load it in a module:callable"
+                )
+            config = Config(**json.loads(archive.read(_SETTINGS)))
+            with archive.open("policy.pth") as file:
+                return config, torch.load(file, map_location="cpu", weights_only=True)
+    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError, RuntimeError) as error:
+        if isinstance(error, CheckpointError):
+            raise
+        raise CheckpointError(f"{path}: not a whole model ({error}); copy or train it again") from error
