@@ -10,7 +10,7 @@ PYTHON ?= $(shell for p in python3.11 python3.10 python3 python; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' 2>/dev/null \
 	&& { echo $$p; break; }; done)
 
-.PHONY: demo test check test-slow bench peers scaling assets homes clean
+.PHONY: demo test check test-slow bench peers scaling tables assets homes clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -36,6 +36,11 @@ peers: $(PEERS)/.run
 
 scaling: $(VENV)/.dev
 	$(RUN)/python -m benchmarks.scaling
+
+# Train and evaluate all rows of the tables: docs/results.md. It takes long and goes on where it was interrupted.
+# ROWS="--table scene-graph --seeds 1" chooses; see docs/training.md.
+tables: $(VENV)/.dev
+	$(RUN)/python -m training.table $(ROWS)
 
 # Rebuild every generated file that is committed.
 assets: $(VENV)/.run

@@ -239,6 +239,17 @@ def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
             assert f" {value:.2f} |" in text
 
 
+def test_search_stands_below_with_the_numbers_of_the_benchmark(tmp_path: Path) -> None:
+    write_page(tmp_path / "results", tmp_path / "results.md")
+    lines = [line for line in (tmp_path / "results.md").read_text().splitlines() if line.startswith("| *search* |")]
+    measured = Path(__file__).parents[1].joinpath("docs", "benchmark.md").read_text()
+    for line, title in zip(lines[:2], ("PLW", "success"), strict=True):
+        told = next(row for row in measured.split(f"| {title} % |")[1].splitlines() if row.startswith("| search |"))
+        theirs = [float(cell.split("±")[0]) for cell in told.split("|")[3:7]]
+        ours = [float(cell) for cell in line.split("|")[4:-1:2]]
+        assert ours == pytest.approx(theirs, abs=0.06)
+
+
 def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)] + [run_of(tmp_path, "QMIX", table_name="visual")]
     work(runs, launch)

@@ -12,6 +12,7 @@ from training.runs import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
@@ -55,9 +56,10 @@ def draw_curves(
     if not panels:
         return []
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(4.2 * len(panels), 3.2), layout="constrained")
+        figure = Figure(figsize=(3.7 * len(panels) + 1.9, 3.2), layout="constrained")
         for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             _draw(axes, table == "feedback", known, *panel)
+        _add_legend(figure)
         path = folder / f"curves_{table.replace('-', '_')}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_suffix(".tmp")
@@ -78,6 +80,12 @@ def _curves(same: Sequence[Record], unit: str, name: str) -> list[NDArray[np.flo
     ]
 
 
+def _add_legend(figure: "Figure") -> None:
+    """Name every line once, at the right of all panels."""
+    lines = {str(line.get_label()): line for axes in figure.axes for line in axes.get_lines()}
+    figure.legend(list(lines.values()), list(lines), loc="outside right center", frameon=False, fontsize=8)
+
+
 def _draw(
     axes: "Axes", apart: bool, known: Sequence[tuple[Row, list[Record]]], title: str, unit: str, name: str
 ) -> None:
@@ -91,12 +99,14 @@ def _draw(
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
         style = "-" if row.messages else "--"
         axes.plot(x, y.mean(axis=0), color=colour, linestyle=style, label=_label(row) if apart else row.name)
-        axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+        axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)
+    from matplotlib.ticker import MaxNLocator
+
     axes.set_title(title)
     axes.set_xlabel(unit)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
-    axes.legend(fontsize=7, frameon=False)
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
 
 
 def _colour(row: Row) -> str:

@@ -1,6 +1,7 @@
 """The page of results: our tables beside the paper's, from the kept files of the runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from statistics import fmean, stdev
 
@@ -147,22 +148,21 @@ def _cell(values: Sequence[float]) -> str:
     return f"{100 * fmean(values):.1f}{spread}"
 
 
+@cache
 def _search(metric: str, split: str) -> float | None:
     """Return a metric of the search policy, from its reference lengths, 0 to 1."""
     reference = read_reference(split)
-    if reference is None:
+    if reference is None or reference.max_steps < MAX_STEPS:
         return None
-    score: Callable[[int, int], float] = path_weighted_of if metric == "plw" else lambda steps, best: 1.0
     return fmean(
-        0.0 if steps is None else score(steps, task.optimal_steps)
+        0.0 if steps is None or steps > MAX_STEPS else _of_success(metric, steps, task.optimal_steps)
         for task, lengths in reference.lengths.items()
         for steps in lengths[SEARCH]
     )
 
 
-def path_weighted_of(steps: int, optimal: int) -> float:
-    """Return the path-length-weighted score of a success."""
-    return path_weighted(True, steps, optimal)
+def _of_success(metric: str, steps: int, optimal: int) -> float:
+    return path_weighted(True, steps, optimal) if metric == "plw" else 1.0
 
 
 def _runs(records: Records) -> list[str]:
