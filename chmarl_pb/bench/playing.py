@@ -108,7 +108,7 @@ def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:
     return snapshots * TICKS_PER_FRAME * TIME_STEP
 
 
-def processes(effort: Effort, observation: str, each: int = 4) -> Samples:
+def processes(effort: Effort, observation: str, each: int = 16) -> Samples:
     """Yield joint steps a second of one and of two processes, resets included, each with ``each`` environments."""
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
         warm_up(env, scouted_poses(effort.warm_up))

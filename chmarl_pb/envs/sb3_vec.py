@@ -123,7 +123,8 @@ def sb3_vec_env(
     Args:
         n: number of environments.
         env_id: id of the environments, or a function that returns one, for wrappers.
-        workers: number of processes, each with several environments; 0 or 1: this process; None: one for each core.
+        workers: number of processes that step environments, this one among them; 0 or 1: this one alone; None: one
+            for each core.
         **options: of each environment; see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:

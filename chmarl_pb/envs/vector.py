@@ -1,4 +1,4 @@
-"""Many environments at once, as Gymnasium's VectorEnv: worker processes write into memory that all share."""
+"""Many environments at once, as Gymnasium's VectorEnv: several processes step them in memory that all share."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -181,7 +181,8 @@ def vector_env(
     Args:
         n: number of environments.
         env_id: id of the environments, or a function that returns one, for wrappers.
-        workers: number of processes, each with several environments; 0 or 1: this process; None: one for each core.
+        workers: number of processes that step environments, this one among them; 0 or 1: this one alone; None: one
+            for each core.
         autoreset_mode: when an environment whose episode is over is reset.
         copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
         **options: of each environment; see :class:`chmarl_pb.envs.options.Options`.

@@ -1,17 +1,17 @@
-"""Where the environments of a vector live: in this process, or in workers with memory that all share."""
+"""Where the environments of a vector live: in this process and in workers, with memory that all share."""
 
-import mmap
 import os
 import pickle
 import tempfile
 import time
 import weakref
+from contextlib import ExitStack
 from itertools import pairwise
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
@@ -21,6 +21,7 @@ from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signat
 from chmarl_pb.errors import ChmarlError
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
+_START: tuple[str, tuple[Any, ...]] = ("start", ())  # what workers do before they take commands
 _HARMLESS = ("call", "get", "has", "set", "wrapped")  # an error in one of these leaves the episodes as they are
 
 
@@ -36,91 +37,39 @@ class WorkerTraceback(Exception):
         return f"\n{self.args[0]}"
 
 
-class Engine(Protocol):
-    """Environments that take one command at a time, a method of :class:`Batch`, and answer it together."""
+class Engine:
+    """Environments in equal shares: the first share lives in this process, each other one in a worker.
 
-    signature: Signature
-    memory: Memory
+    They take one command at a time, a method of :class:`Batch`, and answer it together.
+    """
 
-    @property
-    def pending(self) -> bool:
-        """Whether a command has not been answered yet."""
-
-    def send(self, command: str, *arguments: Any) -> None:
-        """Give a command to all environments."""
-
-    def receive(self) -> list[Any]:
-        """Wait for the answers, one of each environment that the command is for, in their order."""
-
-    def close(self) -> None:
-        """Close the environments; closing twice is allowed."""
-
-
-class InProcess:
-    """Environments in this process."""
-
-    def __init__(self, make: MakeEnv, count: int, autoreset: AutoresetMode):
-        """Make environments; see :class:`Batch`."""
-        batch = Batch(make, range(count), autoreset)
-        self._close = weakref.finalize(self, batch.close)
-        self._batch, self.signature = batch, batch.signature
-        self.memory = Memory(batch.signature, count)
-        batch.share(self.memory)
-        self._command: tuple[str, tuple[Any, ...]] | None = None
-
-    @property
-    def pending(self) -> bool:
-        """Whether a command has not been answered yet."""
-        return self._command is not None
-
-    def send(self, command: str, *arguments: Any) -> None:
-        """Remember a command; it is carried out by ``receive``."""
-        _check_ready(self._close.alive, self.pending)
-        self._command = command, arguments
-
-    def receive(self) -> list[Any]:
-        """Carry the command out."""
-        if self._command is None:
-            raise NoAsyncCallError("there is no command to wait for", "receive")
-        (command, arguments), self._command = self._command, None
-        try:
-            return getattr(self._batch, command)(*arguments)
-        except BaseException:
-            if command not in _HARMLESS:
-                self.close()
-            raise
-
-    def close(self) -> None:
-        """Close the environments."""
-        self._close()
-
-
-class InWorkers:
-    """Environments in worker processes, in equal shares."""
-
-    def __init__(self, make: MakeEnv, count: int, workers: int, autoreset: AutoresetMode):
+    def __init__(self, make: MakeEnv, count: int, processes: int, autoreset: AutoresetMode):
         """Start workers and wait until all environments are made.
 
         Args:
             make: makes an environment; sent to the workers by cloudpickle.
             count: number of environments.
-            workers: number of processes, at most ``count``.
+            processes: number of processes with this one, at most ``count``.
             autoreset: when an environment whose episode is over is reset.
 
         Raises:
             WorkerError: a worker died.
         """
-        bounds = [count * worker // workers for worker in range(workers + 1)]
+        bounds = [count * process // processes for process in range(processes + 1)]
         self._shares = [range(low, high) for low, high in pairwise(bounds)]
         self._commands: list[Connection] = []
         self._answers: list[Connection] = []
         self._processes: list[BaseProcess] = []
-        self._close = weakref.finalize(self, _stop, self._commands, self._answers, self._processes)
-        self._command: str | None = "start"
+        stack = ExitStack()
+        self._close = weakref.finalize(self, stack.close)
+        stack.callback(_stop, self._commands, self._answers, self._processes)
+        self._command: tuple[str, tuple[Any, ...]] | None = _START
         try:
-            for share in self._shares:
+            for share in self._shares[1:]:
                 self._start(share, CloudpickleWrapper(make), autoreset)
-            self.signature: Signature = self.receive()[0]
+            self._batch = Batch(make, self._shares[0], autoreset)  # while the workers make theirs
+            stack.callback(self._batch.close)
+            self.receive()
             self._share_memory(count)
         except BaseException:
             self.close()
@@ -141,12 +90,24 @@ class InWorkers:
 
     def _share_memory(self, count: int) -> None:
         """Map a file here and in the workers; it loses its name at once and goes with the last of them."""
+        if not self._processes:
+            self._batch.share(Memory(self.signature, count))
+            return
         shm = Path("/dev/shm")
         with tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=shm if shm.is_dir() else None) as file:
             file.truncate(Memory.layout(self.signature, count).itemsize)
-            self.memory = Memory(self.signature, count, mmap.mmap(file.fileno(), 0))
             self.send("share_file", file.name, count)
             self.receive()
+
+    @property
+    def signature(self) -> Signature:
+        """What each of the environments is like."""
+        return self._batch.signature
+
+    @property
+    def memory(self) -> Memory:
+        """What the environments read and write."""
+        return self._batch.memory
 
     @property
     def pending(self) -> bool:
@@ -154,10 +115,13 @@ class InWorkers:
         return self._command is not None
 
     def send(self, command: str, *arguments: Any) -> None:
-        """Let the workers begin with a command."""
-        _check_ready(self._close.alive, self.pending)
-        message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL)
-        self._command = command
+        """Let the workers begin with a command; this process carries out its part in ``receive``."""
+        if not self._close.alive:
+            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+        if self.pending:
+            raise AlreadyPendingCallError("the answer to the last command has not been waited for", "send")
+        message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL) if self._processes else b""
+        self._command = command, arguments
         for worker, pipe in enumerate(self._commands):
             try:
                 pipe.send_bytes(message)
@@ -168,28 +132,40 @@ class InWorkers:
                 raise
 
     def receive(self) -> list[Any]:
-        """Wait for the answers of the workers.
+        """Carry out the command and wait for the workers; return an answer of each environment, in their order.
 
         Raises:
             WorkerError: a worker died; the others have been stopped.
-            Exception: what went wrong in an environment; unless it was an attribute, all workers have been stopped.
+            Exception: what went wrong in an environment; unless it was an attribute, all have been closed.
         """
         if self._command is None:
             raise NoAsyncCallError("there is no command to wait for", "receive")
+        command, arguments = self._command
         try:
-            answers = [self._answer(worker) for worker in range(len(self._answers))]
+            answers = [self._own(command, arguments), *map(self._answer, range(len(self._answers)))]
         except BaseException:  # an interrupt too: nobody knows how much of the answers has been read
             self.close()
             raise
-        command, self._command = self._command, None
+        self._command = None
+        entries: list[Any] = []
         for share, answer in zip(self._shares, answers, strict=True):
             if isinstance(answer, Failure):
                 if command not in _HARMLESS:
                     self.close()
+                if share is self._shares[0]:
+                    raise answer.error
                 raise answer.error from WorkerTraceback(f"in the worker of environments {list(share)}:\n{answer.trace}")
-        return [entry for answer in answers for entry in answer]
+            entries += answer
+        return entries
 
-    def _answer(self, worker: int) -> Any:
+    def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:
+        """Carry out this process's part of a command."""
+        try:
+            return getattr(self._batch, command)(*arguments)
+        except Exception as error:
+            return Failure(error, "")
+
+    def _answer(self, worker: int) -> list[Any] | Failure:
         try:
             return pickle.loads(self._answers[worker].recv_bytes())
         except (EOFError, ConnectionError) as error:
@@ -197,7 +173,7 @@ class InWorkers:
 
     def _death(self, worker: int) -> WorkerError:
         """Return the error of a worker that has died, and stop the others."""
-        process, share, starting = self._processes[worker], self._shares[worker], self._command == "start"
+        process, share, starting = self._processes[worker], self._shares[worker + 1], self._command is _START
         process.join(_PATIENCE)
         code = process.exitcode
         self.close()
@@ -208,7 +184,7 @@ class InWorkers:
         return WorkerError(f"{where} died (exit code {code}{mend}); all workers have been stopped")
 
     def close(self) -> None:
-        """End the workers."""
+        """Close the environments and end the workers; closing twice is allowed."""
         self._close()
 
 
@@ -224,16 +200,7 @@ def _stop(commands: list[Connection], answers: list[Connection], processes: list
             process.join()
 
 
-def _check_ready(alive: bool, pending: bool) -> None:
-    if not alive:
-        raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
-    if pending:
-        raise AlreadyPendingCallError("the answer to the last command has not been waited for", "send")
-
-
 def start(make: MakeEnv, count: int, workers: int | None, autoreset: AutoresetMode) -> Engine:
-    """Make environments in this process (workers 0 or 1) or in others (None: one for each core)."""
+    """Make environments in this process (workers 0 or 1) or in some, this one included (None: one for each core)."""
     wanted = (os.cpu_count() or 1) if workers is None else workers
-    if min(wanted, count) <= 1:
-        return InProcess(make, count, autoreset)
-    return InWorkers(make, count, min(wanted, count), autoreset)
+    return Engine(make, count, min(max(wanted, 1), count), autoreset)

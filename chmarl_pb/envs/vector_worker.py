@@ -88,9 +88,13 @@ class Batch:
         self._over = [False for _ in numbers]
         self._finders = [ChangeFinder() for _ in numbers]
 
+    def start(self) -> list[None]:
+        """Do nothing; the answer tells that the environments have been made."""
+        return []
+
     def share(self, memory: Memory) -> None:
         """Read and write this memory from now on."""
-        self._memory = memory
+        self.memory = memory
         self._rows = [
             {key: array[number, ...] for key, array in memory.observations.items()} for number in self.numbers
         ]
@@ -122,7 +126,7 @@ class Batch:
             observation, info = env.reset()
             self._write(index, observation, 0.0, False, False)
             return info
-        action = self._memory.actions[self.numbers[index]]
+        action = self.memory.actions[self.numbers[index]]
         observation, reward, terminated, truncated, info = env.step(action)
         if (terminated or truncated) and self.autoreset is AutoresetMode.SAME_STEP:
             final = {"final_obs": observation, "final_info": info}
@@ -135,7 +139,7 @@ class Batch:
         values = observation if isinstance(observation, dict) else {"": observation}
         for key, row in self._rows[index].items():
             row[...] = values[key]
-        number, memory = self.numbers[index], self._memory
+        number, memory = self.numbers[index], self.memory
         memory.rewards[number], memory.terminated[number], memory.truncated[number] = reward, terminated, truncated
         self._over[index] = terminated or truncated
 
@@ -192,7 +196,8 @@ def serve(
 
     Args:
         commands: from the parent: a method of :class:`Batch` and its arguments, pickled.
-        answers: to the parent: what the method returns or a :class:`Failure`, pickled; the first one is the signature.
+        answers: to the parent: what the method returns or a :class:`Failure`, pickled; the first one, that
+            of ``start``, comes unasked.
         make: makes an environment.
         numbers: of this worker's environments.
         autoreset: when an environment whose episode is over is reset.
@@ -205,7 +210,7 @@ def serve(
             answers.send(_failure(error))
             return
         with closing(batch):
-            answers.send([batch.signature])
+            answers.send(batch.start())
             while True:
                 command, arguments = pickle.loads(commands.recv_bytes())
                 answers.send_bytes(_answer(batch, command, arguments))
