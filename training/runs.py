@@ -85,7 +85,7 @@ class Run:
     def spend(self, step: str, seconds: float) -> None:
         """Add to the time of a step."""
         state = self.state()
-        state["seconds"][step] = round(state["seconds"][step] + seconds, 1)
+        state["seconds"][step] = round(state["seconds"][step] + seconds, 3)
         write_atomically(self.folder / STATE, json.dumps(state))
 
     def finish(self, step: str) -> None:
