@@ -30,6 +30,23 @@ def test_custom_learner_is_short_and_learns(capsys: pytest.CaptureFixture[str]) 
     assert "episode 1: return" in capsys.readouterr().out
 
 
+def test_torchrl_rollout(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torchrl")
+    example("torchrl_rollout").main(["--steps", "3", "--split", "val-unseen"])
+    assert "drone: 3 steps, return" in capsys.readouterr().out
+
+
+def test_rllib_ppo(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ray.rllib")
+    example("rllib_ppo").main(["--iterations", "1", "--batch", "56"])
+    assert "iteration 0: mean return" in capsys.readouterr().out
+
+
+def test_all_examples_are_short() -> None:
+    lengths = {path.name: len(path.read_text().splitlines()) for path in EXAMPLES.glob("*.py")}
+    assert len(lengths) >= 4 and max(lengths.values()) < 60, lengths
+
+
 def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = Config(episodes=1, envs=1, horizon=4, learning_starts=9, buffer_size=1, features=8, hidden=8)
     train(

@@ -54,10 +54,9 @@ def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = 
     env = _wrapped(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options), config)
     try:
         validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
+        validation = Validation(validation_env, len(tasks), config.sampled, folder, _Best(config, folder))
         try:
-            return _learn(
-                config, folder, env, Validation(validation_env, len(tasks), folder, _Best(config, folder)), quiet
-            )
+            return _learn(config, folder, env, validation, quiet)
         finally:
             validation_env.close()
     finally:

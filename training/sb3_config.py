@@ -98,6 +98,11 @@ class Config:
         return "Humanoid" in self.env_id
 
     @property
+    def sampled(self) -> bool:
+        """Whether actions are drawn when a trained policy plays; without memory, the likeliest repeats its failures."""
+        return self.algo != "dqn"
+
+    @property
     def observation(self) -> str:
         """The benchmark's name of what is observed."""
         return "visual" if "Visual" in self.env_id else "scene_graph"

@@ -45,18 +45,16 @@ def load_policy(path: Path) -> "Sb3Policies":
     Raises:
         CheckpointError: the file is damaged, or was not written by ``training.sb3``.
     """
-    _read(path)
     return Sb3Policies(path)
 
 
 class Sb3Policies:
     """Makes the policies of a model; can be sent to other processes."""
 
-    deterministic = True
-
     def __init__(self, path: Path):
         """Remember the path of a model."""
         self.path = path
+        self.deterministic = not _read(path)[0].sampled  # as `evaluate` asks
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -94,16 +92,21 @@ class Sb3Policy:
         """Forget the last episode."""
         self._state: Any = None
         self._start = np.array([True])
+        self._stream = torch.Generator().manual_seed(seed or 0).get_state()
         if self._drone is not None:
             self._drone.reset(seed)
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return the most likely, or most valuable, action."""
+        """Return drawn actions, or the most valuable ones of DQN."""
         heard = {name: self._heard(seen) for name, seen in observations.items()}
         seen = heard["humanoid"] if self._config.alone else joined(heard)
         if self._resnet is not None:
             seen = encoded(seen, self._resnet)
-        chosen, self._state = self._network.predict(seen, self._state, self._start, deterministic=True)
+        with torch.random.fork_rng(devices=[]):  # SB3 draws from the global stream: lend it that of the episode
+            torch.set_rng_state(self._stream)
+            greedy = not self._config.sampled
+            chosen, self._state = self._network.predict(seen, self._state, self._start, deterministic=greedy)
+            self._stream = torch.get_rng_state()
         self._start = np.array([False])
         if self._drone is not None:
             return {"humanoid": int(chosen), "drone": self._drone.act(observations["drone"], infos["drone"])}

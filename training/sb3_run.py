@@ -22,12 +22,16 @@ _COUNTERS = ("num_timesteps", "exploration_rate", "_n_updates", "_n_calls", "_ep
 class Validation(EvalCallback):
     """Plays the same validation tasks each time; the mean reward, by which the best weights are chosen, is PLW."""
 
-    def __init__(self, env: VecEnv, tasks: int, folder: Path, on_best: BaseCallback):
+    def __init__(self, env: VecEnv, tasks: int, sampled: bool, folder: Path, on_best: BaseCallback):
         """Validate in environments of :func:`training.sb3_validation.make_validation`."""
-        super().__init__(env, on_best, n_eval_episodes=tasks, eval_freq=1, log_path=str(folder), verbose=0, warn=False)
+        super().__init__(
+            env, on_best, n_eval_episodes=tasks, eval_freq=1, log_path=str(folder), deterministic=not sampled,
+            verbose=0, warn=False,
+        )  # fmt: skip
 
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
+        torch.manual_seed(0)  # training begins its own stream anew after this
         return super()._on_step()
 
     def history(self) -> dict[str, Any]:

@@ -1,0 +1,53 @@
+"""The environment in TorchRL: one random episode as a TensorDict (pip install torchrl).
+
+python examples/torchrl_rollout.py --steps 28
+"""
+
+import argparse
+
+from pettingzoo.utils import BaseParallelWrapper
+from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+
+import chmarl_pb
+
+
+class Numbers(BaseParallelWrapper):
+    """Keeps of the infos what fits into a tensor: the masks of actions."""
+
+    def reset(self, seed=None, options=None):
+        """Start an episode."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return observations, _masks(infos)
+
+    def step(self, actions):
+        """Let both robots act."""
+        *rest, infos = self.env.step(actions)
+        return *rest, _masks(infos)
+
+
+def _masks(infos):
+    return {robot: {"action_mask": info["action_mask"].astype(bool)} for robot, info in infos.items()}
+
+
+def main(arguments=None):
+    """Play at random, and print what each robot observed and was paid."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--observation", default="scene_graph", choices=("scene_graph", "visual"))
+    parser.add_argument("--split", default="train")
+    parser.add_argument("--steps", type=int, default=28)
+    options = parser.parse_args(arguments)
+    inner = Numbers(chmarl_pb.parallel_env(options.observation, split=options.split, max_steps=options.steps))
+    # The robots differ in their actions, so each is a group of its own; by default TorchRL would ask for equal ones.
+    groups = {robot: [robot] for robot in inner.possible_agents}
+    env = PettingZooWrapper(inner, group_map=groups, use_mask=True, seed=0)
+    try:
+        episode = env.rollout(options.steps)
+        for robot in groups:
+            shapes = {key: tuple(value.shape[2:]) for key, value in episode[robot, "observation"].items()}
+            print(f"{robot}: {len(episode)} steps, return {episode['next', robot, 'reward'].sum():.1f}, {shapes}")
+    finally:
+        env.close()
+
+
+if __name__ == "__main__":
+    main()
