@@ -198,15 +198,8 @@ def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, col
     It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards, and the light.
     """
     boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    normals = np.empty((3, 3), np.float32)
-    for left, right, top, bottom in boxes:
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                face = canvas.face[row, column]
-                if face >= 0:
-                    _shade(face, row, column, models, placed, light, scratch, normals, colour)
-                    canvas.face[row, column] = -1
-                    canvas.raw[row, column] = -np.inf
+    _shade(boxes, models, placed, light, canvas.face, scratch, colour)
+    _wipe(boxes, canvas.raw, canvas.face)
 
 
 @compiled
@@ -217,33 +210,59 @@ def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scr
     from ``first`` on.
     """
     boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    normals = np.empty((3, 3), np.float32)
-    for left, right, top, bottom in boxes:
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                face = canvas.face[row, column]
-                if face >= 0:
-                    _shade(face, row, column, models, placed, light, scratch, normals, colour)
-                    depth[row, column] = depth_of(canvas.raw[row, column], lens.planes[0], lens.planes[1])
-                    links[row, column] = first + models.body[models.part[face]]
-                    canvas.face[row, column] = -1
-                    canvas.raw[row, column] = -np.inf
+    _shade(boxes, models, placed, light, canvas.face, scratch, colour)
+    near, far, raw, faces = lens.planes[0], lens.planes[1], canvas.raw, canvas.face
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = faces[row, column]
+            if face >= 0:
+                depth[row, column] = depth_of(raw[row, column], near, far)
+                links[row, column] = first + models.body[models.part[face]]
+    _wipe(boxes, raw, faces)
 
 
 @compiled
-def _shade(face, row, column, models, placed, light, scratch, normals, colour):  # type: ignore[no-untyped-def]
-    """Set the colour of a pixel in which a triangle is seen."""
-    part, corners = models.part[face], models.corners[face]
-    b0, b1, b2 = weights_at(
-        _rows_of(scratch, corners[0], corners[1], corners[2]),
-        np.float64(column),
-        np.float64(colour.shape[0] - 1 - row),
-    )
-    _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
-    ambient, reflected = brightness(normals, b0, b1, b2, light)
-    for i in range(3):
-        own = np.float32(models.colour[part, i])
-        colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignore[no-untyped-def]
+    """Set the colours of the pixels in which triangles are seen."""
+    normals = np.empty((3, 3), np.float32)
+    last = colour.shape[0] - 1
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = faces[row, column]
+            if face < 0:
+                continue
+            part, corners = models.part[face], models.corners[face]
+            b0, b1, b2 = weights_at(
+                _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(last - row)
+            )
+            _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+            ambient, reflected = brightness(normals, b0, b1, b2, light)
+            for i in range(3):
+                own = np.float32(models.colour[part, i])
+                colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+
+
+@compiled
+def _union(boxes):  # type: ignore[no-untyped-def]
+    """Return the smallest box around boxes."""
+    left, right, top, bottom = 1 << 30, -1, 1 << 30, -1
+    for number in range(len(boxes)):
+        if boxes[number, 1] >= boxes[number, 0]:
+            left, right = min(left, boxes[number, 0]), max(right, boxes[number, 1])
+            top, bottom = min(top, boxes[number, 2]), max(bottom, boxes[number, 3])
+    return left, right, top, bottom
+
+
+@compiled
+def _wipe(boxes, raw, faces):  # type: ignore[no-untyped-def]
+    """Make a canvas clean again."""
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            faces[row, column] = -1
+            raw[row, column] = -np.inf
 
 
 @compiled
