@@ -3,6 +3,7 @@
 import numpy as np
 import pybullet
 
+from chmarl_pb.errors import AssetError
 from chmarl_pb.sensing import placing, raster
 from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.meshes import models_of, parts_of
@@ -18,7 +19,8 @@ class HomeModel:
         """Read the body's meshes.
 
         Raises:
-            AssetError: TinyRenderer has to draw it: a visual shape is no box and no plain mesh.
+            AssetError: TinyRenderer has to draw it: a visual shape is no box and no plain mesh, or PyBullet does not
+                tell where a link is, as from the 128th on.
         """
         links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
         parts = parts_of(client, body)
@@ -57,4 +59,7 @@ def _pose(client: int, body: int, link: int) -> tuple[tuple[float, ...], tuple[f
     """Return where a link's inertial frame is."""
     if link < 0:
         return pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
-    return pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)[:2]
+    try:
+        return pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)[:2]
+    except pybullet.error as error:
+        raise AssetError(f"link {link}: {error}") from error
