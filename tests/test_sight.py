@@ -197,7 +197,9 @@ def test_a_home_of_more_links_than_pybullet_tells_of_is_drawn_by_tinyrenderer(
 ) -> None:
     posts = {f"livingroom/wall_{n}": ((0.02, 0.2, 0.1), (-1.6 + 0.02 * n, 0.5, 0.05)) for n in range(140)}
     stage = Stage(str(write_home(home_text({**SMALL_HOME, **posts}))))
-    assert_same(stage, "drone", 128)
+    wander(stage, np.random.default_rng(10))
+    # Colours only: PyBullet's segmentation numbers no more than 127 links.
+    np.testing.assert_array_equal(stage.sight.colours("drone", 128), full_picture(stage, "drone", 128).rgb)
     stage.close()
 
 
