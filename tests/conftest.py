@@ -4,6 +4,8 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,10 @@ from chmarl_pb.tasks.task import Task
 
 def pytest_configure(config: pytest.Config) -> None:
     """Give each run a view store of its own; its workers and subprocesses inherit the variable."""
+    with suppress(ImportError):
+        # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
+        # Numba's work, Triton has ended the process.
+        import_module("torch._dynamo")
     if not hasattr(config, "workerinput"):
         folder = tempfile.mkdtemp(prefix="chmarl-views-")
         os.environ["CHMARL_CACHE"] = folder
