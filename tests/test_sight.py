@@ -11,9 +11,11 @@ from conftest import SMALL_HOME, home_text
 from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.stage import Stage
+from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.sensing.camera import Picture, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
+from chmarl_pb.sensing.meshes import _read_obj
 from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.task import Task
 
@@ -215,3 +217,23 @@ def test_observed_pictures_are_full_pictures_in_both_executions(execution: str) 
         observations, *_ = env.step({"humanoid": env.action_names["humanoid"].index(action), "drone": drone})
     assert env.outcome.success
     env.close()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 9//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf -1//1 -2//1 -3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvn 0 0 1\nf 1//1 2//1 4//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        "v zero 0 0\n",
+    ],
+    ids=["materials", "range", "relative", "normal", "polygon", "flat", "word"],
+)
+def test_meshes_beyond_our_rasteriser_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text(text)
+    with pytest.raises(AssetError, match=r"mesh\.obj"):
+        _read_obj(path)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,16 +53,19 @@ def parts_of(client: int, body: int) -> list[Part]:
     Raises:
         AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
     """
-    parts = []
-    for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
-        _, link, kind, size, name, position, quaternion, rgba = shape[:8]
-        if rgba[3] == 0:
-            continue
+    parts, read = [], cache(_read_obj)
+    flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
+    for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
+        _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
+        if texture >= 0:
+            raise AssetError(f"{name.decode() or 'a box'}: textures are not known to our own rasteriser")
         if kind == pybullet.GEOM_BOX:
             points, normals, corners = _box(size)
         else:
-            vertices, normals, corners = _read_obj(_obj_path(kind, name))
+            vertices, normals, corners = read(_obj_path(kind, name))
             points = (vertices.astype(float) * size).astype(np.float32)
+        if rgba[3] == 0 or not len(corners):
+            continue  # nothing to see
         centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
         # PyBullet's own functions for transforms round to single precision.
         inverse = rotation(np.array(turn)).T
@@ -92,31 +95,35 @@ def _box(size: Sequence[float]) -> tuple[Floats, Floats, NDArray[np.int32]]:
     )
 
 
-@lru_cache(maxsize=1024)
 def _read_obj(path: Path) -> tuple[Floats, Floats, NDArray[np.int32]]:
     """Return vertices, normals and corners of a Wavefront file.
 
     Raises:
-        AssetError: it has materials, polygons of more than three corners, or corners without normals.
+        AssetError: it has materials, polygons of more than three corners, corners without normals, or numbers that
+            point nowhere.
     """
     rows: dict[str, list[list[float]]] = {"v": [], "vn": []}
     corners = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        kind, *values = line.split() or [""]
-        if kind in rows:
-            rows[kind].append([float(value) for value in values[:3]])
-        elif kind == "f":
-            numbers = [value.split("/") for value in values]
-            if len(numbers) != 3 or any(len(number) != 3 or int(number[0]) < 1 for number in numbers):
-                raise AssetError(f"{path}: face {' '.join(values)!r} is no triangle with normals")
-            corners.append([int(number[column]) - 1 for column in (0, 2) for number in numbers])
-        elif kind == "mtllib":
-            raise AssetError(f"{path}: materials are not known to our own rasteriser")
-    return (
-        np.array(rows["v"], dtype=np.float32),
-        np.array(rows["vn"], dtype=np.float32),
-        np.array(corners, dtype=np.int32).reshape(-1, 6),
-    )
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            kind, *values = line.split() or [""]
+            if kind in rows:
+                rows[kind].append([float(value) for value in values[:3]])
+            elif kind == "f":
+                (a, _, u), (b, _, v), (c, _, w) = (value.split("/") for value in values)
+                corners.append([int(number) - 1 for number in (a, b, c, u, v, w)])
+            elif kind == "mtllib":
+                raise AssetError(f"{path}: materials are not known to our own rasteriser")
+        vertices, normals = (np.array(rows[kind], dtype=np.float32).reshape(-1, 3) for kind in ("v", "vn"))
+    except ValueError as error:
+        raise AssetError(f"{path}: not a mesh of triangles with normals ({error})") from error
+    numbers = np.array(corners, dtype=np.int32).reshape(-1, 6)
+    # The compiled code does not look whether a number is in range.
+    if (numbers < 0).any() or (numbers >= np.repeat((len(vertices), len(normals)), 3)).any():
+        raise AssetError(f"{path}: a face names a corner or a normal that the file does not have")
+    if not (normals != 0).any(axis=1).all():
+        raise AssetError(f"{path}: a normal has no direction")
+    return vertices, normals, numbers
 
 
 def _moved(points: Floats, basis: NDArray[np.float64], origin: NDArray[np.float64]) -> Floats:
