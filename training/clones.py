@@ -47,7 +47,7 @@ class CloningConfig:
     feedback: bool = True
     noise: float = 0.0
     seed: int = 0
-    epochs: int = 20
+    epochs: int = 10
     batch_size: int = 16
     learning_rate: float = 2e-3
     weight_decay: float = 1e-4
@@ -57,7 +57,7 @@ class CloningConfig:
     past_actions: bool = True
     image_encoder: str = "resnet18"
     temperature: float = 0.0
-    validation_interval: int = 5
+    validation_interval: int = 2
     validation_tasks: int = 50
 
     @property
