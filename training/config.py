@@ -38,10 +38,10 @@ class Config:
     """
 
     seed: int = 0
-    episodes: int = 12_000
-    envs: int = 4
+    episodes: int = 6_000
+    envs: int = 8
     horizon: int = 28
-    updates: int = 2
+    updates: int = 4
     batch_size: int = 32
     learning_starts: int = 128
     buffer_size: int = 4_000
@@ -59,8 +59,8 @@ class Config:
     embedding: int = 32
     joint_units: int = 64
     image_encoder: str = "cnn"
-    validation_interval: int = 2_000
-    checkpoint_interval: int = 2_000
+    validation_interval: int = 1_000
+    checkpoint_interval: int = 1_000
     log_interval: int = 200
 
     def epsilon(self, episodes: int) -> float:
