@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch")
 from tests.uneven_env import UnevenEnv  # noqa: E402
 from training import Config, train  # noqa: E402
 from training.checkpoint import CheckpointError, load, save  # noqa: E402
-from training.collect import Collector  # noqa: E402
+from training.collect import Collector, epsilon_greedy  # noqa: E402
 from training.config import ALGORITHMS  # noqa: E402
 from training.games import MATRIX_GAMES, MatrixGame  # noqa: E402
 from training.learner import Learner  # noqa: E402
@@ -51,7 +51,7 @@ def test_interface_of_uneven_agents(collector: Collector) -> None:
 
 
 def test_collected_steps_know_who_acted_and_who_ended(collector: Collector) -> None:
-    episode = collector.play(learner(collector).agents, 1.0, np.random.default_rng(0), [0, 1, 2])[0]
+    episode = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])[0]
     assert np.array(episode.acted).tolist() == [[True, True], [True, True], [True, False], [True, False]]
     assert np.array(episode.terminated).tolist() == [[False, False], [False, True], [False, False], [False, False]]
     assert len(episode.observations) == len(episode.states) == 5
@@ -61,16 +61,16 @@ def test_collected_steps_know_who_acted_and_who_ended(collector: Collector) -> N
 
 def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:
     agents = learner(collector).agents
-    first = collector.play(agents, 0.5, np.random.default_rng(3), [5, 6])
-    collector.play(agents, 0.5, np.random.default_rng(9), [1, 2, 3])
-    second = collector.play(agents, 0.5, np.random.default_rng(3), [5, 6])
+    first = collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(3), [5, 6])
+    collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(9), [1, 2, 3])
+    second = collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(3), [5, 6])
     assert [episode.actions for episode in first] == [episode.actions for episode in second]
     assert [episode.gain for episode in first] == [episode.gain for episode in second]
 
 
 def test_replay_gives_back_what_it_got(collector: Collector) -> None:
     replay = Replay(collector.interface, SMALL.horizon, 10, 1.0)
-    episodes = collector.play(learner(collector).agents, 1.0, np.random.default_rng(0), [0, 1, 2])
+    episodes = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])
     for episode in episodes:
         replay.add(episode)
     batch = replay.sample(99, np.random.default_rng(0))
@@ -86,10 +86,10 @@ def test_replay_forgets_the_oldest_and_leaves_no_trace_of_it() -> None:
     agents, rng = learner(collector).agents, np.random.default_rng(0)
     replay = Replay(collector.interface, 5, 2, 1.0)
     for seed in range(2):
-        replay.add(collector.play(agents, 1.0, rng, [seed])[0])
+        replay.add(collector.play(agents, epsilon_greedy(1.0), rng, [seed])[0])
     short = Collector(partial(UnevenEnv, 3), 1)
     for seed in range(2):
-        replay.add(short.play(agents, 1.0, rng, [seed])[0])
+        replay.add(short.play(agents, epsilon_greedy(1.0), rng, [seed])[0])
     batch = replay.sample(2, rng)
     assert len(replay) == 2 and batch.rewards.shape[1] == 3
     assert not replay._kept["acted"][:, 3:].any()
@@ -100,7 +100,7 @@ def test_replay_is_bounded(collector: Collector) -> None:
     assert wide.capacity == int(0.001 * 2**30 / wide.episode_bytes) < 10**6
     with pytest.raises(ValueError, match="memory_gib"):
         Replay(collector.interface, 5, 10, memory_gib=1e-9)
-    episode = collector.play(learner(collector).agents, 1.0, np.random.default_rng(0), [0])[0]
+    episode = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0])[0]
     with pytest.raises(ValueError, match="horizon=3"):
         Replay(collector.interface, 3, 10, 1.0).add(episode)
 

@@ -6,7 +6,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from training.config import Config
+from training.config import RunConfig
 from training.encoders import build_encoder
 from training.spaces import Tree, over
 
@@ -16,11 +16,11 @@ NO_ACTION = -1  # last action at the first step
 class Agent(nn.Module):
     """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018."""
 
-    def __init__(self, space: spaces.Space, actions: int, config: Config):
+    def __init__(self, space: spaces.Space, actions: int, config: RunConfig):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
-        self.encoder = build_encoder(space, config.features, config.image_encoder)
+        self.encoder = build_encoder(space, config.features, config.image_encoder, config.graph_pool)
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
 
@@ -40,7 +40,7 @@ class Agent(nn.Module):
         return self.head(histories), histories, hidden
 
 
-def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], config: Config) -> nn.ModuleDict:
+def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], config: RunConfig) -> nn.ModuleDict:
     """Return agent -> its network, from its observation space and its number of actions."""
     return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
 

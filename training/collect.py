@@ -1,17 +1,59 @@
-"""Play episodes side by side in one process, with epsilon-greedy agents that act in one batch."""
+"""Play episodes side by side in one process, with agents that act in one batch."""
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from training.agents import Player
 from training.losses import best_legal
 from training.replay import Episode
 from training.spaces import Interface, interface_of, over, stack, tensors, zeros
+
+NO_LABEL = -1  # nobody has said what would have been right
+
+
+class Choose(Protocol):
+    """How actions are chosen from what the networks give for them."""
+
+    def __call__(self, values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return the actions (B).
+
+        Args:
+            values: (B, A) of the actions.
+            legal: (B, A) bool.
+            labels: (B) what the teacher would do, or ``NO_LABEL``.
+            rng: for random choices.
+        """
+
+
+class Teacher(Protocol):
+    """Says in every state what to do; see :class:`chmarl_pb.planner.policy.Policy`."""
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+
+    def act(self, observations: dict[str, Any], infos: dict[str, Any]) -> dict[str, int]:
+        """Return agent -> what it should do."""
+
+
+def epsilon_greedy(epsilon: float) -> Choose:
+    """Return the best legal actions, but for a share of random ones."""
+
+    def choose(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        best = best_legal(values, legal).numpy()
+        random = np.array([rng.choice(np.flatnonzero(row)) for row in legal.numpy()])
+        return np.where(rng.random(len(best)) < epsilon, random, best)
+
+    return choose
+
+
+def greedy(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the best legal actions."""
+    return best_legal(values, legal).numpy()
 
 
 class Collector:
@@ -24,35 +66,44 @@ class Collector:
         seconds: time that they took.
     """
 
-    def __init__(self, env_fn: Callable[[], Any], count: int):
-        """Make the environments."""
+    def __init__(self, env_fn: Callable[[], Any], count: int, teacher: Callable[[Any], Teacher] | None = None):
+        """Make the environments, and a teacher for each of them, if wanted."""
         self.envs = [env_fn() for _ in range(count)]
+        self._teachers = [teacher(env) for env in self.envs] if teacher else []
         self.interface: Interface = interface_of(self.envs[0])
         self.steps, self.seconds = 0, 0.0
 
     def play(
         self,
         agents: nn.ModuleDict,
-        epsilon: float,
+        choose: Choose,
         rng: np.random.Generator,
         seeds: Sequence[int],
         options: Sequence[dict[str, Any] | None] | None = None,
+        taught: bool = False,
     ) -> list[Episode]:
         """Play one episode in each of the first environments.
 
         Args:
             agents: agent -> its network.
-            epsilon: share of random legal actions.
-            rng: of the random actions.
+            choose: chooses the actions.
+            rng: of random choices.
             seeds: of the resets, one for each episode, at most as many as there are environments.
             options: of the resets.
+            taught: whether the teachers, if there are any, say what they would do.
         """
         start = time.perf_counter()
         wanted = zip(self.envs, seeds, options or [None] * len(seeds), strict=False)
         episodes = [begin(self.interface, env, seed, option) for env, seed, option in wanted]
         player = Player(agents, len(episodes))
+        teachers = self._teachers[: len(episodes)] if taught else []
+        for teacher, seed in zip(teachers, seeds, strict=False):
+            teacher.reset(seed)
         while running := [number for number, env in enumerate(self.envs[: len(episodes)]) if env.agents]:
-            actions = self._choose(player, episodes, running, epsilon, rng)
+            for number in running if teachers else ():
+                episode = episodes[number]
+                episode.labels.append(teachers[number].act(episode.observations[-1], episode.info))
+            actions = self._choose(player, episodes, running, choose, rng)
             for number in running:
                 advance(self.interface, episodes[number], self.envs[number], actions[number])
             self.steps += len(running)
@@ -65,7 +116,7 @@ class Collector:
             env.close()
 
     def _choose(
-        self, player: Player, episodes: list[Episode], running: list[int], epsilon: float, rng: np.random.Generator
+        self, player: Player, episodes: list[Episode], running: list[int], choose: Choose, rng: np.random.Generator
     ) -> dict[int, dict[str, int]]:
         """Return episode -> agent -> its action, for the agents that are there."""
         chosen: dict[int, dict[str, int]] = {number: {} for number in running}
@@ -76,9 +127,8 @@ class Collector:
             index = torch.tensor(there)
             seen = tensors(stack([episodes[number].observations[-1][name] for number in there]))
             legal = np.stack([episodes[number].legal[-1][name] for number in there])
-            best = best_legal(player.values(name, index, seen), torch.from_numpy(legal)).numpy()
-            random = np.array([rng.choice(np.flatnonzero(row)) for row in legal])
-            actions = np.where(rng.random(len(there)) < epsilon, random, best)
+            labels = np.array([episodes[number].label(name) for number in there])
+            actions = choose(player.values(name, index, seen), torch.from_numpy(legal), labels, rng)
             player.remember(name, index, torch.from_numpy(actions))
             for number, action in zip(there, actions, strict=True):
                 chosen[number][name] = int(action)

@@ -11,16 +11,21 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from training.graphs import GraphEncoder
+from training.graphs import GatedGraphEncoder, GraphEncoder
 from training.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.pictures import IMAGE_ENCODERS, FeatureEncoder
 from training.resnet import FEATURES
 
 _NODE_CLASS, _NODE_STATE, _EDGES = "node_class", "node_state", "edges"
-_TOKENS = ("instruction", "feedback")
+_INSTRUCTION = "instruction"
+_TOKENS = (_INSTRUCTION, "feedback")
+_GRAPH = (_NODE_STATE, _EDGES)
+GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
 
 
-def build_encoder(space: spaces.Space, size: int = 128, image_encoder: str = "cnn") -> nn.Module:
+def build_encoder(
+    space: spaces.Space, size: int = 128, image_encoder: str = "cnn", graph_pool: str = "mean"
+) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
     The module takes one tensor, or a dict of tensors for a Dict, with any leading dimensions, which it flattens to
@@ -31,13 +36,14 @@ def build_encoder(space: spaces.Space, size: int = 128, image_encoder: str = "cn
         space: a Box, a Discrete, or a Dict of these.
         size: number of features.
         image_encoder: "cnn" is small and learns; "resnet18" is frozen, see :mod:`training.resnet`.
+        graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
 
     Raises:
-        ValueError: the space is of another kind.
+        ValueError: the space is of another kind, or there is no such encoder.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder)
+        return DictEncoder(space, size, image_encoder, graph_pool)
     part = _flat_or_image("", space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
@@ -45,15 +51,17 @@ def build_encoder(space: spaces.Space, size: int = 128, image_encoder: str = "cn
 class DictEncoder(nn.Module):
     """Encodes each part of a Dict by itself, and all of them together by two linear layers."""
 
-    def __init__(self, space: spaces.Dict, size: int, image_encoder: str):
+    def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str):
         """Make the parts that a space needs."""
         super().__init__()
+        if graph_pool not in GRAPH_POOLS:
+            raise ValueError(f"graph_pool={graph_pool!r} is not known; use one of: {', '.join(GRAPH_POOLS)}")
         self.space = space
         words: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
         parts: dict[str, Part] = {}
         for key, box in space.spaces.items():
             if key.endswith(_NODE_CLASS):
-                parts[key] = GraphEncoder(space[key], space[_beside(key, _NODE_STATE)])
+                parts[key] = GRAPH_POOLS[graph_pool](space[key], space[_beside(key, _NODE_STATE)])
             elif key.endswith(_TOKENS) and len(box.shape or ()) == 1:
                 parts[key] = TokenEncoder(words.setdefault(id_count(box), embedding(id_count(box))))
             elif not key.endswith((_NODE_STATE, _EDGES)):
@@ -67,9 +75,18 @@ class DictEncoder(nn.Module):
         flat = {key: flattened(observation[key], box.shape) for key, box in self.space.spaces.items()}
         features = []
         for key, part in zip(self.keys, self.parts, strict=True):
-            beside = (_NODE_STATE, _EDGES) if isinstance(part, GraphEncoder) else ()
-            features.append(part(flat[key], *(flat[_beside(key, other)] for other in beside)))
+            beside = [flat[_beside(key, other)] for other in _GRAPH] if isinstance(part, GraphEncoder) else []
+            if isinstance(part, GatedGraphEncoder):
+                beside.append(self._asked(_beside(key, _INSTRUCTION), flat))
+            features.append(part(flat[key], *beside))
         return self.joint(torch.cat(features, dim=1))
+
+    def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
+        """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
+        words = self.parts[self.keys.index(key)] if key in self.keys else None
+        if not isinstance(words, TokenEncoder):
+            raise ValueError(f"graph_pool='gated' needs the tokens of an instruction, {key!r}, in the observation")
+        return words.total(flat[key])
 
 
 def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:

@@ -1,17 +1,21 @@
-"""The learner: networks, their targets, and one gradient step."""
+"""The learner of value factorisation: networks, their targets, and one gradient step."""
 
 import copy
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
 from training.checkpoint import CheckpointError, fill
+from training.collect import Choose, epsilon_greedy
 from training.config import Config
 from training.losses import Batch, qtran_loss, td_loss, unroll
 from training.mixers import QtranNetworks, make_mixer
+from training.replay import Replay
 from training.spaces import Interface
 
 
@@ -39,6 +43,16 @@ class Learner:
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
         self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
         self.updates = 0
+
+    def choose(self, episodes: int) -> Choose:
+        """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
+        return epsilon_greedy(self.config.epsilon(episodes))
+
+    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a wave of episodes, and yield each batch with its figures."""
+        for _ in range(self.config.updates):
+            batch = replay.sample(self.config.batch_size, rng)
+            yield batch, self.update(batch)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one gradient step and return the loss and what goes with it."""

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from training.algorithms import Learning, make_learner
 from training.checkpoint import CheckpointError, load, save
-from training.collect import Collector
-from training.config import Config
-from training.learner import Learner
+from training.collect import Collector, Teacher
+from training.config import CONFIGS, RunConfig
 from training.logbook import Logbook
 from training.replay import Episode, Replay
 from training.validation import Validate, by_return
@@ -32,7 +32,7 @@ class Result:
         best_score: of the best validation; its weights are in ``best.pt`` of the run's folder.
     """
 
-    learner: Learner
+    learner: Learning
     agents: nn.ModuleDict
     best_score: float
 
@@ -40,11 +40,12 @@ class Result:
 def train(
     env_fn: Callable[[], Any],
     algorithm: str,
-    config: Config | None = None,
+    config: RunConfig | None = None,
     folder: Path | None = None,
     validate: Validate | None = None,
     setting: dict[str, Any] | None = None,
     quiet: bool = True,
+    teacher: Callable[[Any], Teacher] | None = None,
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
 
@@ -55,19 +56,20 @@ def train(
 
     Args:
         env_fn: makes an environment.
-        algorithm: "iql", "vdn", "qmix" or "qtran".
-        config: everything else that fixes the run.
+        algorithm: "iql", "vdn", "qmix", "qtran", "mappo", or "imitation" (of a teacher).
+        config: everything else that fixes the run; of the algorithm's class in :data:`training.config.CONFIGS`.
         folder: for checkpoints and metrics; None: nothing is written.
         validate: chooses the best weights; the mean return of greedy episodes if None.
         setting: what policies made from the checkpoints have to know, see :mod:`training.policy`.
         quiet: whether no progress is shown.
+        teacher: makes what is imitated in an environment.
 
     Raises:
         ValueError: the algorithm or the environment is of another kind.
         CheckpointError: the folder's checkpoint is damaged or of other settings.
     """
-    config = config or Config()
-    collector = Collector(env_fn, config.envs)
+    config = config or CONFIGS.get(algorithm, RunConfig)()
+    collector = Collector(env_fn, config.envs, teacher)
     try:
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
         last = None if folder is None else folder / LAST
@@ -98,7 +100,7 @@ class Run:
         self,
         collector: Collector,
         algorithm: str,
-        config: Config,
+        config: RunConfig,
         folder: Path | None,
         validate: Validate,
         setting: dict[str, Any],
@@ -106,7 +108,7 @@ class Run:
         """Begin a run."""
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
-        self.learner = Learner(algorithm, collector.interface, config)
+        self.learner = make_learner(algorithm, collector.interface, config)
         self.replay = Replay(collector.interface, config.horizon, config.buffer_size, config.memory_gib)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
@@ -165,23 +167,21 @@ class Run:
     def _play(self) -> None:
         config, steps, start = self.config, self._collector.steps, time.perf_counter()
         seeds = self._streams["tasks"].integers(2**31, size=config.envs).tolist()
-        epsilon = config.epsilon(self.episodes)
-        played = self._collector.play(self.learner.agents, epsilon, self._streams["actions"], seeds)
+        choose = self.learner.choose(self.episodes)
+        played = self._collector.play(self.learner.agents, choose, self._streams["actions"], seeds, taught=True)
         for episode in played:
             self._window["return"].append(episode.gain)
             self.replay.add(_scaled(episode, config.reward_scale))
             self._window["length"].append(len(episode))
             self._window["success"] += _success(episode)
-        self._window["epsilon"].append(epsilon)
         self.episodes += len(played)
         self._clock["rollout"] += time.perf_counter() - start
         self._clock["steps"] += self._collector.steps - steps
 
     def _learn(self) -> None:
         start = time.perf_counter()
-        for _ in range(self.config.updates):
-            batch = self.replay.sample(self.config.batch_size, self._streams["batches"])
-            for name, value in self.learner.update(batch).items():
+        for batch, figures in self.learner.learn(self.replay, self._streams["batches"]):
+            for name, value in figures.items():
                 self._window[name].append(value)
             self._clock["transitions"] += int(batch.acted.any(dim=-1).sum())
             self._clock["gradients"] += 1

@@ -4,14 +4,14 @@ A batch has T steps and T + 1 observations. An agent counts at a step if it acts
 bootstrapped from its last observation, a terminated one is not.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
 
 from training.agents import NO_ACTION
 from training.mixers import QtranNetworks
-from training.spaces import Tree
+from training.spaces import Tree, over
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class Batch:
         rewards: (B, T, N).
         acted: (B, T, N) bool, whether the agent took part in the step.
         terminated: (B, T, N) bool, whether the step ended the agent's task.
+        labels: agent -> (B, T) int64, what a teacher would have done, or -1.
     """
 
     observations: dict[str, Tree]
@@ -35,11 +36,24 @@ class Batch:
     rewards: Tensor
     acted: Tensor
     terminated: Tensor
+    labels: dict[str, Tensor] = field(default_factory=dict)
 
     @property
     def goes_on(self) -> Tensor:
         """(B, T, N) bool: whether the next observation's value counts for the agent."""
         return self.acted & ~self.terminated
+
+    def rows(self, rows: Tensor) -> "Batch":
+        """Return some of the episodes, by their numbers."""
+
+        def pick(part: Tensor) -> Tensor:
+            return part[rows]
+
+        return Batch(
+            {name: over(pick, tree) for name, tree in self.observations.items()},
+            over(pick, self.actions), over(pick, self.legal), self.states[rows], self.rewards[rows], self.acted[rows],
+            self.terminated[rows], over(pick, self.labels),
+        )  # fmt: skip
 
     def team(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""

@@ -32,6 +32,10 @@ class TokenEncoder(Part):
         """Return (B, EMBEDDING) from token ids (B, length)."""
         return nn.functional.embedding_bag(tokens.long(), self.words.weight, mode="mean", padding_idx=0)
 
+    def total(self, tokens: Tensor) -> Tensor:
+        """Return the sum of the embeddings, (B, EMBEDDING): no word is weaker in a longer sentence."""
+        return nn.functional.embedding_bag(tokens.long(), self.words.weight, mode="sum", padding_idx=0)
+
 
 class FlatEncoder(Part):
     """The numbers as they are; a Discrete as one-hot."""

@@ -12,7 +12,7 @@ from chmarl_pb.evaluation.policies import Factory
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player, make_agents
 from training.checkpoint import CheckpointError, fill, load
-from training.config import Config
+from training.config import CONFIGS
 from training.features import FeatureEnv, with_features
 from training.losses import best_legal
 from training.resnet import FrozenResNet18, frozen_resnet18
@@ -96,7 +96,7 @@ class ValuePolicies:
         for what, own in (("observations", seen), ("actions", actions)):
             if content[what] != own:
                 raise CheckpointError(f"{self.path}: was trained with the {what} {content[what]}, not {own}")
-        agents = make_agents(observations, actions, Config(**content["config"]))
+        agents = make_agents(observations, actions, CONFIGS[content["algorithm"]](**content["config"]))
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
         return LearnedPolicy(agents, silenced(content["setting"]), resnet)

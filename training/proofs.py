@@ -68,6 +68,7 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG) -> 
     """Learn a game and compare with theory."""
     env_fn, paths, best = _game(game)
     learner = train(env_fn, algorithm, replace(config, seed=seed)).learner
+    assert isinstance(learner, Learner)
     tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
     theory = _theory(game, algorithm, learned)

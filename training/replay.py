@@ -19,6 +19,7 @@ class Episode:
     Attributes:
         observations: T + 1 times agent -> observation.
         actions: T times agent -> its action; 0 if it is gone.
+        labels: T times agent -> what a teacher would have done; empty if there is none.
         legal: T + 1 times agent -> (A) bool.
         states: T + 1 times (S).
         rewards: T times (N).
@@ -29,6 +30,7 @@ class Episode:
 
     observations: list[dict[str, Tree]] = field(default_factory=list)
     actions: list[dict[str, int]] = field(default_factory=list)
+    labels: list[dict[str, int]] = field(default_factory=list)
     legal: list[dict[str, np.ndarray]] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     rewards: list[np.ndarray] = field(default_factory=list)
@@ -40,6 +42,10 @@ class Episode:
         """Return the number of steps."""
         return len(self.actions)
 
+    def label(self, name: str) -> int:
+        """Return what the teacher would do now in an agent's place, or -1."""
+        return self.labels[-1].get(name, -1) if self.labels else -1
+
     @property
     def gain(self) -> float:
         """The sum of the rewards, averaged over the agents that act."""
@@ -48,7 +54,12 @@ class Episode:
 
 
 class Replay:
-    """Keeps the newest episodes and draws batches of them."""
+    """Keeps the newest episodes and draws batches of them.
+
+    Attributes:
+        capacity: most episodes that are kept.
+        added: episodes that were added in all.
+    """
 
     def __init__(self, interface: Interface, horizon: int, capacity: int, memory_gib: float):
         """Reserve memory; pages that are never written take none.
@@ -70,11 +81,11 @@ class Replay:
                 f"memory_gib={memory_gib}: one episode takes {self.episode_bytes / GIB:.3f} GiB; give more"
             )
         self._kept = self._arrays(self.capacity)
-        self._added = 0
+        self.added = 0
 
     def __len__(self) -> int:
         """Return the number of episodes that are kept."""
-        return min(self._added, self.capacity)
+        return min(self.added, self.capacity)
 
     def add(self, episode: Episode) -> None:
         """Keep an episode, in the place of the oldest if there is no other.
@@ -85,16 +96,18 @@ class Replay:
         steps = len(episode)
         if steps > self.horizon:
             raise ValueError(f"an episode has {steps} steps, more than horizon={self.horizon}; give a longer horizon")
-        place, kept = self._added % self.capacity, self._kept
+        place, kept = self.added % self.capacity, self._kept
         for name in self._interface.agents:
             seen = stack([observation[name] for observation in episode.observations])
             over(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
             _write(kept["actions"][name], place, np.array([action[name] for action in episode.actions]))
+            labels = [label.get(name, -1) for label in episode.labels] or [-1] * steps
+            _write(kept["labels"][name], place, np.array(labels))
             _write(kept["legal"][name], place, np.array([legal[name] for legal in episode.legal]))
         for key in ("states", "rewards", "acted", "terminated"):
             _write(kept[key], place, np.array(getattr(episode, key)))
         kept["steps"][place] = steps
-        self._added += 1
+        self.added += 1
 
     def sample(self, count: int, rng: np.random.Generator) -> Batch:
         """Draw different episodes (all, if there are fewer), cut to the longest of them."""
@@ -110,17 +123,17 @@ class Replay:
             {name: cut(array, steps).long() for name, array in kept["actions"].items()},
             {name: cut(array, steps + 1) for name, array in kept["legal"].items()},
             cut(kept["states"], steps + 1), cut(kept["rewards"], steps), cut(kept["acted"], steps),
-            cut(kept["terminated"], steps),
+            cut(kept["terminated"], steps), {name: cut(array, steps).long() for name, array in kept["labels"].items()},
         )  # fmt: skip
 
     def state(self) -> dict[str, Any]:
         """Return the episodes that are kept, as tensors that share the buffer's memory."""
         used = len(self)
-        return {"added": self._added, "kept": _deep(lambda array: torch.from_numpy(array[:used]), self._kept)}
+        return {"added": self.added, "kept": _deep(lambda array: torch.from_numpy(array[:used]), self._kept)}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state of a buffer of the same kind."""
-        self._added = state["added"]
+        self.added = state["added"]
         for array, new in zip(leaves(self._kept), leaves(state["kept"]), strict=True):
             array[: len(new)] = new.numpy()
 
@@ -130,6 +143,7 @@ class Replay:
         return {
             "observations": {name: zeros(space, capacity, steps + 1) for name, space in io.observations.items()},
             "actions": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
+            "labels": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
             "legal": {name: np.ones((capacity, steps + 1, count), bool) for name, count in io.actions.items()},
             "states": np.zeros((capacity, steps + 1, io.state_size), np.float32),
             "rewards": np.zeros((capacity, steps, agents), np.float32),

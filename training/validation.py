@@ -10,7 +10,7 @@ from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
-from training.collect import Collector
+from training.collect import Collector, greedy
 from training.replay import Episode
 
 #: Returns figures of agents, among them "score", which is the greater the better.
@@ -65,11 +65,11 @@ def play_greedily(
     options: Sequence[dict[str, Any]] | None = None,
 ) -> list[Episode]:
     """Play one episode for each seed without exploration, in waves."""
-    rng, width = np.random.default_rng(0), len(collector.envs)  # draws nothing that counts: epsilon is 0
+    rng, width = np.random.default_rng(0), len(collector.envs)  # draws nothing
     played: list[Episode] = []
     for first in range(0, len(seeds), width):
         wave = slice(first, first + width)
-        played += collector.play(agents, 0.0, rng, seeds[wave], options[wave] if options else None)
+        played += collector.play(agents, greedy, rng, seeds[wave], options[wave] if options else None)
     return played
 
 
