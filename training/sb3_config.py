@@ -70,6 +70,7 @@ class Config:
         image_encoder: "cnn" learns from pictures; "resnet18" is frozen, see :mod:`training.resnet`.
         frozen: sha256 of the frozen weights; empty without them.
         features: numbers that an observation is encoded to.
+        graph_pool: of scene graphs; see :func:`training.encoders.build_encoder`.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
         tasks: number of validation tasks.
@@ -87,6 +88,7 @@ class Config:
     image_encoder: str = "cnn"
     frozen: str = ""
     features: int = 128
+    graph_pool: str = "gated"
     learning_rate: float | None = None
     interval: int = 10_000
     tasks: int = 50
@@ -118,7 +120,8 @@ class Config:
         """Keyword arguments of the policy's network."""
         return {
             **ALGORITHMS[self.algo].network, "features_extractor_class": HouseholdFeatures,
-            "features_extractor_kwargs": {"features_dim": self.features}, "normalize_images": False,
+            "features_extractor_kwargs": {"features_dim": self.features, "graph_pool": self.graph_pool},
+            "normalize_images": False,
         }  # fmt: skip
 
     def settings(self, space: spaces.Space) -> dict[str, Any]:

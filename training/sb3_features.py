@@ -23,10 +23,10 @@ class HouseholdFeatures(BaseFeaturesExtractor):
     would scale pictures, which the encoder does itself.
     """
 
-    def __init__(self, observation_space: spaces.Space, features_dim: int = 128):
+    def __init__(self, observation_space: spaces.Space, features_dim: int = 128, graph_pool: str = "mean"):
         """Make the encoder of a space."""
         super().__init__(observation_space, features_dim)
-        self.encoder = build_encoder(observation_space, features_dim)
+        self.encoder = build_encoder(observation_space, features_dim, graph_pool=graph_pool)
 
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
         """Return (B, features_dim)."""

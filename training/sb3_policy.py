@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from training.policy import silenced
 from training.resnet import FrozenResNet18, frozen_resnet18
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import encoded
+from training.spaces import stack
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
 
@@ -79,42 +81,83 @@ class Sb3Policies:
 
 
 class Sb3Policy:
-    """Drives both robots by one network, or the humanoid by the network and the drone by the search policy."""
+    """Drives both robots by one network, or the humanoid by the network and the drone by the search policy.
+
+    Attributes:
+        crowd: plays so in several episodes at once.
+    """
+
+    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
+        """Take a network over."""
+        self.crowd = Sb3Crowd(network, config, env, resnet)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self.crowd.reset([seed or 0])
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return drawn actions, or the most valuable ones of DQN."""
+        return self.crowd.act([0], [observations], [infos])[0]
+
+
+class Sb3Crowd:
+    """Drives the robots of several episodes; each episode draws its actions from a stream of its own."""
 
     def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
         """Take a network over."""
         self._network, self._config, self._resnet = network, config, resnet
         self._silenced = silenced(asdict(config))
-        self._drone = DroneSearch(env.action_names["drone"], env.rooms) if config.alone else None
-        self._drone_actions = len(env.action_names["drone"])
+        self._names, self._rooms = env.action_names, env.rooms
 
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        self._state: Any = None
-        self._start = np.array([True])
-        self._stream = torch.Generator().manual_seed(seed or 0).get_state()
-        if self._drone is not None:
-            self._drone.reset(seed)
+    def reset(self, seeds: Sequence[int]) -> None:
+        """Begin one episode for each seed."""
+        self._streams = [torch.Generator().manual_seed(seed) for seed in seeds]
+        self._drones = [DroneSearch(self._names["drone"], self._rooms) for _ in seeds]
+        if self._recurrent:
+            layers, _, units = self._network.lstm_hidden_state_shape
+            self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]
 
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return drawn actions, or the most valuable ones of DQN."""
-        heard = {name: self._heard(seen) for name, seen in observations.items()}
-        seen = heard["humanoid"] if self._config.alone else joined(heard)
+    @torch.no_grad()
+    def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
+        """Return the actions in the episodes with these numbers."""
+        batch = stack([one["humanoid"] if self._config.alone else joined(one) for one in seen])
+        batch |= {key: np.zeros_like(batch[key]) for key in batch if key.endswith(self._silenced)}
         if self._resnet is not None:
-            seen = encoded(seen, self._resnet)
-        with torch.random.fork_rng(devices=[]):  # SB3 draws from the global stream: lend it that of the episode
-            torch.set_rng_state(self._stream)
-            greedy = not self._config.sampled
-            chosen, self._state = self._network.predict(seen, self._state, self._start, deterministic=greedy)
-            self._stream = torch.get_rng_state()
-        self._start = np.array([False])
-        if self._drone is not None:
-            return {"humanoid": int(chosen), "drone": self._drone.act(observations["drone"], infos["drone"])}
-        numbers = divmod(int(chosen), self._drone_actions) if chosen.size == 1 else chosen
-        return {name: int(number) for name, number in zip(AGENTS, numbers, strict=True)}
+            batch = encoded(batch, self._resnet)
+        numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
+        if self._config.alone:
+            drones = [
+                self._drones[place].act(one["drone"], info["drone"])
+                for place, one, info in zip(places, seen, told, strict=True)
+            ]
+            pairs = zip(numbers, drones, strict=True)
+        elif self._config.algo == "dqn":
+            pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
+        else:
+            pairs = iter(numbers)
+        return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
 
-    def _heard(self, seen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        return seen | {key: np.zeros_like(seen[key]) for key in self._silenced}
+    @property
+    def _recurrent(self) -> bool:
+        return hasattr(self._network, "lstm_hidden_state_shape")
+
+    def _numbers(self, places: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Return (B) numbers of actions, or (B, 2) for both robots."""
+        if not self._config.sampled:
+            return self._network._predict(batch, deterministic=True)
+        if self._recurrent:
+            before = tuple(part[:, places] for part in self._memory)
+            found, after = self._network.get_distribution(batch, before, torch.zeros(len(places)))
+            for memory, part in zip(self._memory, after, strict=True):
+                memory[:, places] = part
+        else:
+            found = self._network.get_distribution(batch)
+        robots = found.distribution if isinstance(found.distribution, list) else [found.distribution]
+        drawn = [
+            [torch.multinomial(robot.probs[row], 1, generator=self._streams[place]) for robot in robots]
+            for row, place in enumerate(places)
+        ]
+        return torch.tensor(drawn).squeeze(1)
 
 
 def joined(robots: dict[str, Any]) -> dict[str, Any]:

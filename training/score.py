@@ -10,12 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
+
 import chmarl_pb
 from chmarl_pb.envs.provenance import file_hash, machine, versions
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report, write_atomically
+from training.crowd import play_side_by_side
 
 SCORES = "scores.json"
 LOADERS = {".pt": "training.policy", ".zip": "training.sb3"}  # ending of checkpoints -> module of ``load_policy``
@@ -41,7 +44,7 @@ def score(
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
-            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split),
+            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split), plays=play_side_by_side,
         )
         for split in splits
     }  # fmt: skip
@@ -90,8 +93,6 @@ def _of_split(report: Report) -> dict[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    import torch
-
     return {**versions(), "torch": str(torch.__version__)}
 
 
@@ -111,6 +112,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--splits", nargs="+", choices=SPLITS, default=SPLITS)
     chosen = parser.parse_args(arguments)
+    torch.set_num_threads(1)  # these networks are too small for more
     try:
         score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
     except ChmarlError as error:

@@ -3,9 +3,10 @@
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,9 @@ SEEDS = (0, 1, 2)
 #: Called after each finished episode with the numbers of finished and of all episodes.
 Progress = Callable[[int, int], None]
 
+#: Plays jobs and yields the episodes, in any order.
+Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
+
 
 def evaluate(
     policy: str | Factory,
@@ -42,6 +46,7 @@ def evaluate(
     label: str | None = None,
     reuse: bool = False,
     progress: Progress = lambda finished, total: None,
+    plays: Plays | None = None,
 ) -> Report:
     """Evaluate a policy; its numbers do not depend on the number of workers.
 
@@ -62,6 +67,7 @@ def evaluate(
         label: name of the row in reports; the policy's name if None.
         reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
+        plays: how episodes are played, e.g. several at once; None: each by itself, in ``workers`` processes.
 
     Raises:
         OptionError: the policy or an option is unknown.
@@ -79,7 +85,7 @@ def evaluate(
     ledger = None if out is None else Ledger(out, settings)
     start = time.perf_counter()
     jobs = [(task, seed) for seed in seeds for task in chosen]
-    episodes = _played(Setup(policy, options), jobs, workers, ledger, progress)
+    episodes = _played(Setup(policy, options), jobs, plays or partial(play, workers=workers), ledger, progress)
     report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
     if out is not None and ledger is not None:
         report.save(out)
@@ -102,12 +108,12 @@ def _seeds(seeds: Sequence[int]) -> list[int]:
     return [int(seed) for seed in seeds]
 
 
-def _played(setup: Setup, jobs: Sequence[Job], workers: int, ledger: Ledger | None, progress: Progress) -> list[Played]:
+def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | None, progress: Progress) -> list[Played]:
     """Play what the ledger does not have."""
     episodes = [] if ledger is None else list(ledger.episodes)
     finished = {(episode.task, episode.seed) for episode in episodes}
     progress(len(episodes), len(jobs))
-    for episode in play(setup, [job for job in jobs if job not in finished], workers):
+    for episode in plays(setup, [job for job in jobs if job not in finished]):
         episodes.append(episode)
         if ledger is not None:
             ledger.add(episode)
