@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb import catalog
+from chmarl_pb.robots import arm as arm_module
 from chmarl_pb.robots.arm import JOINTS, REACH, Arm
 from urdf.build.robots import OUT, build
 
@@ -188,3 +189,15 @@ def test_build_reproduces_the_committed_files(tmp_path) -> None:
     build(tmp_path)
     built = {file.relative_to(tmp_path): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
     assert built == {file.relative_to(OUT): file.read_bytes() for file in OUT.rglob("*") if file.is_file()}
+
+
+@settings(max_examples=30, deadline=None)
+@given(base=anywhere, target=inside)
+def test_solving_block_by_block_finds_the_best_of_all_choices(
+    arm: Arm, base: tuple[float, float, float], target: tuple[float, float, float]
+) -> None:
+    move_base(arm, *base)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arm_module, "_BLOCKS", [(arm_module._CHOICES, 0.0)])
+        best_of_all = arm.solve(target_of(base, *target))
+    assert arm.solve(target_of(base, *target)) == best_of_all

@@ -155,6 +155,23 @@ def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]
             np.testing.assert_array_equal(stage.sight.pixels(robot), counts)
 
 
+def test_visible_is_what_the_counts_of_all_pixels_say(stage: Stage, tasks: list[Task]) -> None:
+    """Most bodies are not drawn to the end to find out whether they are visible."""
+    rng, sight = np.random.default_rng(9), stage.sight
+    for number in range(3):
+        begin(stage, tasks, number)
+        for step in range(120):
+            if step == 60:
+                item = stage.world.objects[number]
+                stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+                stage.humanoid.hold(item)
+            (meet if step % 2 else wander)(stage, rng)
+            for robot in ROBOTS:
+                counts = dict(zip(sight.names, sight.pixels(robot).tolist(), strict=True))
+                enough = [name for name in sight.names if counts[name] >= VISIBLE_PIXELS and name != robot]
+                assert sight.visible(robot) == tuple(n for n in enough if catalog.class_of(n) in catalog.CLASSES)
+
+
 def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> None:
     """Nothing of a kept picture survives a change of the world at the same camera pose."""
     begin(stage, tasks)
@@ -170,9 +187,10 @@ def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> 
 
 def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> None:
     begin(stage, tasks)
-    rng, client = np.random.default_rng(7), stage.world.client
+    rng = np.random.default_rng(7)
     for _ in range(5):
         wander(stage, rng)
+        client = stage.world.client
         for name, robot in stage.world.robots.items():
             joints = range(pybullet.getNumJoints(robot.body, physicsClientId=client))
             links = {pybullet.getJointInfo(robot.body, j, physicsClientId=client)[12].decode(): j for j in joints}

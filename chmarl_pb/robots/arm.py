@@ -135,11 +135,14 @@ class Arm:
         base, turn = p.getBasePositionAndOrientation(self.body, physicsClientId=self.client)
         rotation = np.reshape(p.getMatrixFromQuaternion(turn), (3, 3))
         point = (np.asarray(target, dtype=float) - base) @ rotation
-        poses, costs = self._postures(point)
-        if not len(poses):
-            return None
-        best = poses[np.argmin(costs)]
-        return (*(float(value) for value in best), OPEN, OPEN)
+        best, least = None, np.inf
+        for block, floor in _BLOCKS:
+            if least <= floor:
+                break
+            poses, costs = self._postures(point, block)
+            if len(poses) and costs.min() < least:
+                best, least = poses[np.argmin(costs)], costs.min()
+        return None if best is None else (*best.tolist(), OPEN, OPEN)
 
     def _measure(self, links: dict[str, int]) -> None:
         """Read the shoulder's place and the arm's lengths off the body with all joints at zero."""
@@ -155,9 +158,9 @@ class Arm:
         self._upper, self._fore, self._hand = np.linalg.norm(np.diff(places, axis=0), axis=1)
         self.set(before)
 
-    def _postures(self, point: Array) -> tuple[Array, Array]:
-        """Return all allowed postures (n, 8) for a point in the humanoid's frame, and their costs (n,)."""
-        lift, pitch, offset = _CHOICES[:, :3].T
+    def _postures(self, point: Array, choices: Array) -> tuple[Array, Array]:
+        """Return the allowed postures (n, 8) of some choices for a point in the humanoid's frame, and costs (n,)."""
+        lift, pitch, offset = choices[:, :3].T
         shoulder = self._shoulder + lift[:, None] * (0.0, 0.0, 1.0)
         yaw = np.arctan2(*(point - self._shoulder)[1::-1]) + offset
         hand = _hand_frames(yaw, pitch)
@@ -165,7 +168,7 @@ class Arm:
         length = np.linalg.norm(span, axis=1)
         bend = (length**2 - self._upper**2 - self._fore**2) / (2 * self._upper * self._fore)
         keep = np.flatnonzero((bend < 0.9995) & (bend > np.cos(self.upper[4])) & (np.hypot(*span.T[:2]) > 1e-6))
-        shoulder, span, hand, choice = shoulder[keep], span[keep], hand[keep], _CHOICES[keep]
+        shoulder, span, hand, choice = shoulder[keep], span[keep], hand[keep], choices[keep]
         elbow = np.arccos(bend[keep])
         upper, fore = self._limbs(span, length[keep], choice[:, 3])
         arm = _frames(fore, -upper)
@@ -199,6 +202,21 @@ class Arm:
         strain = (((poses[:, 1:] - middle) / half) ** 8).sum(axis=1)
         effort = (choice[:, 1] - BEST_PITCH) ** 2 + 0.5 * offset**2 + choice[:, 0] ** 2
         return effort + strain + 4.0 * np.maximum(0.05 - above, 0.0) + 0.1 * (choice[:, 3] + 0.8) ** 2
+
+
+def _blocks(choices: Array) -> list[tuple[Array, float]]:
+    """Return choices in blocks, the most comfortable first, each with a cost that none of it and none after is below.
+
+    It is what :meth:`Arm._costs` adds up without the terms that depend on the target, none of which is negative.
+    """
+    lift, pitch, offset, swivel = choices.T
+    costs = (pitch - BEST_PITCH) ** 2 + 0.5 * offset**2 + lift**2 + 0.1 * (swivel + 0.8) ** 2
+    order = np.argsort(costs, kind="stable")
+    blocks = np.split(order, (160, 500, 1200))
+    return [(choices[block], float(costs[block[0]]) - 1e-9) for block in blocks]  # 1e-9: rounding
+
+
+_BLOCKS = _blocks(_CHOICES)
 
 
 def _hand_frames(yaw: Array, pitch: Array) -> Array:

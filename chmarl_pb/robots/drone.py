@@ -60,7 +60,7 @@ class Drone:
 
     def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
         """Move the body."""
-        pybullet.resetBasePositionAndOrientation(self.body, position, quaternion, physicsClientId=self.world.client)
+        self.world.move_body(self.body, position, quaternion)
 
     def plan(self, action: str) -> Motion | None:
         """Decide what an action does; None if it is blocked by the home's outline."""

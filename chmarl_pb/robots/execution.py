@@ -180,10 +180,10 @@ def _pick(humanoid: Humanoid, motion: Motion, item: str) -> Iterator[None]:
     closed = (*arm[:-2], *_HOLDING)
     for goal in (_raised(humanoid, arm), arm):
         yield from _move_arm(humanoid, goal)
-    _check(humanoid.arm.grasp_pose()[0], world.grip(item))
+    _check(humanoid.grasp_pose()[0], world.grip(item))
     yield from _move_arm(humanoid, closed)
     humanoid.turn = humanoid.turn_of(item, motion.pose)
-    world.attach(item, humanoid.body, humanoid.arm.grasp_link, humanoid.arm.grasp_pose())
+    world.attach(item, humanoid.body, humanoid.arm.grasp_link, humanoid.grasp_pose())
     world.thaw(item, solid=False)
     for goal in (_raised(humanoid, closed), Arm.carry):
         yield from _move_arm(humanoid, goal)
@@ -235,4 +235,4 @@ def _level(humanoid: Humanoid) -> None:
     """Keep a held object upright in the gripper."""
     held = humanoid.world.held
     if held is not None:
-        humanoid.world.level(humanoid.arm.grasp_pose(), humanoid.held_pose(held))
+        humanoid.world.level(humanoid.grasp_pose(), humanoid.held_pose(held))

@@ -1,18 +1,23 @@
 """The humanoid: drives on the lattice, picks and places with its arm."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 import pybullet
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.homes.space import GRIP, Space, grip_point
-from chmarl_pb.robots.arm import Arm
+from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement
 from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up
+
+Reaches = dict[tuple[int, tuple[float, float, float]], Configuration | None]  # pose and grip -> the arm's configuration
+_reaches: WeakKeyDictionary[Space, Reaches] = WeakKeyDictionary()  # shared by all who play in a home
 
 
 def load_humanoid(client: int) -> int:
@@ -45,7 +50,7 @@ class Humanoid:
         self.arm = Arm(world.client, self.body)
         self.pose, self.turn, self._arm_steps = 0, 0.0, -1
         self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
-        self._reached: dict[tuple[int, tuple[float, float, float]], tuple[float, ...] | None] = {}
+        self._reached = _reaches.setdefault(space, {})
         world.add_robot(self.name, self, self.body)
 
     @property
@@ -83,11 +88,16 @@ class Humanoid:
 
     def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
         """Move the body."""
-        pybullet.resetBasePositionAndOrientation(self.body, position, quaternion, physicsClientId=self.world.client)
+        self.world.move_body(self.body, position, quaternion)
+
+    def grasp_pose(self) -> Pose:
+        """Return position and quaternion of the point between the fingertips, see :meth:`Arm.grasp_pose`."""
+        self.arm.client = self.world.client  # by asking for it, the base gets to where it belongs
+        return self.arm.grasp_pose()
 
     def held_pose(self, name: str) -> Pose:
         """Return the pose of an object in the gripper: upright, gripped at its grip, turned with the base."""
-        (x, y, z), _ = self.arm.grasp_pose()
+        (x, y, z), _ = self.grasp_pose()
         _, quaternion = self.read_base()
         yaw = 2 * np.arctan2(quaternion[2], quaternion[3]) + self.turn
         return (float(x), float(y), float(z - GRIP * self.world.size(name)[2])), yaw_quaternion(yaw)
@@ -157,11 +167,12 @@ class Humanoid:
         if (stand, grip) not in self._reached:
             if len(self._reached) == _REMEMBERED:
                 self._reached.clear()
-            base = self.read_base()
             x, y, yaw = self.lattice.pose(stand)
-            self.set_base((x, y, 0.0), yaw_quaternion(yaw))
+            pybullet.resetBasePositionAndOrientation(
+                self.body, (x, y, 0.0), yaw_quaternion(yaw), physicsClientId=self.arm.client
+            )
             self._reached[stand, grip] = self.arm.solve(grip)
-            self.set_base(*base)
+            self.set_base(*self.base_pose())
         return self._reached[stand, grip]
 
     # Acting
@@ -185,7 +196,7 @@ class Humanoid:
         """Take an object into the gripper, the arm in its carry configuration."""
         self.arm.set(Arm.carry)
         self.world.place(item, *self.held_pose(item))
-        self.world.attach(item, self.body, self.arm.grasp_link, self.arm.grasp_pose())
+        self.world.attach(item, self.body, self.arm.grasp_link, self.grasp_pose())
 
     def turn_of(self, item: str, stand: int) -> float:
         """Return the yaw in radians of an object relative to the base at a pose."""

@@ -4,7 +4,7 @@ import numpy as np
 import pybullet
 
 from chmarl_pb.errors import AssetError
-from chmarl_pb.sensing import placing, raster
+from chmarl_pb.sensing import bounds, placing, raster
 from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.meshes import models_of, parts_of
 from chmarl_pb.sensing.triangles import Lens, clean_canvas, depth_of
@@ -49,7 +49,7 @@ class HomeModel:
         nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
         links = np.full((size, size), -1, np.int32)
         raster.picture(
-            self._shown, -1, self._models, self._placed, lens, light(), nothing, raster.farthest(nothing),
+            self._shown, -1, self._models, self._placed, lens, light(), nothing, bounds.farthest(nothing),
             clean_canvas(size), self._scratch, colour, depth, links,
         )  # fmt: skip
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))

@@ -13,6 +13,7 @@ from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pybullet
@@ -23,11 +24,10 @@ from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.homes.space import Space, space_of
-from chmarl_pb.sensing import camera, home_model, meshes, placing, raster, triangles
+from chmarl_pb.sensing import bounds, camera, home_model, meshes, placing, raster, triangles
 from chmarl_pb.sensing.camera import Camera, Picture, Vector, lens, render, view_matrix
 from chmarl_pb.sensing.eyes import CAMERAS, eye
 from chmarl_pb.sensing.home_model import HomeModel
-from chmarl_pb.sensing.raster import farthest
 from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
 from chmarl_pb.world import bodies, load_home_body, quiet
@@ -36,6 +36,22 @@ CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those 
 
 _OWN = 4096  # bytes of a kept view beside its picture
 _numbers = count()
+
+
+class Shown(NamedTuple):
+    """What a view of the empty home shows, as compiled functions take it.
+
+    Attributes:
+        depth: (size, size) in [0, 1].
+        links: (size, size) PyBullet link index of the home at each pixel, -1 for nothing.
+        tiles: what :func:`chmarl_pb.sensing.bounds.farthest` makes of the depth.
+        pixels: number of pixels of each link, by link index; shorter than the list of links at its end.
+    """
+
+    depth: NDArray[np.float32]
+    links: NDArray[np.integer]
+    tiles: NDArray[np.float32]
+    pixels: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +76,13 @@ class HomeView:
     @cached_property
     def tiles(self) -> NDArray[np.float32]:
         """The greatest depth in each tile of the picture, to tell early what the home hides."""
-        return farthest(self.picture.depth)
+        return bounds.farthest(self.picture.depth)
 
     @cached_property
-    def pixels(self) -> NDArray[np.int64]:
-        """Number of pixels of each link, by link index; shorter than the list of links at its end."""
-        return count_pixels(self.picture.segmentation, 0)
+    def shown(self) -> Shown:
+        """What it shows."""
+        links = self.picture.segmentation
+        return Shown(self.picture.depth, links, self.tiles, count_pixels(links, 0))
 
 
 def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
@@ -231,7 +248,7 @@ def _library() -> tuple[object, ...]:
 @cache
 def _drawing_code() -> tuple[bytes, ...]:
     """Return the sources that decide what a picture of a home looks like: light, cameras, loading, numbers of links."""
-    modules = camera, bodies, meshes, placing, triangles, raster, home_model, sys.modules[__name__]
+    modules = bounds, camera, bodies, meshes, placing, triangles, raster, home_model, sys.modules[__name__]
     return tuple(Path(str(module.__file__)).read_bytes() for module in modules)
 
 

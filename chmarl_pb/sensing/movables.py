@@ -19,7 +19,7 @@ from chmarl_pb.sensing import placing, raster
 from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.home_views import HomeView
 from chmarl_pb.sensing.meshes import Part, models_of, parts_of
-from chmarl_pb.sensing.triangles import Canvas, clean_canvas
+from chmarl_pb.sensing.triangles import Canvas, clean_canvas, compiled
 from chmarl_pb.world import UPRIGHT, Pose, load_graspable, quiet
 
 _KEPT = 8192  # poses of robots
@@ -36,6 +36,8 @@ class Movables:
         first_frame: name -> number of its first frame.
         frames: number of frames in all.
         scratch: room for drawing, see :func:`chmarl_pb.sensing.raster.draw`.
+        balls: name of a robot and configuration of the arm -> height above its base's origin and radius of a ball that
+            holds the robot however it is turned, metres.
     """
 
     def __init__(self) -> None:
@@ -61,6 +63,7 @@ class Movables:
         )  # fmt: skip
         self.scratch = np.empty((len(self.models.vertices), 6), np.float32)
         self._kept: dict[tuple[str, Pose, Configuration], Frames] = {}
+        self.balls = {(name, arm): self._ball(name, arm) for name in self._robots for arm in (Arm.rest, Arm.carry)}
 
     def object_frames(self, name: str, pose: Pose) -> Frames:
         """Return where an object's frame is, from the pose of its origin."""
@@ -82,6 +85,12 @@ class Movables:
                 del self._kept[next(iter(self._kept))]
             frames = self._kept[key] = self._ask(name, pose, configuration)
         return frames
+
+    def _ball(self, name: str, configuration: Configuration) -> tuple[float, float]:
+        bodies = Bodies(self)
+        bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), configuration)
+        x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()
+        return height, radius + float(np.hypot(x, y))
 
     def _ask(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
         """Let PyBullet work out a robot's frames."""
@@ -120,9 +129,9 @@ class Bodies:
         scratch: room for drawing.
     """
 
-    def __init__(self) -> None:
-        """Begin with nothing in place."""
-        self._movables = movables()
+    def __init__(self, models: Movables | None = None) -> None:
+        """Begin with nothing in place; models are the process's unless given."""
+        self._movables = models or movables()
         self.models, self.scratch = self._movables.models, self._movables.scratch
         frames, inverses = np.zeros((2, self._movables.frames, 4, 4), np.float32)
         sides, balls = np.zeros((len(self.models.corners), 6)), np.zeros((len(self._movables.numbers), 4))
@@ -131,22 +140,29 @@ class Bodies:
 
     def put_objects(self, poses: dict[str, Pose]) -> None:
         """Put objects at the poses of their origins."""
-        for name, pose in poses.items():
-            if self._poses.get(name) is not pose:
-                self._poses[name] = pose
-                self._put(name, self._movables.object_frames(name, pose))
+        moved = {name: pose for name, pose in poses.items() if self._poses.get(name) is not pose}
+        if moved:
+            self._poses |= moved
+            frames = np.concatenate([self._movables.object_frames(name, pose) for name, pose in moved.items()])
+            numbers = np.array([self._movables.numbers[name] for name in moved])
+            first_frames = np.array([self._movables.first_frame[name] for name in moved])
+            _put_objects(numbers, first_frames, frames, self.models, self.placed)
 
     def put_robot(self, name: str, pose: Pose, configuration: Configuration) -> None:
         """Put a robot at the pose of its base, the humanoid's arm into a configuration."""
         frames = self._movables.robot_frames(name, pose, configuration)
         if self._poses.get(name) is not frames:
             self._poses[name] = frames
-            self._put(name, frames)
+            placing.put(
+                self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
+            )  # fmt: skip
 
-    def _put(self, name: str, frames: Frames) -> None:
-        placing.put(
-            self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
-        )  # fmt: skip
+
+@compiled
+def _put_objects(bodies, first_frames, frames, models, placed):  # type: ignore[no-untyped-def]
+    """Put bodies of one frame each in their places; see :func:`chmarl_pb.sensing.placing.put`."""
+    for number, body in enumerate(bodies):
+        placing.put(body, first_frames[number], frames[number : number + 1], models, placed)
 
 
 def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:

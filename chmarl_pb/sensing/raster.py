@@ -6,12 +6,12 @@ looked at.
 
 import numpy as np
 
+from chmarl_pb.sensing.bounds import extent
 from chmarl_pb.sensing.placing import multiply
 from chmarl_pb.sensing.triangles import (
     ONE,
     TWO,
     ZERO,
-    Floats,
     brightness,
     compiled,
     corner_of,
@@ -23,71 +23,11 @@ from chmarl_pb.sensing.triangles import (
     weights_at,
 )
 
-TILE = 8  # pixels: side of the squares in which a body that the home hides is found out
+SAFE = np.float32(1e-3)  # metres: far more than rounding can matter
 
 
 @compiled
-def farthest(depth: Floats) -> Floats:
-    """Return the greatest depth in each tile of ``TILE`` by ``TILE`` pixels of a picture."""
-    size = depth.shape[0]
-    count = (size + TILE - 1) // TILE
-    tiles = np.zeros((count, count), np.float32)
-    for i in range(size):
-        for j in range(size):
-            tiles[i // TILE, j // TILE] = max(tiles[i // TILE, j // TILE], depth[i, j])
-    return tiles
-
-
-@compiled
-def _extent(ball, lens, tiles, size):  # type: ignore[no-untyped-def]
-    """Return first and last column, first and last row that a ball can touch; 0, -1, 0, -1 if it cannot be seen."""
-    centre = np.empty(3)
-    for i in range(3):
-        row = lens.world_to_camera[i]
-        centre[i] = row[0] * ball[0] + row[1] * ball[1] + row[2] * ball[2] + row[3]
-    radius, ahead, near, far = ball[3], -centre[2], np.float64(lens.planes[0]), np.float64(lens.planes[1])
-    if ahead + radius <= near or ahead - radius >= far:
-        return 0, -1, 0, -1
-    nearest = ahead - radius
-    if nearest <= near:
-        return 0, size - 1, 0, size - 1
-    bounds = np.empty((2, 2))
-    for i in range(2):
-        scale = np.float64(lens.projection[i, i]) * size / 2
-        low, high = centre[i] - radius, centre[i] + radius
-        # What lies left of the axis is farthest to the left where it is nearest, else where it is farthest away.
-        bounds[i, 0] = size / 2 + scale * low / (nearest if low < 0 else ahead + radius) - 1
-        bounds[i, 1] = size / 2 + scale * high / (nearest if high > 0 else ahead + radius) + 1
-        if bounds[i, 0] > size - 1 or bounds[i, 1] < 0:
-            return 0, -1, 0, -1
-    left, right = int(max(0.0, bounds[0, 0])), int(min(size - 1.0, bounds[0, 1]))
-    top, bottom = int(max(0.0, size - 1 - bounds[1, 1])), int(min(size - 1.0, size - 1 - bounds[1, 0]))
-    shortened = nearest * 0.999  # far more than rounding can matter
-    depth = far * (shortened - near) / (shortened * (far - near))
-    for i in range(top // TILE, bottom // TILE + 1):
-        for j in range(left // TILE, right // TILE + 1):
-            if tiles[i, j] >= depth:
-                return left, right, top, bottom
-    return 0, -1, 0, -1
-
-
-@compiled
-def may_show(body, balls, lens, tiles, size):  # type: ignore[no-untyped-def]
-    """Return whether a body could be seen: it lies in view, and the home does not hide its ball.
-
-    Args:
-        body: its number.
-        balls: of :class:`chmarl_pb.sensing.placing.Placed`.
-        lens: the camera.
-        tiles: what :func:`farthest` makes of the empty home's depth.
-        size: width and height of the picture.
-    """
-    left, right, _, _ = _extent(balls[body], lens, tiles, size)
-    return right >= left
-
-
-@compiled
-def _project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyped-def]
+def project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyped-def]
     """Set a part's rows of the scratch to its corners as the camera has them."""
     view, product = np.empty((4, 4), np.float32), np.empty((4, 4), np.float32)
     multiply(lens.world_to_camera, frame, view)
@@ -103,11 +43,24 @@ def _project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyp
 
 
 @compiled
-def _draw_part(part, models, placed, lens, home, canvas, scratch):  # type: ignore[no-untyped-def]
-    """Draw the triangles of one part that face the camera."""
-    size = home.shape[0]
-    _project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
-    eye, sides, corners, last = lens.eye, placed.sides, models.corners, np.float32(size - 1)
+def draw_part(part, enough, models, sides, lens, home, canvas, scratch):  # type: ignore[no-untyped-def]
+    """Draw the triangles of one part that face the camera, when its corners have been projected.
+
+    Args:
+        part: number of the part.
+        enough: number of clean pixels after which the rest need not be drawn.
+        models: the :class:`chmarl_pb.sensing.placing.Models`.
+        sides: of :class:`chmarl_pb.sensing.placing.Placed`.
+        lens: the camera.
+        home: (size, size) depth of the empty home, in [0, 1].
+        canvas: what to draw on.
+        scratch: as :func:`draw` has it, set by :func:`project`.
+
+    Returns:
+        How many of the drawn pixels were clean.
+    """
+    size, clean = home.shape[0], 0
+    eye, corners, last = lens.eye, models.corners, np.float32(size - 1)
     near, far = lens.planes[0], lens.planes[1]
     for face in range(models.first_triangle[part], models.first_triangle[part + 1]):
         x, y, z = sides[face, 0] - eye[0], sides[face, 1] - eye[1], sides[face, 2] - eye[2]
@@ -119,9 +72,23 @@ def _draw_part(part, models, placed, lens, home, canvas, scratch):  # type: igno
             across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
             if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
                 a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
-                cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.face)
-        elif behind < 3:
-            cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
+                clean += cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.face)
+        elif behind < 3 and not outside(scratch[i], scratch[j], scratch[k]):
+            clean += cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
+        if clean >= enough:
+            break
+    return clean
+
+
+@compiled
+def outside(a, b, c):  # type: ignore[no-untyped-def]
+    """Return whether three corners, rows of the scratch, lie beyond the same side of the picture."""
+    return (
+        (a[4] < -a[3] - SAFE and b[4] < -b[3] - SAFE and c[4] < -c[3] - SAFE)
+        or (a[4] > a[3] + SAFE and b[4] > b[3] + SAFE and c[4] > c[3] + SAFE)
+        or (a[5] < -a[3] - SAFE and b[5] < -b[3] - SAFE and c[5] < -c[3] - SAFE)
+        or (a[5] > a[3] + SAFE and b[5] > b[3] + SAFE and c[5] > c[3] + SAFE)
+    )
 
 
 @compiled
@@ -150,7 +117,7 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
         placed: where they are, :class:`chmarl_pb.sensing.placing.Placed`.
         lens: the camera.
         home: (size, size) depth of the empty home, in [0, 1].
-        tiles: what :func:`farthest` makes of it.
+        tiles: what :func:`chmarl_pb.sensing.bounds.farthest` makes of it.
         canvas: what to draw on.
         scratch: (vertices, 6) room for the corners: x and y in pixels, z, w, x and y in clip coordinates.
 
@@ -160,35 +127,14 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
     size = home.shape[0]
     boxes = np.empty((len(bodies), 4), np.int64)
     for number, body in enumerate(bodies):
-        left, right, top, bottom = _extent(placed.balls[body], lens, tiles, size)
+        left, right, top, bottom = extent(placed.balls[body], lens, tiles, size)
         boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3] = left, right, top, bottom
         if right < left:
             continue
         for part in range(models.first_part[body], models.first_part[body + 1]):
-            _draw_part(part, models, placed, lens, home, canvas, scratch)
+            project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
+            draw_part(part, size * size + 1, models, placed.sides, lens, home, canvas, scratch)
     return boxes
-
-
-@compiled
-def count(bodies, first, models, placed, lens, home, tiles, links, canvas, scratch, pixels):  # type: ignore[no-untyped-def]
-    """Correct the numbers of pixels in which the things of the empty home are seen by what moves before them.
-
-    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards; ``links`` (size, size), the
-    number of the home's thing at each pixel, -1 for nothing; and ``pixels`` (n,) by thing, bodies from ``first`` on,
-    which it changes.
-    """
-    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    for left, right, top, bottom in boxes:
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                face = canvas.face[row, column]
-                if face < 0:
-                    continue
-                pixels[first + models.body[models.part[face]]] += 1
-                if links[row, column] >= 0:
-                    pixels[links[row, column]] -= 1
-                canvas.face[row, column] = -1
-                canvas.raw[row, column] = -np.inf
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""The relations between seen things, as rows of a scene graph; compiled by Numba at first use."""
+"""The nodes of seen things and the relations between them, as rows of a scene graph; compiled by Numba at first use."""
 
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 
+_FIXED = catalog.STATE_IDS["fixed"]
 _IN_ROOM, _NEAR = catalog.RELATION_IDS["in_room"], catalog.RELATION_IDS["near"]
 _REACH = 0.75  # metres between two movable things that are near each other
 _NEIGHBOURS = 4  # nearest neighbours that get a relation
@@ -17,6 +18,8 @@ class Facts(NamedTuple):
     """What is known of every thing that could be seen, by its number.
 
     Attributes:
+        kind: (n,) id of its class.
+        state: (n,) id of its state.
         room: (n,) number of its room.
         carrier: (n,) number of what carries or holds it, -1 for nothing.
         relation: (n,) id of its relation to that.
@@ -24,6 +27,8 @@ class Facts(NamedTuple):
         position: (n, 3) in metres, of what is movable.
     """
 
+    kind: NDArray[np.int16]
+    state: NDArray[np.int16]
     room: NDArray[np.int32]
     carrier: NDArray[np.int32]
     relation: NDArray[np.int16]
@@ -32,17 +37,30 @@ class Facts(NamedTuple):
 
 
 @njit(cache=True)
-def relate(seen, facts, rooms, edges):  # type: ignore[no-untyped-def]
-    """Set the edges of a scene graph; return the numbers of the rooms that are nodes of it.
+def describe(seen, facts, room_kinds, node_class, node_state, edges):  # type: ignore[no-untyped-def]
+    """Set nodes and edges of a scene graph; return the numbers of the rooms that are nodes of it.
 
     Args:
         seen: (n,) numbers of the seen things, the first n nodes of the graph; rooms follow.
         facts: the :class:`Facts`.
-        rooms: number of rooms.
+        room_kinds: (rooms,) ids of the classes of the rooms.
+        node_class: (nodes,) zeros, set to ids of classes.
+        node_state: (nodes,) zeros, set to ids of states.
         edges: (m, 3) zeros, set to source node, target node and relation; what does not fit is left out.
     """
-    node_of_room = np.empty(rooms, np.int32)
+    node_of_room = np.empty(len(room_kinds), np.int32)
     present = _number_rooms(seen, facts.room, node_of_room)
+    for node, number in enumerate(seen):
+        node_class[node], node_state[node] = facts.kind[number], facts.state[number]
+    for room in present:
+        node_class[node_of_room[room]], node_state[node_of_room[room]] = room_kinds[room], _FIXED
+    _relate(seen, facts, node_of_room, edges)
+    return present
+
+
+@njit(cache=True)
+def _relate(seen, facts, node_of_room, edges):  # type: ignore[no-untyped-def]
+    """Set the edges."""
     near = np.empty(_NEIGHBOURS, np.int32)
     row, size = 0, len(edges)
     for node, number in enumerate(seen):
@@ -55,7 +73,6 @@ def relate(seen, facts, rooms, edges):  # type: ignore[no-untyped-def]
         if facts.movable[number]:
             for place in range(_find_neighbours(node, seen, facts, near)):
                 row = _set(edges, row, size, node, near[place], _NEAR)
-    return present
 
 
 @njit("int64(int16[:, ::1], int64, int64, int64, int64, int64)", cache=True)
@@ -73,12 +90,13 @@ def _number_rooms(seen, room_of, node_of_room):  # type: ignore[no-untyped-def]
         node_of_room[room] = -1
     for number in seen:
         node_of_room[room_of[number]] = 0
-    present: list[int] = []
+    present, count = np.empty(len(node_of_room), np.int32), 0
     for room in range(len(node_of_room)):
         if node_of_room[room] == 0:
-            node_of_room[room] = len(seen) + len(present)
-            present.append(room)
-    return present
+            node_of_room[room] = len(seen) + count
+            present[count] = room
+            count += 1
+    return present[:count]
 
 
 @njit(cache=True)

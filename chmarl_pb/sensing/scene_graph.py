@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.space import Space
-from chmarl_pb.sensing.relations import Facts, relate
+from chmarl_pb.sensing.relations import Facts, describe
 from chmarl_pb.world import Support, World
 
 #: Most nodes of a graph: things of a home, objects, robots and rooms; ``homes check`` holds homes to it.
@@ -66,20 +66,20 @@ class SceneGraphs:
         self._world, self._space = world, space
         self._rooms = list(world.home.rooms)
         self._numbers = {name: number for number, name in enumerate(names)}
-        self._classes = np.array([catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in names], dtype=np.int16)
         self._room_classes = np.array(
             [catalog.CLASS_IDS.get(catalog.class_of(room), 0) for room in self._rooms], dtype=np.int16
         )
         static = [self._rooms.index(catalog.room_of(name)) if name in world.links else -1 for name in names]
         count = len(names)
         self._facts = Facts(
+            kind=np.array([catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in names], dtype=np.int16),
+            state=np.zeros(count, dtype=np.int16),
             room=np.array(static, dtype=np.int32),
             carrier=np.full(count, -1, dtype=np.int32),
             relation=np.zeros(count, dtype=np.int16),
             movable=np.zeros(count, dtype=np.bool_),
             position=np.zeros((count, 3)),
         )
-        self._states = np.zeros(count, dtype=np.int16)
         self._known: tuple[int, Mapping[str, str]] | None = None
         self._carried: tuple[str | None, dict[str, Support]] | None = None
         self._covered: dict[Support, bool] = {}
@@ -98,21 +98,20 @@ class SceneGraphs:
             self._known = known
         graph = self._kept.get(seen)
         if graph is None:
+            still = self._world.held is None and self._world.robots.keys().isdisjoint(seen)
+            if not still:
+                self._learn_robots()
             graph = self._make(seen)
-            if self._world.held is None and not any(name in self._world.robots for name in seen):
+            if still:
                 self._kept[seen] = graph
         return graph
 
     def _make(self, seen: tuple[str, ...]) -> SceneGraph:
-        self._learn_robots()
         numbers = np.array([self._numbers[name] for name in seen], dtype=np.int32)
-        edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
-        present = relate(numbers, self._facts, len(self._rooms), edges)
         node_class, node_state = np.zeros((2, MAX_NODES), dtype=np.int16)
-        count, total = len(seen), len(seen) + len(present)
-        node_class[:count], node_state[:count] = self._classes[numbers], self._states[numbers]
-        node_class[count:total], node_state[count:total] = self._room_classes[present], catalog.STATE_IDS["fixed"]
-        return SceneGraph((*seen, *[self._rooms[room] for room in present]), node_class, node_state, edges)
+        edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
+        present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
+        return SceneGraph((*seen, *[self._rooms[room] for room in present.tolist()]), node_class, node_state, edges)
 
     def _learn_robots(self) -> None:
         facts, world = self._facts, self._world
@@ -147,10 +146,10 @@ class SceneGraphs:
     def _learn_states(self, states: Mapping[str, str]) -> None:
         held = self._world.held
         robots = {name: "holding" if name == "humanoid" and held else "free" for name in self._world.robots}
-        self._states[:] = catalog.STATE_IDS["fixed"]
+        self._facts.state[:] = catalog.STATE_IDS["fixed"]
         for name, state in {**states, **robots, **({held: "held"} if held else {})}.items():
             if name in self._numbers:
-                self._states[self._numbers[name]] = catalog.STATE_IDS[state]
+                self._facts.state[self._numbers[name]] = catalog.STATE_IDS[state]
 
     def _is_covered(self, support: Support) -> bool:
         if support not in self._covered:

@@ -4,12 +4,14 @@ Visible means: at least ``VISIBLE_PIXELS`` pixels of its own in the segmentation
 camera at ``SIGHT_SIZE`` pixels, whatever picture the policy gets.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.robots.arm import Arm
-from chmarl_pb.sensing import raster
+from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.sensing import bounds, visibility
 from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.eyes import CAMERAS
 from chmarl_pb.sensing.home_views import HomeView, home_views
@@ -42,10 +44,9 @@ class Sight:
         # A robot does not see itself.
         self._node_of = {robot: nodes & (np.array(self.names) != robot) for robot in CAMERAS}
         self._version = -1
-        self._robots_of: dict[str, list[int]] = {}  # those that a robot might see
-        self._present: dict[str, NDArray[np.int32]] = {}  # all bodies that it might see
-        self._seen: dict[tuple[str, int], tuple[str, ...]] = {}  # from a pose, when no robot could be in view
-        self._stances: dict[str, tuple[int, bool]] = {}
+        self._objects = np.zeros(0, np.int32)  # those present
+        self._seen: dict[tuple[str, int, int], tuple[str, ...]] = {}  # by a robot from its pose, the other at its own
+        self._seen_alone: dict[tuple[str, int], tuple[str, ...]] = {}  # when no robot could be in view
         self._canvas = clean_canvas(SIGHT_SIZE)
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
@@ -59,65 +60,86 @@ class Sight:
         Returns:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
-        self._update()
         home = self._views.look(robot, pose, size)
-        return draw_over(home, self._bodies, self._present[robot], self._first)
+        return draw_over(home, self._bodies, self._present(robot), self._first)
 
     def colours(self, robot: str, size: int) -> NDArray[np.uint8]:
         """Return the colours (size, size, 3) of what a robot's camera shows now."""
-        self._update()
         home = self._views.look(robot, self.world.robots[robot].pose, size)
-        return colours_over(home, self._bodies, self._present[robot])
+        return colours_over(home, self._bodies, self._present(robot))
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's view at ``SIGHT_SIZE``."""
-        self._update()
-        return self._pixels(robot, self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE))
-
-    def visible(self, robot: str) -> tuple[str, ...]:
-        """Return the names of the things that a robot sees, in the order of ``names``."""
-        self._update()
-        key = robot, self.world.robots[robot].pose
-        home, balls = self._views.look(*key, SIGHT_SIZE), self._bodies.placed.balls
-        for body in self._robots_of[robot]:
-            if raster.may_show(body, balls, home.lens, home.tiles, SIGHT_SIZE):
-                return self._names(robot, home)
-        if key not in self._seen:
-            self._seen[key] = self._names(robot, home)
-        return self._seen[key]
-
-    def _names(self, robot: str, home: HomeView) -> tuple[str, ...]:
-        seen = (self._pixels(robot, home) >= VISIBLE_PIXELS) & self._node_of[robot]
-        return tuple([self.names[number] for number in seen.nonzero()[0].tolist()])
-
-    def _pixels(self, robot: str, home: HomeView) -> NDArray[np.int64]:
+        home, bodies = self._views.look(robot, self.world.robots[robot].pose, SIGHT_SIZE), self._bodies
         pixels = np.zeros(len(self.names), dtype=np.int64)
-        pixels[: len(home.pixels)] = home.pixels
-        bodies, picture = self._bodies, home.picture
-        raster.count(
-            self._present[robot], self._first, bodies.models, bodies.placed, home.lens, picture.depth, home.tiles,
-            picture.segmentation, self._canvas, bodies.scratch, pixels,
+        visibility.count(
+            self._present(robot), self._first, SIGHT_SIZE**2, bodies.models, bodies.placed, home.lens, home.shown,
+            self._canvas, bodies.scratch, pixels,
         )  # fmt: skip
         return pixels
 
-    def _update(self) -> None:
-        """Bring the bodies up to date."""
+    def visible(self, robot: str) -> tuple[str, ...]:
+        """Return the names of the things that a robot sees, in the order of ``names``."""
+        self._update_objects()
+        robots = self.world.robots
+        key = (robot, robots["humanoid"].pose, robots["drone"].pose)
+        seen = self._seen.get(key)
+        if seen is None:
+            seen = self._seen[key] = self._look(robot)
+        return seen
+
+    def _look(self, robot: str) -> tuple[str, ...]:
+        key = robot, self.world.robots[robot].pose
+        home = self._views.look(*key, SIGHT_SIZE)
+        robots = [name for name in self._others(robot) if self._may_show(name, home)]
+        if robots:
+            return self._names(robot, home, self._with(robots))
+        if key not in self._seen_alone:
+            self._seen_alone[key] = self._names(robot, home, self._objects)
+        return self._seen_alone[key]
+
+    def _names(self, robot: str, home: HomeView, present: NDArray[np.int32]) -> tuple[str, ...]:
+        bodies = self._bodies
+        seen = visibility.visible(
+            present, self._first, VISIBLE_PIXELS, self._node_of[robot], bodies.models, bodies.placed, home.lens,
+            home.shown, self._canvas, bodies.scratch,
+        )  # fmt: skip
+        return tuple([self.names[number] for number in seen.tolist()])
+
+    def _others(self, robot: str) -> list[str]:
+        """Return the robots that a robot might see: not its own body, but for an arm that carries something."""
+        return [name for name in self.world.robots if name != robot or (name == "humanoid" and self.world.held)]
+
+    def _may_show(self, robot: str, home: HomeView) -> bool:
+        (x, y, z), _ = self.world.robots[robot].base_pose()
+        height, radius = movables().balls[robot, self._arm]
+        return bounds.may_show(np.array((x, y, z + height, radius)), home.lens, home.tiles, SIGHT_SIZE)
+
+    def _with(self, robots: Iterable[str]) -> NDArray[np.int32]:
+        """Put robots where they are, and return the numbers of the objects and of these robots."""
+        for name in robots:
+            self._bodies.put_robot(name, self.world.robots[name].base_pose(), self._arm)
+        return np.append(self._objects, [np.int32(self._body_numbers[name]) for name in robots])
+
+    def _present(self, robot: str) -> NDArray[np.int32]:
+        """Put all that a robot could see where it is, and return its numbers."""
+        self._update_objects()
+        return self._with(self._others(robot))
+
+    @property
+    def _arm(self) -> Configuration:
+        return Arm.carry if self.world.held else Arm.rest
+
+    def _update_objects(self) -> None:
+        """Put the objects where they are."""
         world = self.world
         if world.version != self._version:
-            self._bodies.put_objects({name: world.pose(name) for name in world.objects})
-            objects = [self._body_numbers[name] for name in world.objects]
-            for robot in world.robots:
-                # Its own body is out of a robot's sight, but for the humanoid's arm when it carries something.
-                robots = [name for name in world.robots if name != robot or world.held is not None]
-                self._robots_of[robot] = [self._body_numbers[name] for name in robots]
-                self._present[robot] = np.array(objects + self._robots_of[robot], dtype=np.int32)
+            objects = world.objects
+            self._bodies.put_objects({name: world.pose(name) for name in objects})
+            self._objects = np.array([self._body_numbers[name] for name in objects], dtype=np.int32)
             self._seen.clear()
+            self._seen_alone.clear()
             self._version = world.version
-        for name, other in world.robots.items():
-            stance = other.pose, world.held is not None
-            if self._stances.get(name) != stance:
-                self._bodies.put_robot(name, other.base_pose(), Arm.carry if world.held else Arm.rest)
-                self._stances[name] = stance
 
 
 def _is_node(name: str) -> bool:

@@ -3,8 +3,8 @@
 The order of operations and their precision are those of TinyRenderer in Bullet 3.25: single precision
 for transforms and shading, double precision for barycentric coordinates and for which side a triangle
 turns to the camera. ``tests/test_sight.py`` compares the two. Numba compiles these functions at their
-first use and keeps the result on disk; it fuses no multiply and add unless told to. Touch ``placing.py`` and
-``raster.py`` after a change here: Numba looks at the file of the calling function alone.
+first use and keeps the result on disk; it fuses no multiply and add unless told to. Touch the other files
+of this package that are compiled after a change here: Numba looks at the file of the calling function alone.
 """
 
 from typing import NamedTuple
@@ -113,15 +113,18 @@ def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[
         home: (size, size) depth of the empty home, in [0, 1].
         raw: as in :class:`Canvas`.
         faces: as in :class:`Canvas`.
+
+    Returns:
+        How many of the pixels were clean.
     """
-    size = home.shape[0]
+    size, clean = home.shape[0], 0
     last = np.float32(size - 1)
     left, right = np.ceil(max(ZERO, min(a[0], b[0], c[0]))), min(last, max(a[0], b[0], c[0]))
     low, high = np.ceil(max(ZERO, min(a[1], b[1], c[1]))), min(last, max(a[1], b[1], c[1]))
     x0, y0, x1, y1, x2, y2 = _doubles(a[0], a[1], b[0], b[1], c[0], c[1])
     area = (x2 - x0) * (y1 - y0) - (x1 - x0) * (y2 - y0)
     if not (left <= right and low <= high and abs(area) > 1e-2):  # TinyRenderer leaves out slivers
-        return
+        return 0
     nearest = depth_of(-min(a[2], b[2], c[2]), near, far) - np.float32(1e-6)  # but for rounding
     for px in range(int(left), int(right) + 1):
         first, final = _rows(x0, y0, x1, y1, x2, y2, float(px), low, high)
@@ -137,8 +140,10 @@ def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[
             if raw[row, px] > own or (not clipped and (own < -far or own > near)):
                 continue
             if depth_of(np.float32(own), near, far) < home[row, px]:  # at equal depth the home was there first
+                clean += faces[row, px] < 0
                 raw[row, px] = np.float32(own)
                 faces[row, px] = face
+    return clean
 
 
 @compiled
@@ -185,15 +190,19 @@ def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-u
         home: depth of the empty home.
         raw: as in :class:`Canvas`.
         faces: as in :class:`Canvas`.
+
+    Returns:
+        How many of the pixels were clean.
     """
-    half = np.float32(home.shape[0]) / TWO
+    clean, half = 0, np.float32(home.shape[0]) / TWO
     points = np.empty((6, 4), np.float32)
     count = _clip(rows[:, 4], rows[:, 5], rows[:, 2], rows[:, 3], points)
     for i in range(count):
         points[i, 0], points[i, 1] = screen(points[i, 0], points[i, 3], half), screen(points[i, 1], points[i, 3], half)
     for i in range(1, count - 1):
         a, b, c = corner_of(points[0]), corner_of(points[i]), corner_of(points[i + 1])
-        cover(a, b, c, count > 0, face, near, far, home, raw, faces)
+        clean += cover(a, b, c, count > 0, face, near, far, home, raw, faces)
+    return clean
 
 
 @compiled

@@ -25,6 +25,7 @@ from chmarl_pb.world.bodies import (
     quiet,
     yaw_quaternion,
 )
+from chmarl_pb.world.client import Client
 from chmarl_pb.world.touch import touching
 
 TIME_STEP = 1 / 240  # seconds
@@ -52,7 +53,6 @@ class World:
 
     Attributes:
         home: the home.
-        client: PyBullet client id.
         bodies: name -> body id of the home, the robots and the objects present.
         robots: name -> robot, filled by :meth:`add_robot`.
         held: name of the object in the gripper, or None.
@@ -70,7 +70,7 @@ class World:
             HomeError: PyBullet cannot load the home.
         """
         self.home = home
-        self.client = pybullet.connect(pybullet.DIRECT)
+        self._client = Client()
         if self.client < 0:
             raise HomeError(f"{home.path}: PyBullet has no free client; close some environments")
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
@@ -98,9 +98,16 @@ class World:
 
     def close(self) -> None:
         """Disconnect the client; closing twice is allowed."""
-        if self.client >= 0:
-            pybullet.disconnect(physicsClientId=self.client)
-            self.client = -1
+        self._client.close()
+
+    @property
+    def client(self) -> int:
+        """PyBullet client id. Bodies are moved when it is asked for, so ask anew after each step."""
+        return self._client.number
+
+    def move_body(self, body: int, position: Vector, quaternion: Vector) -> None:
+        """Move a robot's body."""
+        self._client.move(body, position, quaternion)
 
     def add_robot(self, name: str, robot: Any, body: int) -> None:
         """Register a robot and its body."""
@@ -148,8 +155,7 @@ class World:
         self._poses[name] = (tuple(position), tuple(quaternion))
         self.version += 1
         thing = self._objects[name]
-        centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
-        pybullet.resetBasePositionAndOrientation(thing.body, centre, quaternion, physicsClientId=self.client)
+        self._client.move(thing.body, *self._poses[name], thing.inertial)
 
     def pose(self, name: str) -> Pose:
         """Return an object's bottom centre (metres) and its orientation (x, y, z, w)."""

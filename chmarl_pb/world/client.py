@@ -1,0 +1,43 @@
+"""A PyBullet client that is told where bodies are only when somebody asks it: most steps of an episode never do."""
+
+import pybullet
+
+from chmarl_pb.world.bodies import UPRIGHT, Vector
+
+
+class Client:
+    """A client without a display, and the bodies that are still to be moved in it."""
+
+    def __init__(self) -> None:
+        """Connect; the number is negative if PyBullet has no free client."""
+        self._number = pybullet.connect(pybullet.DIRECT)
+        self._moves: dict[int, tuple[Vector, Vector, Vector | None]] = {}
+
+    @property
+    def number(self) -> int:
+        """PyBullet's id of the client, once all bodies are where they were moved to."""
+        if self._moves:
+            for body, (position, quaternion, inertial) in self._moves.items():
+                if inertial is not None:
+                    position, _ = pybullet.multiplyTransforms(position, quaternion, inertial, UPRIGHT)
+                pybullet.resetBasePositionAndOrientation(body, position, quaternion, physicsClientId=self._number)
+            self._moves.clear()
+        return self._number
+
+    def move(self, body: int, position: Vector, quaternion: Vector, inertial: Vector | None = None) -> None:
+        """Move a body, at rest, before anybody asks for the client.
+
+        Args:
+            body: body id.
+            position: of its frame, metres.
+            quaternion: of its frame (x, y, z, w).
+            inertial: position of its inertial frame in its own frame, metres; None if they are one.
+        """
+        self._moves[body] = position, quaternion, inertial
+
+    def close(self) -> None:
+        """Disconnect; closing twice is allowed."""
+        if self._number >= 0:
+            pybullet.disconnect(physicsClientId=self._number)
+        self._number = -1
+        self._moves.clear()
