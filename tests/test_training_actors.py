@@ -1,0 +1,238 @@
+"""Imitation of a teacher, MAPPO, and graphs pooled by the instruction."""
+
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+torch = pytest.importorskip("torch")
+
+from gymnasium import spaces  # noqa: E402
+
+from tests.uneven_env import UnevenEnv  # noqa: E402
+from training import train  # noqa: E402
+from training.algorithms import make_learner  # noqa: E402
+from training.checkpoint import CheckpointError, load  # noqa: E402
+from training.collect import NO_LABEL, Collector  # noqa: E402
+from training.config import Config, ImitationConfig, MappoConfig  # noqa: E402
+from training.encoders import build_encoder  # noqa: E402
+from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame  # noqa: E402
+from training.imitation import draw, imitation_loss, taught  # noqa: E402
+from training.logbook import read_metrics  # noqa: E402
+from training.loop import BEST, Run  # noqa: E402
+from training.losses import Batch  # noqa: E402
+from training.mappo import Mappo  # noqa: E402
+from training.spaces import interface_of  # noqa: E402
+from training.validation import play_greedily  # noqa: E402
+
+torch.set_num_threads(1)  # these networks are too small for more
+
+SIZES: dict[str, Any] = {
+    "envs": 4, "horizon": 5, "batch_size": 8, "learning_starts": 8, "features": 8, "hidden": 8,
+    "validation_interval": 16, "checkpoint_interval": 16, "log_interval": 8,
+}  # fmt: skip
+IMITATION = ImitationConfig(episodes=48, buffer_size=20, updates=2, **SIZES)
+MAPPO = MappoConfig(episodes=48, buffer_size=8, critic_starts=8, **SIZES)
+
+
+class Constant:
+    """A teacher that always does the same."""
+
+    def __init__(self, env: Any, actions: dict[str, int]):
+        self.actions = actions
+
+    def reset(self, seed: int | None) -> None:
+        pass
+
+    def act(self, observations: Any, infos: Any) -> dict[str, int]:
+        return self.actions
+
+
+TEACHER = partial(Constant, actions={"long": 2, "short": 1})
+
+
+def test_imitator_does_what_the_teacher_does() -> None:
+    teacher = partial(Constant, actions={"first": 2, "second": 1})
+    game = partial(MatrixGame, MATRIX_GAMES["additive"])
+    config = replace(IMITATION, episodes=200, learning_rate=0.02)
+    agents = train(game, "imitation", config, teacher=teacher).agents
+    assert play_greedily(Collector(game, 1), agents, [0])[0].actions == [{"first": 2, "second": 1}]
+
+
+def test_labels_are_the_teachers_and_only_where_an_agent_acts() -> None:
+    collector = Collector(UnevenEnv, 2, TEACHER)
+    agents = make_learner("imitation", collector.interface, IMITATION).agents
+    played = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1], taught=True)
+    assert all(actions["long"] == 2 for episode in played for actions in episode.actions)
+    untaught = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1])
+    assert not untaught[0].labels and untaught[0].label("long") == NO_LABEL
+
+
+def test_steps_without_label_do_not_count() -> None:
+    logits = torch.randn(2, 3, 4, generator=torch.Generator().manual_seed(0))
+    labels = torch.tensor([[0, NO_LABEL, 2], [NO_LABEL, NO_LABEL, 3]])
+    changed = logits.clone()
+    changed[0, 1], changed[1, :2] = 7.0, -7.0
+    assert imitation_loss(logits, labels) == imitation_loss(changed, labels)
+
+
+def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> None:
+    values = torch.tensor([[0.0, 1.0, 2.0, 9.0]]).expand(20_000, 4)
+    legal = torch.tensor([[True, True, True, False]]).expand(20_000, 4)
+    counts = Counter(draw(values, legal, np.random.default_rng(0)).tolist())
+    wanted = torch.softmax(values[0, :3], dim=0).tolist()
+    assert [counts[action] / 20_000 for action in range(3)] == pytest.approx(wanted, abs=0.01) and 3 not in counts
+
+
+@pytest.mark.parametrize("algorithm", ["imitation", "mappo"])
+def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = IMITATION if algorithm == "imitation" else MAPPO
+    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", teacher=TEACHER)
+    advance, waves = Run.advance, iter(range(10))
+
+    def dies(run: Run, logbook: Any) -> None:
+        if next(waves) == 9:
+            raise KeyboardInterrupt
+        advance(run, logbook)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Run, "advance", dies)
+        train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
+    assert all(torch.equal(one[key], other[key]) for key in one)
+    rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
+    assert rows[0] == rows[1] and len(rows[0]) == 6
+
+
+def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
+    config = replace(
+        MAPPO, episodes=2_000, buffer_size=32, batch_size=32, learning_rate=0.01, critic_rate=0.02, critic_starts=0,
+        validation_interval=2_000,
+    )  # fmt: skip
+    for game, best in ((partial(MatrixGame, MATRIX_GAMES["additive"]), 6.0), (TwoStepGame, 8.0)):
+        agents = train(game, "mappo", config).agents
+        assert play_greedily(Collector(game, 1), agents, [0])[0].gain == best
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.integers(1, 6), min_size=2, max_size=4), st.integers(0, 10**6))
+def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
+    batch = random_batch(lengths, np.random.default_rng(seed))
+    wave = learner.judge(batch)
+    for row, length in enumerate(lengths):
+        rewards = batch.rewards[row, :length, 0].tolist()
+        sums = [sum(0.9**k * reward for k, reward in enumerate(rewards[step:])) for step in range(length)]
+        assert wave.returns[row, :length].tolist() == pytest.approx(sums, abs=1e-4)
+    real = wave.advantages[batch.acted.any(dim=-1)]
+    assert float(real.mean()) == pytest.approx(0, abs=1e-4)
+
+
+def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
+    batch = random_batch([3], np.random.default_rng(0))
+    values = learner.critic(batch.states).detach()[0, :, 0]
+    wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
+    torch.testing.assert_close(learner.judge(batch).returns[0], wanted)
+
+
+def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
+    """Return episodes of the two agents of a small game, all padded to the longest."""
+    count, steps = len(lengths), max(lengths)
+    acted = torch.arange(steps).expand(count, steps) < torch.tensor(lengths).unsqueeze(1)
+    states = torch.from_numpy(rng.normal(size=(count, steps + 1, 3)).astype(np.float32))
+    reward = torch.from_numpy(rng.normal(size=(count, steps, 1)).astype(np.float32)).expand(count, steps, 2)
+    names = ("first", "second")
+    return Batch(
+        {name: states for name in names}, {name: torch.zeros(count, steps, dtype=torch.long) for name in names},
+        {name: torch.ones(count, steps + 1, 2, dtype=torch.bool) for name in names},
+        states, reward, acted.unsqueeze(-1).expand(count, steps, 2), torch.zeros(count, steps, 2, dtype=torch.bool),
+    )  # fmt: skip
+
+
+def test_mappo_starts_from_weights(tmp_path: Path) -> None:
+    first = replace(IMITATION, **{"graph_pool": MAPPO.graph_pool})
+    train(UnevenEnv, "imitation", first, tmp_path, teacher=TEACHER)
+    interface = interface_of(UnevenEnv())
+    started = Mappo(interface, replace(MAPPO, start=str(tmp_path / BEST)))
+    kept = load(tmp_path / BEST, "value")["agents"]
+    assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
+    with pytest.raises(CheckpointError, match=BEST):
+        Mappo(interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
+
+
+def test_wrong_algorithms_and_settings_are_refused() -> None:
+    interface = interface_of(TwoStepGame())
+    with pytest.raises(ValueError, match="use one of: iql, vdn, qmix, qtran, imitation, mappo"):
+        make_learner("sarsa", interface, Config())
+    with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):
+        make_learner("mappo", interface, Config())
+
+
+NODES, EDGES, WORDS = 6, 5, 8
+SPACE = spaces.Dict(
+    {
+        "node_class": spaces.Box(0, 9, (NODES,), np.int16), "node_state": spaces.Box(0, 3, (NODES,), np.int16),
+        "edges": spaces.Box(0, NODES, (EDGES, 3), np.int16), "instruction": spaces.Box(0, 20, (WORDS,), np.int16),
+    }
+)  # fmt: skip
+
+
+def observation(classes: list[int], words: list[int], edges: list[tuple[int, int, int]] = []) -> dict[str, Any]:  # noqa: B006
+    """Return a batch of one graph with an instruction."""
+    arrays = {name: torch.zeros(1, *part.shape, dtype=torch.int16) for name, part in SPACE.spaces.items()}
+    arrays["node_class"][0, : len(classes)] = torch.tensor(classes, dtype=torch.int16)
+    arrays["node_state"][0, : len(classes)] = 1
+    arrays["instruction"][0, : len(words)] = torch.tensor(words, dtype=torch.int16)
+    for row, edge in enumerate(edges):
+        arrays["edges"][0, row] = torch.tensor(edge, dtype=torch.int16)
+    return arrays
+
+
+def test_gated_pooling_does_not_see_order_or_padding() -> None:
+    encode = build_encoder(SPACE, 16, graph_pool="gated")
+    one = encode(observation([3, 5, 7], [4, 9], [(0, 2, 1)]))
+    torch.testing.assert_close(one, encode(observation([7, 3, 5], [9, 4], [(1, 0, 1)])))
+    cut = {
+        name: part[:, :3] if name.startswith("node_") else part
+        for name, part in observation([3, 5, 7], [4, 9], [(0, 2, 1)]).items()
+    }
+    torch.testing.assert_close(one, encode(cut))
+    assert torch.isfinite(encode(observation([], []))).all()
+
+
+def test_gated_pooling_learns_to_find_what_the_words_name() -> None:
+    """Word w names class w; whether it is among the nodes is what a mean over nodes cannot tell well."""
+    rng = np.random.default_rng(0)
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        encode = build_encoder(SPACE, 32, graph_pool="gated")
+        head = torch.nn.Linear(32, 1)
+    optimizer = torch.optim.Adam([*encode.parameters(), *head.parameters()], lr=3e-3)
+    for _ in range(300):
+        graphs = [(rng.choice(np.arange(1, 10), 4, replace=False), int(rng.integers(1, 10))) for _ in range(64)]
+        parts = [observation(classes.tolist(), [word]) for classes, word in graphs]
+        batch = {name: torch.cat([part[name] for part in parts]) for name in SPACE.spaces}
+        there = torch.tensor([[float(word in classes)] for classes, word in graphs])
+        told = head(encode(batch))
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(told, there)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert float(((told > 0) == (there > 0)).float().mean()) > 0.95
+
+
+def test_gated_pooling_needs_an_instruction() -> None:
+    graph = spaces.Dict({name: part for name, part in SPACE.spaces.items() if name != "instruction"})
+    seen = observation([3], [4])
+    with pytest.raises(ValueError, match="needs the tokens of an instruction"):
+        build_encoder(graph, 8, graph_pool="gated")(seen)
+    with pytest.raises(ValueError, match="use one of: mean, gated"):
+        build_encoder(SPACE, 8, graph_pool="max")
