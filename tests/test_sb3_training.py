@@ -21,7 +21,7 @@ from chmarl_pb.planner.policy import Policy
 from training.checkpoint import CheckpointError
 from training.encoders import build_encoder
 from training.resnet import FEATURES, FrozenResNet18, ResNet18
-from training.sb3 import BEST, LAST, RESULT, load_policy, main, run
+from training.sb3 import BEST, LAST, RESULT, load_policy, main, parse, run
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import FeatureVecEnv, HouseholdFeatures
 from training.sb3_run import Log
@@ -163,10 +163,31 @@ def test_validation_pays_plw_and_begins_again_at_a_seed() -> None:
     for seed in (0, None, None, 0):
         _, info = env.reset(seed=seed)
         played.append(info["humanoid"]["task_id"])
-    assert played == [tasks[0].id, tasks[2].id, tasks[1].id, tasks[0].id]
+    assert played == [tasks[0].id, tasks[2].id, tasks[4].id, tasks[0].id]
+    assert [task.id.rsplit("-", 1)[0] for task in tasks] == ["val-seen"] * 3 + ["val-unseen"] * 3
     rewards = [env.step(np.array([9, 8]))[1] for _ in range(3)]
     assert rewards == [0, 0, 0]  # both stay
     env.close()
+
+
+def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
+    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    run(Config("ppo", HUMANOID, steps=8, interval=8, **TINY), tmp_path, workers=0)
+    board = events.EventAccumulator(str(tmp_path / "tensorboard"))
+    board.Reload()
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert {"eval/mean_reward", "eval/success_rate", "train/loss"} <= set(board.Tags()["scalars"])
+    for name in ("eval/mean_reward", "train/loss"):
+        told = [(event.step, event.value) for event in board.Scalars(name)]
+        assert told == [(row["steps"], pytest.approx(row[name], rel=1e-6)) for row in rows if name in row] != []
+
+
+def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
+    arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
+    config, out, _ = parse(arguments)
+    assert (config.env_id, config.messages, config.feedback, config.seed) == (HUMANOID, False, True, 4)
+    assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-seed4")
+    assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id
 
 
 def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:

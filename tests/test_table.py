@@ -17,8 +17,9 @@ from training import table
 from training.page import NOT_RUN, write_page
 from training.rows import TABLES, Row
 from training.runs import FORMAT, Run, curve, read_records
+from training.sb3 import parse as parse_sb3
 from training.schedule import Schedule
-from training.train import _parser as train_parser
+from training.train import parse as parse_train
 
 #: Stands for the trainer and for the evaluation: both write what the real ones write. The trainer counts its starts,
 #: does four epochs, keeps each, and stops hard after STOP of them, or waits for a signal after HANG.
@@ -98,20 +99,50 @@ def test_messages_and_feedback_come_in_all_combinations(observation: str) -> Non
 
 def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) -> None:
     rows = {row for rows in TABLES.values() for row in rows}
-    assert len({(row.table, row.slug) for row in rows}) == len(rows) == 26
+    assert len({(row.table, row.slug) for row in rows}) == len(rows) >= 26
     for row in rows:
         run = Run(row, 3, tmp_path, tmp_path, tmp_path)
+        arguments = run.command("train")[1:]
         if row.module == "training.train":
-            options = train_parser().parse_args(run.command("train")[1:])
-            assert (options.observation, options.messages, options.feedback, options.seed, options.out) == (
-                row.observation, row.messages, row.feedback, 3, run.folder,
+            options, settings = parse_train(arguments)
+            told = (options.observation, options.messages, options.feedback, options.seed, options.out)
+            assert told == (row.observation, row.messages, row.feedback, 3, run.folder)
+            assert settings["batch_size"] > 0
+        if row.module == "training.sb3":
+            config, out, workers = parse_sb3(arguments)
+            assert (config.observation, config.messages, config.feedback, config.seed) == (
+                row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip
+            assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
 
 
 def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:
     runs = table.make_runs(table._parser().parse_args(["--seeds", "2"]))
-    assert len(runs) == len({run.name for run in runs}) == 52
-    assert [run.seed for run in runs] == [0] * 26 + [1] * 26
+    assert len(runs) == len({run.name for run in runs})
+    rows = [run.row for run in runs if run.seed == 0]
+    assert [(run.row, run.seed) for run in runs] == [(row, seed) for seed in (0, 1) for row in rows]
+
+
+def test_rows_have_their_own_number_of_seeds() -> None:
+    runs = table.make_runs(table._parser().parse_args(["--table", "scene-graph", "visual", "--rows", "vdn", "ppo-*"]))
+    assert [run.seed for run in runs] == sorted(run.seed for run in runs)
+    for row in {run.row for run in runs}:
+        seeds = [run.seed for run in runs if run.row == row]
+        assert seeds == ([0, 1, 2] if row.observation == "scene_graph" else [0])
+
+
+def test_row_of_ones_own_is_run_and_shown_below_those_of_the_paper(
+    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Row("Best effort", "visual", ("--deep",), messages=True, module="mine.train", checkpoint="best.pt", seeds=2)
+    run = replace(run_of(tmp_path), row=own)
+    assert run.command("train")[:3] == ["mine.train", "--deep", "--observation"]
+    assert work([run], launch).failed == []
+    monkeypatch.setitem(TABLES, "visual", (*TABLES["visual"], own))
+    write_page(run.results, tmp_path / "results.md")
+    lines = (tmp_path / "results.md").read_text().split("## Pictures")[1].splitlines()
+    rows = [line for line in lines if line.startswith("| ")]
+    assert rows[len(TABLES["visual"])].startswith("| *Best effort* (ours) | 1 of 2 | ")
 
 
 def test_only_takes_patterns_and_refuses_what_is_no_row() -> None:
@@ -227,6 +258,29 @@ def test_half_a_line_of_metrics_is_no_trouble(tmp_path: Path) -> None:
     assert curve(metrics) == {"unit": "epochs", "success": [], "loss": [[1, 1.5]], "validation": [[1, 0.25]]}
 
 
+def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
+    metrics = tmp_path / "metrics.jsonl"
+    rows = [{"steps": 512, "rollout/success_rate": 0.25}, {"steps": 1024, "eval/mean_reward": 0.5}]
+    metrics.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    assert curve(metrics) == {"unit": "steps", "success": [[512, 0.25]], "loss": [], "validation": [[1024, 0.5]]}
+
+
+@pytest.mark.parametrize(
+    ("options", "row", "share"),
+    [
+        (("--algo", "ppo", "--steps", "2000"), {"steps": 500}, 0.25),
+        (("--algo", "bc", "--epochs", "4"), {"epoch": 1}, 0.25),
+        (("--algo", "qmix", "--episodes", "8"), {"episodes": 6}, 0.75),
+        ((), {"episodes": 0}, 0.0),
+    ],
+)
+def test_progress_is_known_for_every_kind_of_learner(options, row, share, tmp_path: Path) -> None:
+    run = run_of(tmp_path, options=options)
+    run.folder.mkdir(parents=True)
+    (run.folder / "metrics.jsonl").write_text(json.dumps(row) + "\n")
+    assert run.progress() == share
+
+
 # The page
 
 
@@ -256,7 +310,7 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     change(runs[1], plw=0.35)
     write_page(runs[0].results, tmp_path / "docs" / "results.md")
     text = (tmp_path / "docs" / "results.md").read_text()
-    assert "| QMIX | 2 | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+    assert "| QMIX | 2 of 3 | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
     assert "| QMIX | 1 | 14.09 | 25.0 |" in text
     assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**" in text
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
@@ -270,7 +324,7 @@ def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:
     record["checkpoint"]["config"] |= {"seed": 1, "episodes": 8}
     runs[1].result.write_text(json.dumps(record))
     write_page(runs[0].results, tmp_path / "results.md")
-    assert "| QMIX | 2 (settings differ) |" in (tmp_path / "results.md").read_text()
+    assert "| QMIX | 2 of 3 (settings differ) |" in (tmp_path / "results.md").read_text()
 
 
 def test_page_is_the_same_when_written_again(tmp_path: Path, launch) -> None:

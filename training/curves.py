@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
+_COLOURS |= {"ppo": "#17a2b8", "a2c": "#a8a21c", "dqn": "#8c564b", "recurrent-ppo": "#e377c2"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
 #: Colours of the table of messages and feedback, by observation and feedback.
 _APART = {
@@ -32,6 +33,7 @@ _PANELS = (
     ("Success in training, with exploration (%)", "episodes", "success"),
     ("PLW on validation tasks (%)", "episodes", "validation"),
     ("PLW on validation tasks (%)", "epochs", "validation"),
+    ("PLW on validation tasks (%)", "steps", "validation"),
 )
 
 
@@ -97,7 +99,7 @@ def _draw(
         x = curves[0][:points, 0]
         y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
-        style = "-" if row.messages else "--"
+        style = ":" if "--humanoid-only" in row.options else "-" if row.messages else "--"
         axes.plot(x, y.mean(axis=0), color=colour, linestyle=style, label=_label(row) if apart else row.name)
         axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)
     from matplotlib.ticker import MaxNLocator

@@ -28,10 +28,12 @@ Written by `python -m training.table --show` from the files in `results/`; do no
 
 All numbers are per cent. *Paper*: Goyal et al., in VirtualHome; the homes, tasks and pictures there are others,
 so the columns tell which way things go and not which program is better. *Ours*: mean ± sample standard deviation
-over training seeds, whose number is in the column *seeds*; every task of a split is played once, greedily, for at
-most {MAX_STEPS} steps. The weights of a run are those with the best PLW on 50 tasks each of val-seen and
-val-unseen, so ours on these two splits are a little too good; nothing was chosen on a test split. The headline
-number is PLW on test-unseen. *search* is the built-in policy that learns nothing
+over training seeds, whose number is in the column *seeds* ("1 of 3": two are still to be run); every task of a split
+is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
+weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
+are a little too good; nothing was chosen on a test split. The headline number is PLW on test-unseen. Rows in
+*italics* are not in the paper: baselines of Stable-Baselines3, whose one network drives both robots, or the humanoid
+beside a drone that follows the search policy. *search* is the built-in policy that learns nothing
 ([benchmark.md](benchmark.md#baselines-and-difficulty)).
 """
 
@@ -78,8 +80,9 @@ def _headlines(records: Records) -> list[str]:
         plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
         search = _search("plw", SPLITS[-1])
         share = f", {fmean(plw) / search:.0%} of the PLW of search" if search else ""
+        whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
-            f"- {TITLES[table]}, test-unseen: **{best.name}** (best on validation): PLW **{_cell(plw)}**, success "
+            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**, success "
             f"**{_cell(success)}**{share} ({told})."
         )
     return ["\n".join(lines)]
@@ -101,7 +104,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
             f" {_paper(row, metric, number)} | {_cell(_values(same, metric, split))} |"
             for number, split in enumerate(SPLITS)
         )
-        lines.append(f"| {name(row)} | {_seeds(same)} |{''.join(cells)}")
+        lines.append(f"| {name(row)} | {_seeds(row, same)} |{''.join(cells)}")
     search = [_search(metric, split) for split in SPLITS]
     if all(value is not None for value in search):
         lines.append("| *search* | |" + "".join(f" | {100 * (value or 0):.1f} |" for value in search))
@@ -109,7 +112,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
 
 
 def _name(row: Row) -> str:
-    return row.name if row.published else f"{row.name} (ours, not in the paper)"
+    return row.name if row.published else f"*{row.name}* (ours)"
 
 
 def _setting(row: Row) -> str:
@@ -125,11 +128,13 @@ def _paper(row: Row, metric: str, number: int) -> str:
     return f"{(row.published.plw if metric == 'plw' else row.published.success)[number]:.2f}"
 
 
-def _seeds(same: Sequence[Record]) -> str:
+def _seeds(row: Row, same: Sequence[Record]) -> str:
+    """Return how many seeds a row has, and how many it is to have if some are missing."""
     if not same:
         return NOT_RUN
+    missing = f" of {row.seeds}" if len(same) < row.seeds else ""
     settings = [{**record["checkpoint"].get("config", {}), "seed": None} for record in same]
-    return f"{len(same)}{'' if all(one == settings[0] for one in settings) else ' (settings differ)'}"
+    return f"{len(same)}{missing}{'' if all(one == settings[0] for one in settings) else ' (settings differ)'}"
 
 
 def _of(row: Row, records: Records) -> list[Record]:
@@ -196,7 +201,8 @@ def _run_line(record: Record) -> str:
 def encoder_of(record: Record) -> str:
     """Return what encodes the observations of a run."""
     if record["observation"] == "scene_graph":
-        return "graph convolution"
+        pool = record["checkpoint"].get("config", {}).get("graph_pool", "mean")
+        return "graph convolution" if pool == "mean" else f"graph convolution, {pool}"
     weights = record["checkpoint"].get("resnet18", "")
     encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
     return f"ResNet-18, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"

@@ -19,6 +19,7 @@ class Row:
         module: that trains; it takes ``--observation``, ``--messages``, ``--feedback``, ``--seed`` and ``--out`` beside
             the options, and goes on with an interrupted run.
         checkpoint: file of the run's folder with the weights that were best on the validation tasks.
+        seeds: trainings that the table wants of it.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Row:
     published: paper.Row | None = None
     module: str = "training.train"
     checkpoint: str = "best.pt"
+    seeds: int = 3
 
     @property
     def table(self) -> str:
@@ -38,7 +40,7 @@ class Row:
     @property
     def slug(self) -> str:
         """Short name, unique in its table, e.g. ``qmix-messages`` or ``visual-qmix-no-feedback``."""
-        words = self.name.lower().replace("+ ", "").split()
+        words = self.name.lower().replace("+ ", "").replace(",", "").split()
         if not self.feedback:
             words = [*self.observation.split("_"), *words, "no", "feedback"]
         return "-".join(words)
@@ -49,11 +51,18 @@ class Row:
         return self.options[:2] == ("--algo", "bc")
 
 
+#: Trainings of a row of the paper: pictures take about ten times as long as scene graphs.
+_SEEDS = {"scene_graph": 3, "visual": 1}
+
+
 def _row(published: paper.Row) -> Row:
     """Return the row that stands beside one of the paper."""
     words = published.name.lower().split()
     options = ("--algo", words[0], *(["--centralized"] if "centralized" in words else []))
-    return Row(published.name, published.observation, options, "messages" in words, published.feedback, published)
+    return Row(
+        published.name, published.observation, options, "messages" in words, published.feedback, published,
+        seeds=_SEEDS[published.observation],
+    )  # fmt: skip
 
 
 def _isolated(observation: str) -> tuple[Row, ...]:
@@ -61,12 +70,34 @@ def _isolated(observation: str) -> tuple[Row, ...]:
     main = paper.SCENE_GRAPH if observation == "scene_graph" else paper.VISUAL
     published = [row for row in paper.FEEDBACK.rows if row.observation == observation]
     published += [row for row in main.rows if row.name == "QMIX"]
-    neither = Row("QMIX", observation, ("--algo", "qmix"), messages=False, feedback=False)
+    neither = Row("QMIX", observation, ("--algo", "qmix"), messages=False, feedback=False, seeds=_SEEDS[observation])
     return (*map(_row, published), neither)
 
 
+def _sb3(name: str, algo: str, observation: str, *options: str) -> Row:
+    """Return the row of an algorithm of Stable-Baselines3; pictures are seen through the frozen ResNet-18."""
+    steps = {"scene_graph": "200000", "visual": "100000"}[observation]
+    encoder = ("--image-encoder", "resnet18") if observation == "visual" else ()
+    given = ("--algo", algo, *options, "--steps", steps, *encoder, "--workers", "1")
+    module, file = "training.sb3", "best.zip"
+    return Row(name, observation, given, True, module=module, checkpoint=file, seeds=_SEEDS[observation])
+
+
+_SB3 = {"PPO": "ppo", "A2C": "a2c", "DQN": "dqn", "Recurrent PPO": "recurrent-ppo"}
+
+#: Stable-Baselines3: one network for both robots, or for the humanoid alone.
+BASELINES = tuple(
+    _sb3(f"{name}{words}", algo, observation, *options)
+    for observation in ("scene_graph", "visual")
+    for words, options in ((", both robots", ()), (", humanoid only", ("--humanoid-only",)))
+    for name, algo in _SB3.items()
+)
+
 #: Rows that the paper has no counterpart of, shown below its rows in the table of their observation.
-OURS: tuple[Row, ...] = ()
+OURS: tuple[Row, ...] = (
+    Row("Imitation of search, then MAPPO", "scene_graph", (), messages=True, module="training.ours"),
+    *BASELINES,
+)
 
 
 def _with_ours(table: paper.PaperTable) -> tuple[Row, ...]:

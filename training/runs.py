@@ -132,7 +132,7 @@ class Run:
     def progress(self) -> float:
         """Return which share of the training is done, 0 to 1, or 0 where its metrics do not tell."""
         rows = _rows(self.folder / "metrics.jsonl")
-        done = max((row.get("episodes", row.get("epoch", 0)) for row in rows), default=0)
+        done = max((row.get("episodes", row.get("epoch", row.get("steps", 0))) for row in rows), default=0)
         return min(done / _total(self), 1.0)
 
 
@@ -141,14 +141,16 @@ def _switch(name: str, on: bool) -> str:
 
 
 def _total(run: Run) -> int:
-    """Return the number of episodes or epochs of a training."""
+    """Return the number of episodes, epochs or steps of a training."""
     from training.clones import CloningConfig
-    from training.config import Config
+    from training.config import CONFIGS, MappoConfig
 
     options = (*run.row.options, *run.extra)
-    if "--episodes" in options:
-        return int(options[options.index("--episodes") + 1])
-    return CloningConfig().epochs if run.row.clones else Config().episodes
+    for flag in ("--episodes", "--epochs", "--steps"):
+        if flag in options:
+            return int(options[options.index(flag) + 1])
+    algo = options[options.index("--algo") + 1] if "--algo" in options else ""
+    return CloningConfig().epochs if algo == "bc" else CONFIGS.get(algo, MappoConfig)().episodes
 
 
 def curve(metrics: Path) -> dict[str, Any]:
@@ -159,17 +161,28 @@ def curve(metrics: Path) -> dict[str, Any]:
     curves: dict[str, Any] = {"unit": "episodes", "success": [], "loss": [], "validation": []}
     for row in _rows(metrics):
         x = row.get("episodes")
-        if "epoch" in row:  # cloning
-            curves["unit"], x = "epochs", row["epoch"]
-            row = {"train": {"loss": sum(value for key, value in row.items() if key.endswith("_loss"))}} | (
-                {"validation": {"score": row["score"]}} if "score" in row else {}
-            )
+        if "epoch" in row:
+            curves["unit"], x, row = "epochs", row["epoch"], _of_cloning(row)
+        elif "steps" in row:
+            curves["unit"], x, row = "steps", row["steps"], _of_sb3(row)
         for name in ("success", "loss"):
             if name in row.get("train", {}):
                 curves[name].append([x, round(row["train"][name], 4)])
         if "validation" in row:
             curves["validation"].append([x, round(row["validation"]["score"], 4)])
     return curves
+
+
+def _of_cloning(row: dict[str, Any]) -> dict[str, Any]:
+    loss = sum(value for key, value in row.items() if key.endswith("_loss"))
+    return {"train": {"loss": loss}, **({"validation": {"score": row["score"]}} if "score" in row else {})}
+
+
+def _of_sb3(row: dict[str, Any]) -> dict[str, Any]:
+    """Its loss is left out: it has another meaning for each algorithm."""
+    success, plw = row.get("rollout/success_rate"), row.get("eval/mean_reward")
+    train = {} if success is None else {"success": success}
+    return {"train": train, **({} if plw is None else {"validation": {"score": plw}})}
 
 
 def _rows(metrics: Path) -> list[dict[str, Any]]:

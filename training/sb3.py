@@ -4,7 +4,8 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import asdict, fields
+from collections.abc import Sequence
+from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,12 +21,13 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeIma
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ChmarlError
+from training.encoders import GRAPH_POOLS
 from training.resnet import frozen_resnet18
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import FeatureVecEnv
 from training.sb3_policy import load_policy, save_model
 from training.sb3_run import Milestones, Validation, make_logger
-from training.sb3_validation import SPLIT, make_validation, validation_tasks
+from training.sb3_validation import SPLITS, make_validation, validation_tasks
 
 __all__ = ["load_policy", "run"]
 
@@ -88,7 +90,7 @@ def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, qu
     rows = validation.rows()
     best = max(rows, key=lambda row: row["plw"])
     result = {
-        "config": asdict(config), "split": SPLIT, "best": best, "validations": rows, "steps": model.num_timesteps,
+        "config": asdict(config), "splits": SPLITS, "best": best, "validations": rows, "steps": model.num_timesteps,
         "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
     }  # fmt: skip
     (folder / RESULT).write_text(json.dumps(result, indent=1) + "\n")
@@ -134,21 +136,30 @@ class _Bar(BaseCallback):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    options = vars(_parser().parse_args(arguments))
-    torch.set_num_threads(options.pop("threads"))
-    workers, out = options.pop("workers"), options.pop("out")
-    folder = out or Path("out/sb3") / _name(options)
+    torch.set_num_threads(1)  # these networks are too small for more
+    config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        frozen = "Visual" in options["env_id"] and options["image_encoder"] == "resnet18"
-        config = Config(**options, frozen=frozen_resnet18().fingerprint if frozen else "")
+        if config.observation == "visual" and config.image_encoder == "resnet18":
+            config = replace(config, frozen=frozen_resnet18().fingerprint)
         run(config, folder, workers, quiet=False)
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     best = json.loads((folder / RESULT).read_text())["best"]
-    print(f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on {SPLIT}. Evaluate it with")
+    print(
+        f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
+    )
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {config.observation}")
     return 0
+
+
+def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None]:
+    """Return the settings that a command names, the folder of the run, and the number of processes."""
+    options = vars(_parser().parse_args(arguments))
+    workers, out = options.pop("workers"), options.pop("out")
+    observation, humanoid_only = options.pop("observation"), options.pop("humanoid_only")
+    options["env_id"] = options["env_id"] or _env_id(observation, humanoid_only)
+    return Config(**options), out or Path("out/sb3") / _name(options), workers
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -156,23 +167,31 @@ def _parser() -> argparse.ArgumentParser:
     default = {field.name: field.default for field in fields(Config)}
     switch = argparse.BooleanOptionalAction
     parser.add_argument("--algo", choices=tuple(ALGORITHMS), required=True)
-    parser.add_argument("--env", choices=ENV_IDS, required=True, dest="env_id")
+    parser.add_argument("--env", choices=ENV_IDS, dest="env_id", help="or --observation, as the tables name it")
+    parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    parser.add_argument("--humanoid-only", action="store_true", help="the drone follows the search policy")
     parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
     parser.add_argument("--image-encoder", choices=("cnn", "resnet18"), default="cnn", help="resnet18 is frozen")
     texts = {
         "steps": "of all environments", "seed": "of every random stream", "envs": "side by side",
-        "image_size": "pixels", "interval": "steps between two validations", "tasks": "validation tasks",
+        "image_size": "pixels", "interval": "steps between two validations", "tasks": "of each validation split",
     }  # fmt: skip
     for name, text in texts.items():
         parser.add_argument(
             f"--{name.replace('_', '-')}", type=int, default=default[name], help=f"{text}; default: %(default)s"
         )
+    parser.add_argument("--graph-pool", choices=tuple(GRAPH_POOLS), default=default["graph_pool"])
     parser.add_argument("--learning-rate", type=float, help="default: that of the algorithm")
     parser.add_argument("--workers", type=int, help="processes; default: one for each core")
-    parser.add_argument("--threads", type=int, default=1, help="of torch")
     parser.add_argument("--out", type=Path, help="folder of the run; default: out/sb3/NAME")
     return parser
+
+
+def _env_id(observation: str, humanoid_only: bool) -> str:
+    """Return the Gymnasium id of a row of the tables."""
+    kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
+    return f"CHMARL/{kind}{'Humanoid' if humanoid_only else ''}-v0"
 
 
 def _name(options: dict[str, object]) -> str:

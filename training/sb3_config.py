@@ -73,7 +73,7 @@ class Config:
         graph_pool: of scene graphs; see :func:`training.encoders.build_encoder`.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
-        tasks: number of validation tasks.
+        tasks: number of validation tasks of each of the two splits.
         max_steps: of an episode.
     """
 
@@ -81,7 +81,7 @@ class Config:
     env_id: str
     steps: int = 200_000
     seed: int = 0
-    envs: int = 4
+    envs: int = 8
     messages: bool = True
     feedback: bool = True
     image_size: int = 128
@@ -90,7 +90,7 @@ class Config:
     features: int = 128
     graph_pool: str = "gated"
     learning_rate: float | None = None
-    interval: int = 10_000
+    interval: int = 25_000
     tasks: int = 50
     max_steps: int = 28
 

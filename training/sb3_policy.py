@@ -56,7 +56,7 @@ class Sb3Policies:
     def __init__(self, path: Path):
         """Remember the path of a model."""
         self.path = path
-        self.deterministic = not _read(path)[0].sampled  # as `evaluate` asks
+        self.deterministic = not read_model(path)[0].sampled  # as `evaluate` asks
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -64,7 +64,7 @@ class Sb3Policies:
         Raises:
             CheckpointError: the model was trained with other observations, actions or frozen weights.
         """
-        config, weights = _read(self.path)
+        config, weights = read_model(self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         network = _network(config, env)
         fill(network, weights, self.path)
@@ -183,7 +183,7 @@ def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     return make(space, actions, lambda _: 0.0, **config.policy_kwargs)
 
 
-def _read(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
+def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
     """Return settings and weights."""
     try:
         with zipfile.ZipFile(path) as archive:

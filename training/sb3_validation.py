@@ -11,7 +11,7 @@ from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
-SPLIT = "val-unseen"
+SPLITS = ("val-seen", "val-unseen")
 
 
 class PathWeighted(gymnasium.Wrapper):
@@ -45,9 +45,9 @@ class PathWeighted(gymnasium.Wrapper):
 
 
 def validation_tasks(most: int) -> list[Task]:
-    """Return at most some tasks of val-unseen, at equal distances."""
-    tasks = load_tasks(SPLIT)
-    return tasks[:: max(len(tasks) // most, 1)][:most]
+    """Return at most some tasks of each validation split, at equal distances."""
+    splits = [load_tasks(split) for split in SPLITS]
+    return [task for tasks in splits for task in tasks[:: max(len(tasks) // most, 1)][:most]]
 
 
 def make_validation(env_id: str, tasks: Sequence[Task], stride: int, options: dict[str, Any]) -> gymnasium.Env:

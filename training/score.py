@@ -18,6 +18,7 @@ from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report, write_atomically
+from training.checkpoint import load
 from training.crowd import play_side_by_side
 
 SCORES = "scores.json"
@@ -48,7 +49,7 @@ def score(
         )
         for split in splits
     }  # fmt: skip
-    facts = {"sha256": file_hash(checkpoint), **(_facts(checkpoint) if checkpoint.suffix == ".pt" else {})}
+    facts = {"sha256": file_hash(checkpoint), **_facts(checkpoint)}
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
     write_atomically(folder / SCORES, json.dumps(kept))
     return kept
@@ -56,8 +57,11 @@ def score(
 
 def _facts(checkpoint: Path) -> dict[str, Any]:
     """Return what a checkpoint of this package tells of its training."""
-    from training.checkpoint import load
+    if checkpoint.suffix == ".zip":
+        from training.sb3_policy import read_model
 
+        config = asdict(read_model(checkpoint)[0])
+        return {"kind": "sb3", "config": config, "resnet18": config["frozen"]}
     content = load(checkpoint)
     setting = content.get("setting", {})
     return {

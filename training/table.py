@@ -68,14 +68,20 @@ def make_runs(chosen: argparse.Namespace, extra: tuple[str, ...] = ()) -> list[R
     out = chosen.out or (OUT if chosen.results == RESULTS else chosen.results / "runs")
     if chosen.only:
         rows = [row for row in rows if any(fnmatch.fnmatch(row.slug, name) for name in _known(chosen.only, rows))]
-    return [Run(row, seed, out, chosen.results, chosen.data, extra) for seed in range(chosen.seeds) for row in rows]
+    seeds = {row: row.seeds if chosen.seeds is None else chosen.seeds for row in rows}
+    return [
+        Run(row, seed, out, chosen.results, chosen.data, extra)
+        for seed in range(max(seeds.values(), default=0))
+        for row in rows
+        if seed < seeds[row]
+    ]
 
 
 def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
     slugs = list(dict.fromkeys(row.slug for row in rows))
     for name in names:
         if not fnmatch.filter(slugs, name):
-            raise OptionError(f"--only {name}: no such row; use {', '.join(slugs)}")
+            raise OptionError(f"--rows {name}: no such row; use {', '.join(slugs)}")
     return names
 
 
@@ -126,11 +132,13 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m training.table",
         description="Train and evaluate every row of the tables; killed at any moment, it goes on.",
         epilog="Options after -- go to every training, for tries: python -m training.table --results out/try --seeds 1 "
-        "--only qmix -- --episodes 200",
+        "--rows qmix -- --episodes 200",
     )
     parser.add_argument("--table", nargs="+", choices=TABLES, default=list(TABLES), help="default: all")
-    parser.add_argument("--only", nargs="+", metavar="ROW", help="names of rows, e.g. qmix-messages or 'bc-*'")
-    parser.add_argument("--seeds", type=int, default=3, help="trainings of each row (default 3)")
+    parser.add_argument(
+        "--rows", "--only", dest="only", nargs="+", metavar="ROW", help="names, e.g. qmix-messages or 'bc-*'"
+    )
+    parser.add_argument("--seeds", type=int, help="trainings of each row (default: 3 on scene graphs, 1 on pictures)")
     parser.add_argument("--jobs", type=int, default=2, help="processes side by side (default 2)")
     parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")
     parser.add_argument("--show", action="store_true", help="train nothing, write the page")

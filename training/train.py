@@ -3,98 +3,95 @@
 import argparse
 import sys
 import types
-from dataclasses import fields, replace
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import torch
 
-import chmarl_pb
 from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.rollout import make_policy
 from chmarl_pb.errors import ChmarlError
-from training.config import ALGORITHMS, Config
-from training.features import FeatureEnv
+from training.benchmark import benchmark
+from training.clones import CloningConfig
+from training.config import CONFIGS
+from training.flags import add_flags
 from training.loop import BEST, train
-from training.policy import FROZEN
-from training.resnet import frozen_resnet18
+from training.pictures import IMAGE_ENCODERS
 from training.validation import by_tasks
 
-#: Settings of the configuration that the command takes; all others keep their defaults.
-SETTABLE = ("episodes", "envs", "updates", "batch_size", "buffer_size", "memory_gib", "learning_rate", "gamma")
+#: Settings that all learners share or that the command fixes; all others are flags of their own.
+_SHARED = ("observation", "messages", "feedback", "centralized", "seed", "image_encoder", "horizon")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    options = _parser().parse_args(arguments)
+    options, settings = parse(sys.argv[1:] if arguments is None else arguments)
     torch.set_num_threads(options.threads)
     folder = options.out or Path("out/train") / _name(options)
     try:
-        return _clone(options, folder) if options.algo == "bc" else _factorise(options, folder)
+        if options.algo == "bc":
+            _clone(options, settings, folder)
+        elif options.centralized:
+            print("error: --centralized is for --algo bc; all others act decentralized", file=sys.stderr)
+            return 2
+        else:
+            _learn(options, settings, folder)
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-
-
-def _factorise(options: argparse.Namespace, folder: Path) -> int:
-    if options.centralized:
-        print("error: --centralized is for --algo bc; value factorisation acts decentralized", file=sys.stderr)
-        return 2
-    given = {name: getattr(options, name) for name in SETTABLE if getattr(options, name) is not None}
-    encoder = options.image_encoder or "resnet18"
-    config = replace(Config(seed=options.seed, horizon=MAX_STEPS), image_encoder=encoder, **given)
-    env_fn = partial(
-        _environment, options.observation, encoder, messages=options.messages, feedback=options.feedback,
-        image_size=options.image_size,
-    )  # fmt: skip
-    frozen = frozen_resnet18().fingerprint if options.observation == "visual" and encoder == "resnet18" else ""
-    setting = {"messages": options.messages, "feedback": options.feedback, FROZEN: frozen}
-    result = train(env_fn, options.algo, config, folder, by_tasks(), setting, quiet=False)
-    print(f"{folder / BEST}: PLW {100 * result.best_score:.1f} on the validation tasks. Evaluate it with")
+    print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
     return 0
 
 
-def _environment(observation: str, encoder: str, **options: Any) -> Any:
-    env = chmarl_pb.parallel_env(observation, **options)
-    return FeatureEnv(env) if observation == "visual" and encoder == "resnet18" else env
-
-
-def _clone(options: argparse.Namespace, folder: Path) -> int:
-    from training.cloning import CloningConfig, clone
-
-    config = CloningConfig(
-        options.observation, options.centralized, options.messages, options.feedback, options.noise, options.seed
+def _learn(options: argparse.Namespace, settings: dict[str, object], folder: Path) -> None:
+    encoder = options.image_encoder
+    config = CONFIGS[options.algo](seed=options.seed, horizon=MAX_STEPS, image_encoder=encoder, **settings)
+    env_fn, setting = benchmark(
+        options.observation, options.messages, options.feedback, encoder, image_size=options.image_size
     )
-    if options.image_encoder:
-        config = replace(config, image_encoder=options.image_encoder)
-    clone(config, folder, options.data)
-    print(f"{folder / BEST}: the best weights. Evaluate them with")
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
-    return 0
+    teacher = partial(make_policy, "search") if options.algo == "imitation" else None
+    train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher)
+
+
+def _clone(options: argparse.Namespace, settings: dict[str, object], folder: Path) -> None:
+    from training.cloning import clone
+
+    names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
+    shared = {name: getattr(options, name) for name in names}
+    clone(CloningConfig(**shared, **settings), folder, options.data)
+
+
+def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, object]]:
+    """Return the options of the command, and the learner's own settings among them."""
+    early = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    early.add_argument("--algo")
+    algo = early.parse_known_args(arguments)[0].algo
+    parser = _parser()
+    kind = CloningConfig if algo == "bc" else CONFIGS.get(algo)
+    names = add_flags(parser, kind, _SHARED) if kind else []
+    options = parser.parse_args(arguments)
+    return options, {name: getattr(options, name) for name in names}
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m training.train", description=__doc__.split("`: ")[1])
+    parser = argparse.ArgumentParser(
+        prog="python -m training.train", description=__doc__.split("`: ")[1],
+        epilog="With --algo, --help lists all settings of that learner.", allow_abbrev=False,
+    )  # fmt: skip
     switch = argparse.BooleanOptionalAction
-    parser.add_argument("--algo", choices=("bc", *ALGORITHMS), required=True)
+    parser.add_argument("--algo", choices=("bc", *CONFIGS), required=True)
     parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
     parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
     parser.add_argument("--centralized", action="store_true", help="bc only: one network for both robots")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="folder of the run; default: out/train/NAME")
-    parser.add_argument("--image-size", type=int, default=128, help="pixels")
-    parser.add_argument("--image-encoder", help="of pictures; default: resnet18, frozen")
+    parser.add_argument("--image-size", type=int, default=128, help="pixels; not for bc")
+    parser.add_argument("--image-encoder", choices=tuple(IMAGE_ENCODERS), default="resnet18", help="resnet18 is frozen")
     parser.add_argument("--data", type=Path, help="bc only: folder of the data sets; default: Minari's own")
-    parser.add_argument("--noise", type=float, default=0.0, help="bc only: share of random actions in the data")
     parser.add_argument("--threads", type=int, default=1, help="of torch")
-    kinds = {field.name: type(field.default) for field in fields(Config)}
-    defaults = Config()
-    for name in SETTABLE:
-        parser.add_argument(
-            f"--{name.replace('_', '-')}", type=kinds[name], help=f"default: {getattr(defaults, name)}; not for bc"
-        )
     return parser
 
 
