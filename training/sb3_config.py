@@ -33,7 +33,7 @@ class Algorithm:
 
 
 _ON_POLICY = {"gamma": 0.97, "gae_lambda": 0.95, "ent_coef": 0.01, "learning_rate": 5e-4}
-_PPO = {**_ON_POLICY, "n_steps": 128, "batch_size": 128, "n_epochs": 4}
+_PPO = {**_ON_POLICY, "n_steps": 64, "batch_size": 128, "n_epochs": 4}
 _HEADS = {"net_arch": {"pi": [64], "vf": [64]}}
 
 ALGORITHMS = {
@@ -43,7 +43,7 @@ ALGORITHMS = {
         DQN,
         "MultiInputPolicy",
         {
-            "gamma": 0.97, "learning_rate": 3e-4, "batch_size": 64, "train_freq": 1, "gradient_steps": 1,
+            "gamma": 0.97, "learning_rate": 3e-4, "batch_size": 64, "train_freq": 1, "gradient_steps": 2,
             "learning_starts": 2_000, "target_update_interval": 2_000, "exploration_fraction": 0.4,
         },
         {"net_arch": [64]},
