@@ -89,7 +89,7 @@ class ImitationConfig(RunConfig):
         teacher_share: of the actions that the teacher takes at first; it falls linearly to 0 in the first half.
     """
 
-    episodes: int = 4_000
+    episodes: int = 3_000
     learning_rate: float = 1e-3
     graph_pool: str = "gated"
     updates: int = 4
@@ -116,18 +116,17 @@ class MappoConfig(RunConfig):
         critic_rate: of Adam for the critic.
     """
 
-    episodes: int = 40_000
-    envs: int = 8
-    batch_size: int = 32
+    episodes: int = 16_000
+    batch_size: int = 16
     buffer_size: int = 64
     learning_rate: float = 3e-4
     gradient_clip: float = 1.0
     graph_pool: str = "gated"
-    validation_interval: int = 4_000
+    validation_interval: int = 2_000
     checkpoint_interval: int = 2_000
     start: str = ""
     critic_starts: int = 512
-    epochs: int = 3
+    epochs: int = 4
     gamma: float = 0.97
     gae_lambda: float = 0.95
     clip: float = 0.2
