@@ -1,13 +1,13 @@
 """Frozen features of pictures: computed once for a data set and kept beside it, or step by step in an environment.
 
-Both ways use the same network and round to float16, so a policy that has learned from kept features sees the same ones
-when it acts, but for the last bit, which depends on how many pictures are computed together.
+Both ways give the same features, bit by bit: a policy that has learned from kept features sees the same when it acts.
 """
 
 import hashlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 from rich.progress import Progress
 
-from chmarl_pb.data.read import Dataset
 from chmarl_pb.errors import DatasetError
 from training.resnet import FEATURES, FrozenResNet18, frozen_resnet18
 
+if TYPE_CHECKING:
+    from chmarl_pb.data.read import Dataset  # needs Minari
+
 _IMAGE = "image"  # end of the keys of pictures
-_TOGETHER = 32  # pictures of one robot that are computed at once: larger batches are not faster on a CPU
 
 
 def feature_space(space: spaces.Dict) -> spaces.Dict:
@@ -30,7 +31,7 @@ def feature_space(space: spaces.Dict) -> spaces.Dict:
     return spaces.Dict({key: features if key.endswith(_IMAGE) else part for key, part in space.spaces.items()})
 
 
-def with_features(observations: dict[str, Any], resnet: FrozenResNet18) -> dict[str, Any]:
+def with_features(observations: dict[Any, dict[str, Any]], resnet: FrozenResNet18) -> dict[Any, dict[str, Any]]:
     """Return agents' observations with features in the place of their pictures, computed together."""
     places = [(name, key) for name, seen in observations.items() for key in seen if key.endswith(_IMAGE)]
     if not places:
@@ -40,6 +41,13 @@ def with_features(observations: dict[str, Any], resnet: FrozenResNet18) -> dict[
     for (name, key), features in zip(places, resnet(torch.from_numpy(pictures)).numpy(), strict=True):
         changed[name][key] = features
     return changed
+
+
+def all_with_features(seen: Sequence[dict[str, Any]], resnet: FrozenResNet18) -> list[dict[str, Any]]:
+    """Return several environments' observations with features in the place of all their pictures, computed together."""
+    parts = {(number, name): part for number, agents in enumerate(seen) for name, part in agents.items()}
+    changed = with_features(parts, resnet)
+    return [{name: changed[number, name] for name in agents} for number, agents in enumerate(seen)]
 
 
 class FeatureEnv(ParallelEnv):
@@ -101,7 +109,31 @@ class FeatureEnv(ParallelEnv):
         self.env.close()
 
 
-def kept_features(dataset: Dataset, resnet: FrozenResNet18, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
+def reset_all(
+    envs: Sequence[Any], seeds: Sequence[int | None], options: Sequence[dict[str, Any] | None]
+) -> list[tuple[dict, dict]]:
+    """Reset environments of one kind; the pictures of all :class:`FeatureEnv` are encoded together."""
+    wanted = zip(envs, seeds, options, strict=True)
+    return _together(envs, [_inner(env).reset(seed=seed, options=option) for env, seed, option in wanted])
+
+
+def step_all(envs: Sequence[Any], actions: Sequence[dict[str, Any]]) -> list[tuple[dict, dict, dict, dict, dict]]:
+    """Step environments of one kind; the pictures of all :class:`FeatureEnv` are encoded together."""
+    return _together(envs, [_inner(env).step(action) for env, action in zip(envs, actions, strict=True)])
+
+
+def _inner(env: Any) -> Any:
+    return env.env if isinstance(env, FeatureEnv) else env
+
+
+def _together(envs: Sequence[Any], results: list[tuple]) -> list[tuple]:
+    if not envs or not isinstance(envs[0], FeatureEnv):
+        return results
+    seen = all_with_features([result[0] for result in results], envs[0].resnet)
+    return [(observations, *result[1:]) for observations, result in zip(seen, results, strict=True)]
+
+
+def kept_features(dataset: "Dataset", resnet: FrozenResNet18, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
     """Return the features of every state in which the robots of a data set act, from a file beside the data set.
 
     The file is made at the first call, episode by episode: an interrupted call goes on where it was. Its name has a
@@ -147,13 +179,9 @@ def _compute(
             length = len(group["actions"])
             if steps + length > done:
                 images = [group[f"observations/{name}"][max(done - steps, 0) : length] for name in names]
-                out.write(np.stack([_features(part, resnet) for part in images], axis=1).tobytes())
+                features = [resnet(torch.from_numpy(part)).numpy() for part in images]
+                out.write(np.stack(features, axis=1).tobytes())
                 out.flush()
             steps += length
             bar.update(task, completed=steps)
     unfinished.replace(path)
-
-
-def _features(images: NDArray[np.uint8], resnet: FrozenResNet18) -> NDArray[np.float16]:
-    parts = [resnet(torch.from_numpy(images[first : first + _TOGETHER])) for first in range(0, len(images), _TOGETHER)]
-    return torch.cat(parts).numpy()

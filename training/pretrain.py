@@ -8,7 +8,7 @@ unseen tests nor any layout of a validation or test task of homes 1 to 5 is used
 import argparse
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor, nn
 
 from training import checkpoint
-from training.resnet import FEATURES, ResNet18, fingerprint, weights_file
+from training.int8 import ranges_of
+from training.residual import FEATURES, ResNet18, folded
+from training.resnet import RANGES, FrozenResNet18, weights_file
 from training.views import LABELS, Views, random_views
 
 KIND = "pretraining"
@@ -26,6 +28,8 @@ BATCH = 64
 LEARNING_RATE = 2e-3
 WEIGHT_DECAY = 0.02
 CHECKED = 2_000  # views of home 6
+SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
+RANGED = 256  # views that the ranges are taken from
 
 
 class Labeller(nn.Module):
@@ -46,14 +50,22 @@ class Labeller(nn.Module):
         return self.cells(maps), self.present(features), self.centres(features).unflatten(1, (-1, 2))
 
 
-def loss_of(labeller: Labeller, views: Views, rows: np.ndarray) -> Tensor:
-    """Return the sum of the three losses on some views: two cross-entropies and, of what is present, a distance."""
-    images = torch.from_numpy(views.images[rows])
+def loss_of(labeller: Labeller, views: Views, rows: np.ndarray, every: int = 1) -> Tensor:
+    """Return the sum of the three losses on some views: two cross-entropies and, of what is present, a distance.
+
+    Args:
+        labeller: that learns.
+        views: with labels.
+        rows: numbers of the views.
+        every: 2 leaves out every second row and column of the pictures.
+    """
+    images = torch.from_numpy(views.images[rows, ::every, ::every])
     cells, present, centres = (
         torch.from_numpy(part[rows]).float() for part in (views.cells, views.present, views.centres)
     )
     told_cells, told_present, told_centres = labeller(images)
     shown = nn.functional.binary_cross_entropy_with_logits(told_present, present)
+    told_cells = nn.functional.interpolate(told_cells, cells.shape[-1])  # small pictures have fewer
     placed = nn.functional.binary_cross_entropy_with_logits(told_cells, cells)
     far = ((told_centres - centres).abs().sum(dim=2) * present).sum() / present.sum().clamp(min=1)
     return 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
@@ -67,15 +79,21 @@ def batches(count: int, seed: int, epoch: int) -> Iterator[np.ndarray]:
 
 
 @torch.no_grad()
-def measure(labeller: Labeller, views: Views) -> dict[str, Any]:
+def measure(labeller: Labeller, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
     """Return figures of how well classes are recognised.
 
     ``mean_average_precision`` is the mean over the classes that are shown at least five times; ``chance`` is that of
     a random order; ``centre_error`` the mean distance of centres, in pictures' half widths.
+
+    Args:
+        labeller: its heads are used.
+        encode: returns features of pictures.
+        views: to measure on.
     """
     labeller.eval()
-    parts = [labeller(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
-    scores, centres = torch.cat([part[1] for part in parts]).numpy(), torch.cat([part[2] for part in parts]).numpy()
+    parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
+    features = torch.cat(parts).float()
+    scores, centres = labeller.present(features).numpy(), labeller.centres(features).unflatten(1, (-1, 2)).numpy()
     each = {
         name: average_precision(scores[:, number], views.present[:, number])
         for number, name in enumerate(LABELS)
@@ -116,16 +134,17 @@ def pretrain(out: Path, views: Views, checked: Views, epochs: int, seed: int, ba
     optimizer = torch.optim.AdamW(labeller.parameters(), LEARNING_RATE, weight_decay=WEIGHT_DECAY)
     per_epoch = len(views) // BATCH
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, total_steps=epochs * per_epoch)
-    facts = {"views": len(views), "epochs": epochs, "seed": seed}
+    facts = {"views": len(views), "epochs": epochs, "small": SMALL, "seed": seed}
     kept = out.with_suffix(".unfinished")
     parts: dict[str, Any] = {"labeller": labeller, "optimizer": optimizer, "schedule": schedule}
     begun = _restore(kept, facts, parts)
     task = bar.add_task("learn", total=epochs * per_epoch, completed=begun * per_epoch)
     for epoch in range(begun, epochs):
         labeller.train()
+        every = 2 if epoch < epochs * SMALL else 1
         for rows in batches(len(views), seed, epoch):
             with torch.autocast("cpu", torch.bfloat16):
-                loss = loss_of(labeller, views, rows)
+                loss = loss_of(labeller, views, rows, every)
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
@@ -133,13 +152,27 @@ def pretrain(out: Path, views: Views, checked: Views, epochs: int, seed: int, ba
             bar.update(task, advance=1, description=f"learn, loss {loss.item():.2f}")
         state = {name: part.state_dict() for name, part in parts.items()}
         checkpoint.save(kept, KIND, {"facts": facts, "epoch": epoch + 1, **state})
-    weights = {name: value.contiguous() for name, value in labeller.network.state_dict().items()}
+    weights = with_ranges(labeller.network.eval().state_dict(), views.images)
     temporary = out.with_suffix(".tmp")
     torch.save(weights, temporary)
     temporary.replace(out)
-    figures = {**facts, "fingerprint": fingerprint(weights), "home_6": measure(labeller, checked)}
+    frozen = FrozenResNet18(weights)
+    measured = measure(labeller, frozen, checked)
+    exact = measure(labeller, labeller.network, checked)
+    measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]
+    figures = {**facts, "fingerprint": frozen.fingerprint, "home_6": measured}
     kept.unlink(missing_ok=True)
     return figures
+
+
+@torch.no_grad()
+def with_ranges(weights: dict[str, Tensor], images: np.ndarray) -> dict[str, Tensor]:
+    """Return weights with the ranges on some pictures; :class:`training.resnet.FrozenResNet18` is fast with them."""
+    network = ResNet18()
+    network.load_state_dict(weights)
+    chosen = images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
+    ranges = ranges_of(folded(network.eval()), torch.from_numpy(chosen))
+    return {name: value.contiguous() for name, value in weights.items()} | {RANGES: ranges}
 
 
 def _restore(kept: Path, facts: dict[str, Any], parts: dict[str, Any]) -> int:

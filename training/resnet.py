@@ -1,103 +1,74 @@
-"""ResNet-18 (He et al. 2016, https://arxiv.org/abs/1512.03385) as a frozen encoder of pictures: 512 features.
+"""ResNet-18 as a frozen encoder of pictures: 512 features.
 
-Its parts have torchvision's names, so that torchvision's files of weights fit, but torchvision is not needed. Weights
-come from a file, by default the one that ``python -m training.pretrain`` makes, or from torchvision's own loader.
+Weights come from a file, by default the one that ``python -m training.pretrain`` makes, or from torchvision's own
+loader. Its files of weights fit; torchvision itself is not needed.
 """
 
 import hashlib
 import os
 import pickle
 from collections import OrderedDict
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 import torch
-from torch import Tensor, nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval
+from torch import Tensor
 
 from training.checkpoint import CheckpointError
+from training.int8 import IntegerResNet18
+from training.residual import FEATURES as FEATURES
+from training.residual import ResNet18, folded
 
-FEATURES = 512
 IMAGENET = "imagenet"  # name of torchvision's weights
-
-# Of ImageNet's pictures, as torchvision's weights expect; ours are trained with the same.
-_MEAN, _DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-
-
-class Block(nn.Module):
-    """Two convolutions and a way around them."""
-
-    def __init__(self, inputs: int, outputs: int, stride: int):
-        """Make the layers; the way around has a convolution only where the shape changes."""
-        super().__init__()
-        self.conv1 = nn.Conv2d(inputs, outputs, 3, stride, padding=1, bias=False)
-        self.bn1 = nn.BatchNorm2d(outputs)
-        self.conv2 = nn.Conv2d(outputs, outputs, 3, padding=1, bias=False)
-        self.bn2 = nn.BatchNorm2d(outputs)
-        self.downsample: nn.Sequential | None = None
-        if stride > 1:
-            self.downsample = nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs))
-
-    def forward(self, maps: Tensor) -> Tensor:
-        """Return (B, outputs, height / stride, width / stride)."""
-        around = maps if self.downsample is None else self.downsample(maps)
-        maps = torch.relu(self.bn1(self.conv1(maps)))
-        return torch.relu(self.bn2(self.conv2(maps)) + around)
-
-
-class ResNet18(nn.Module):
-    """The network without its last layer."""
-
-    mean: Tensor
-    deviation: Tensor
-
-    def __init__(self) -> None:
-        """Make the layers with random weights."""
-        super().__init__()
-        self.conv1 = nn.Conv2d(3, 64, 7, stride=2, padding=3, bias=False)
-        self.bn1 = nn.BatchNorm2d(64)
-        self.layer1 = nn.Sequential(Block(64, 64, 1), Block(64, 64, 1))
-        self.layer2 = nn.Sequential(Block(64, 128, 2), Block(128, 128, 1))
-        self.layer3 = nn.Sequential(Block(128, 256, 2), Block(256, 256, 1))
-        self.layer4 = nn.Sequential(Block(256, 512, 2), Block(512, 512, 1))
-        self.register_buffer("mean", torch.tensor(_MEAN).view(3, 1, 1), persistent=False)
-        self.register_buffer("deviation", torch.tensor(_DEVIATION).view(3, 1, 1), persistent=False)
-
-    def maps(self, images: Tensor) -> Tensor:
-        """Return the last feature maps (B, 512, height / 32, width / 32) of uint8 pictures (B, height, width, 3)."""
-        pictures = (images.permute(0, 3, 1, 2).float() / 255 - self.mean) / self.deviation
-        stem = torch.relu(self.bn1(self.conv1(pictures.contiguous(memory_format=torch.channels_last))))
-        pooled = nn.functional.max_pool2d(stem, 3, stride=2, padding=1)
-        return self.layer4(self.layer3(self.layer2(self.layer1(pooled))))
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Return (B, 512) of uint8 pictures (B, height, width, 3)."""
-        return self.maps(images).mean(dim=(2, 3))
+RANGES = "ranges"  # key, in a file of weights, of what :func:`training.int8.ranges_of` returns
+KEPT = 2**13  # pictures whose features are remembered: 12 MB
+_TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
 
 
 class FrozenResNet18:
     """ResNet-18 that never learns; its features are rounded to float16, so that they can be kept on disk as they are.
 
+    The features of a picture do not depend on the pictures that they are computed with. Those of pictures that came up
+    lately are remembered. Weights with ranges are used in integers, others in float32, which is five times as slow.
+
     Attributes:
         fingerprint: sha256 of the weights.
+        asked: number of pictures whose features were wanted.
+        computed: number of those that were not remembered.
     """
 
-    def __init__(self, weights: dict[str, Tensor]):
-        """Take weights with torchvision's names; those of a last layer are left out.
+    def __init__(self, weights: dict[str, Tensor], kept: int = KEPT):
+        """Take weights with torchvision's names, and perhaps ranges; those of a last layer are left out.
+
+        Args:
+            weights: name -> weights.
+            kept: number of pictures whose features are remembered.
 
         Raises:
             RuntimeError: they do not fit.
         """
         weights = {name: value for name, value in weights.items() if not name.startswith("fc.")}
-        network = ResNet18()
-        network.load_state_dict(weights)
         self.fingerprint = fingerprint(weights)
-        self._network = _folded(network.eval().requires_grad_(False)).to(memory_format=torch.channels_last)
+        self.asked, self.computed = 0, 0
+        self._kept, self._known = kept, OrderedDict[bytes, Tensor]()
+        self._network = _network(weights)
 
     @torch.no_grad()
     def __call__(self, images: Tensor) -> Tensor:
         """Return (B, 512) float16 of uint8 pictures (B, height, width, 3)."""
-        return self._network(images).half()
+        keys = [hashlib.sha256(image).digest() for image in images.contiguous().numpy()]
+        new = {key: row for row, key in enumerate(keys) if key not in self._known}
+        for names, rows in zip(_chunks(list(new)), _chunks(list(new.values())), strict=True):
+            features = self._network(images[rows]).half()
+            self._known.update(zip(names, (row.clone() for row in features), strict=True))
+        self.asked, self.computed = self.asked + len(keys), self.computed + len(new)
+        for key in keys:
+            self._known.move_to_end(key)
+        found = torch.stack([self._known[key] for key in keys]) if keys else torch.empty(0, FEATURES).half()
+        while len(self._known) > self._kept:
+            self._known.popitem(last=False)
+        return found
 
 
 def weights_file() -> Path:
@@ -132,6 +103,20 @@ def fingerprint(weights: dict[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
+def _network(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
+    network = ResNet18()
+    network.load_state_dict({name: value for name, value in weights.items() if name != RANGES})
+    network = folded(network.eval().requires_grad_(False)).to(memory_format=torch.channels_last)
+    if RANGES in weights:
+        return IntegerResNet18(network, weights[RANGES])
+    # Floats differ in the last bit with the size of the batch.
+    return lambda images: torch.cat([network(image.unsqueeze(0)) for image in images])
+
+
+def _chunks(values: list) -> list[list]:
+    return [values[first : first + _TOGETHER] for first in range(0, len(values), _TOGETHER)]
+
+
 def _read(path: Path) -> dict[str, Tensor]:
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
@@ -153,17 +138,3 @@ def _imagenet() -> dict[str, Tensor]:
     except ImportError as error:
         raise CheckpointError("ImageNet's weights need torchvision; run `pip install torchvision`") from error
     return ResNet18_Weights.IMAGENET1K_V1.get_state_dict(progress=True, check_hash=True)
-
-
-def _folded(network: ResNet18) -> ResNet18:
-    """Put every batch normalisation into the convolution before it, which is the same and faster."""
-    pairs: list[tuple[nn.Module, str, str]] = [(network, "conv1", "bn1")]
-    for block in network.modules():
-        if isinstance(block, Block):
-            pairs += [(block, "conv1", "bn1"), (block, "conv2", "bn2")]
-        if isinstance(block, Block) and block.downsample is not None:
-            pairs.append((block.downsample, "0", "1"))
-    for owner, convolution, norm in pairs:
-        setattr(owner, convolution, fuse_conv_bn_eval(getattr(owner, convolution), getattr(owner, norm)))
-        setattr(owner, norm, nn.Identity())
-    return network
