@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 
-def add_flags(parser: argparse.ArgumentParser, settings: type, without: Collection[str] = ()) -> list[str]:
+def add_flags(parser: argparse.ArgumentParser, settings: type[Any], without: Collection[str] = ()) -> list[str]:
     """Add a flag for each field of a dataclass whose fields all have defaults, and return the fields' names.
 
     Args:
@@ -29,7 +29,7 @@ def add_flags(parser: argparse.ArgumentParser, settings: type, without: Collecti
     return names
 
 
-def descriptions(settings: type) -> dict[str, str]:
+def descriptions(settings: type[Any]) -> dict[str, str]:
     """Return field -> what the docstring of a class, or of one of its bases, says of it under ``Attributes:``."""
     found: dict[str, str] = {}
     for kind in reversed(settings.__mro__):

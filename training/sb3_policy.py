@@ -2,7 +2,7 @@
 
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -105,7 +105,8 @@ class Sb3Crowd:
 
     def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
         """Take a network over."""
-        self._network, self._config, self._resnet = network, config, resnet
+        self._network: Any = network  # its kinds have no common type
+        self._config, self._resnet = config, resnet
         self._silenced = silenced(asdict(config))
         self._names, self._rooms = env.action_names, env.rooms
 
@@ -125,6 +126,7 @@ class Sb3Crowd:
         if self._resnet is not None:
             batch = encoded(batch, self._resnet)
         numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
+        pairs: Iterable[Sequence[int]] = numbers
         if self._config.alone:
             drones = [
                 self._drones[place].act(one["drone"], info["drone"])
@@ -133,8 +135,6 @@ class Sb3Crowd:
             pairs = zip(numbers, drones, strict=True)
         elif self._config.algo == "dqn":
             pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
-        else:
-            pairs = iter(numbers)
         return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
 
     @property

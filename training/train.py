@@ -6,6 +6,7 @@ import types
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -45,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _learn(options: argparse.Namespace, settings: dict[str, object], folder: Path) -> None:
+def _learn(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
     encoder = options.image_encoder
     config = CONFIGS[options.algo](seed=options.seed, horizon=MAX_STEPS, image_encoder=encoder, **settings)
     env_fn, setting = benchmark(
@@ -55,7 +56,7 @@ def _learn(options: argparse.Namespace, settings: dict[str, object], folder: Pat
     train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher)
 
 
-def _clone(options: argparse.Namespace, settings: dict[str, object], folder: Path) -> None:
+def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
     from training.cloning import clone
 
     names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
@@ -63,13 +64,13 @@ def _clone(options: argparse.Namespace, settings: dict[str, object], folder: Pat
     clone(CloningConfig(**shared, **settings), folder, options.data)
 
 
-def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, object]]:
+def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]:
     """Return the options of the command, and the learner's own settings among them."""
     early = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     early.add_argument("--algo")
     algo = early.parse_known_args(arguments)[0].algo
     parser = _parser()
-    kind = CloningConfig if algo == "bc" else CONFIGS.get(algo)
+    kind: type[Any] | None = CloningConfig if algo == "bc" else CONFIGS.get(algo)
     names = add_flags(parser, kind, _SHARED) if kind else []
     options = parser.parse_args(arguments)
     return options, {name: getattr(options, name) for name in names}
