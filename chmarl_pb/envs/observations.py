@@ -15,8 +15,7 @@ from chmarl_pb.tasks.setting import Setting
 
 Observation = dict[str, np.ndarray]
 
-_ANGLES = np.array([heading_angle(heading) for heading in range(HEADINGS)])
-_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_DIRECTIONS = [(float(np.cos(angle)), float(np.sin(angle))) for angle in map(heading_angle, range(HEADINGS))]
 
 
 def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
@@ -66,19 +65,22 @@ def observe(
     if options.observation == "visual":
         observation = {"image": stage.sight.colours(robot, options.image_size)}
     else:
-        observation = {**stage.graphs.graph(outcome.seen[robot], setting.states).arrays()}
-    return observation | {
-        "instruction": instruction.copy(),
-        "feedback": language.tokenize(feedback, language.FEEDBACK_LENGTH),
-        "messages": messages.copy() if options.messages else np.zeros_like(messages),
-        "self": _self(stage, robot),
-    }
+        observation = stage.graphs.graph(outcome.seen[robot], setting.states).arrays()
+    observation["instruction"] = instruction.copy()
+    observation["feedback"] = language.tokenize(feedback, language.FEEDBACK_LENGTH)
+    observation["messages"] = messages.copy() if options.messages else np.zeros_like(messages)
+    observation["self"] = _self(stage, robot)
+    return observation
 
 
 def _self(stage: Stage, robot: str) -> np.ndarray:
-    room = stage.room_numbers[stage.world.robots[robot].room]
+    body = stage.world.robots[robot]
+    holds = 0.0
+    cosine, sine = _DIRECTIONS[HEADINGS // 4]
+    if robot == "humanoid":
+        cosine, sine = _DIRECTIONS[body.heading]
+        holds = float(stage.world.held is not None)
     vector = np.zeros(len(stage.rooms) + 4, dtype=np.float32)
-    vector[room] = 1
-    vector[-3:-1] = _DIRECTIONS[stage.humanoid.heading if robot == "humanoid" else HEADINGS // 4]
-    vector[-1] = robot == "humanoid" and stage.world.held is not None
+    vector[stage.room_numbers[body.room]] = 1
+    vector[-3:] = cosine, sine, holds
     return vector

@@ -229,12 +229,14 @@ class HouseholdEnv(ParallelEnv):
         """Return robot -> name of its action."""
         if not self.agents:
             raise NotResetError("step() without a running episode; call reset() first")
-        if not isinstance(actions, dict) or set(actions) != set(AGENTS):
+        if not isinstance(actions, dict) or actions.keys() != set(AGENTS):
             raise ActionError(f"actions {actions!r} are not a dict with one action for each of {list(AGENTS)}")
         return {name: self._action_name(name, actions[name]) for name in AGENTS}
 
     def _action_name(self, robot: str, action: Any) -> str:
         names = self.action_names[robot]
+        if type(action) is int and 0 <= action < len(names):
+            return names[action]
         number = np.asarray(action)
         if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < len(names):
             raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {len(names) - 1}")
@@ -250,8 +252,7 @@ class HouseholdEnv(ParallelEnv):
     def _look(self) -> Outcome:
         stage = self.stage
         seen = {name: stage.sight.visible(name) for name in AGENTS}
-        room = list(stage.home.rooms)[stage.humanoid.room]
-        return judge(stage.world, self.setting.goal, seen, room)
+        return judge(stage.world, self.setting.goal, seen, stage.room_names[stage.humanoid.room])
 
     def _advise(self, action: str, succeeded: bool, previous: Outcome) -> str:
         """Return the feedback for the humanoid's last action; empty if there is nothing to say."""
@@ -271,14 +272,15 @@ class HouseholdEnv(ParallelEnv):
         }  # fmt: skip
 
     def _infos(self, told: dict[str, str], succeeded: dict[str, bool]) -> dict[str, dict[str, Any]]:
+        outcome = self.outcome
         return {
             name: {
                 "instruction": self.instruction,
                 "feedback": told[name],
                 "action_success": succeeded[name],
-                "success": self.outcome.success,
-                "potential": self.outcome.potential,
-                "visible": self.outcome.seen[name],
+                "success": outcome.success,
+                "potential": outcome.potential,
+                "visible": outcome.seen[name],
                 # Every action may be tried: one that cannot be done just changes nothing.
                 "action_mask": self._masks[name].copy(),
                 "task_id": self.task.id,

@@ -39,6 +39,7 @@ class Stage:
         self.space = space_of(self.home)
         # Derive the lattice first: a home that robots cannot move in is refused before physics loads it.
         self.rooms = tuple(self.space.lattice.anchors)
+        self.room_names = tuple(self.home.rooms)
         # Where each room of the home stands in ``rooms``; after the last if it is none of them.
         self.room_numbers = [
             self.rooms.index(room) if room in self.rooms else len(self.rooms) for room in self.home.rooms

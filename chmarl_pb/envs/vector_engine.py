@@ -38,7 +38,7 @@ class WorkerTraceback(Exception):
 
 
 class Engine:
-    """Environments in equal shares: the first share lives in this process, each other one in a worker.
+    """Environments in shares: the first one lives in this process, each other one in a worker.
 
     They take one command at a time, a method of :class:`Batch`, and answer it together.
     """
@@ -55,8 +55,7 @@ class Engine:
         Raises:
             WorkerError: a worker died.
         """
-        bounds = [count * process // processes for process in range(processes + 1)]
-        self._shares = [range(low, high) for low, high in pairwise(bounds)]
+        self._shares = shares(count, processes)
         self._commands: list[Connection] = []
         self._answers: list[Connection] = []
         self._processes: list[BaseProcess] = []
@@ -198,6 +197,18 @@ def _stop(commands: list[Connection], answers: list[Connection], processes: list
         if process.is_alive():
             process.kill()
             process.join()
+
+
+def shares(count: int, processes: int) -> list[range]:
+    """Return the numbers of the environments of each process.
+
+    The first process has somewhat fewer than the others: it also gathers what all of them answer.
+    """
+    spared = count // (16 * processes) if processes > 1 else 0
+    own = count // processes - spared
+    others = processes - 1
+    bounds = [0, *(own + (count - own) * process // max(others, 1) for process in range(processes))]
+    return [range(low, high) for low, high in pairwise(bounds)]
 
 
 def start(make: MakeEnv, count: int, workers: int | None, autoreset: AutoresetMode) -> Engine:

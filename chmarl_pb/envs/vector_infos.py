@@ -1,6 +1,7 @@
 """The infos of many environments: only what has changed travels, and Gymnasium's vector format is made of it."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import copysign
 from typing import Any
 
@@ -13,6 +14,7 @@ Path = tuple[str, ...]
 Change = tuple[dict[Path, Any], list[Path]]
 
 _PLAIN = frozenset((bool, int, float, str, type(None)))
+_SIMPLE = _PLAIN - {float}  # those that are the same if they are equal
 _NOTHING = object()
 
 
@@ -34,6 +36,8 @@ class ChangeFinder:
         last = self._last
         for key, value in info.items():
             old = last.get(key, _NOTHING)
+            if type(value) in _SIMPLE and type(old) is type(value) and old == value:
+                continue  # as most of them, at little cost
             inner = isinstance(value, dict) and key != "final_obs"  # observations stay whole, as Gymnasium has it
             if inner is not isinstance(old, ChangeFinder):
                 self._forget(key, change)
@@ -56,79 +60,92 @@ class ChangeFinder:
             change[1].append((*self._prefix, key))
 
 
+@dataclass(slots=True, eq=False)
+class _Entry:
+    """What the environments have under one path of keys.
+
+    Attributes:
+        outer: path of the dictionary that it lies in.
+        key: its key there.
+        mask_key: key of its mask there.
+        values: one for each environment; None for a dictionary.
+        held: how many values each environment has here: 0 or 1, or those in the dictionary.
+        total: their sum.
+        kind: of the last value: its type, or an array's dtype.
+    """
+
+    outer: Path
+    key: str
+    mask_key: str
+    held: np.ndarray
+    values: np.ndarray | None = None
+    total: int = 0
+    kind: Any = None
+
+
 class InfoTable:
     """The infos of all environments: a column and a mask of environments for each path of keys."""
 
     def __init__(self, count: int):
         """Begin with empty infos of a number of environments."""
         self._count = count
-        self._columns: dict[Path, np.ndarray] = {}
-        self._kinds: dict[Path, Any] = {}  # of the last value in a column: its type, or an array's dtype
-        self._masks: dict[Path, np.ndarray] = {}
-        #: For each entry: number of the dictionary that it lies in, its key, its mask's key, its column, its mask;
-        #: an entry without a column is a dictionary, the numbers count them from the outermost, 0.
-        self._plan: list[tuple[int, str, str, np.ndarray | None, np.ndarray]] = []
-        self._stale = False  # whether the plan is to be made anew
+        self._entries: dict[Path, _Entry] = {}  # each dictionary before what it holds
 
     def update(self, changes: Sequence[Change]) -> None:
         """Take over the changes of all environments, in their order."""
         for number, (new, gone) in enumerate(changes):
             for path in gone:
-                self._columns[path][number] = _filler(self._columns[path].dtype)
-                self._masks[path][number] = False
-                self._stale = True
+                entry = self._entries[path]
+                assert entry.values is not None
+                entry.values[number] = _filler(entry.values.dtype)
+                self._hold(path, number, -1)
+                if not entry.total:
+                    entry.values = None
             for path, value in new.items():
-                if self._kinds.get(path) is not (value.dtype if isinstance(value, np.ndarray) else type(value)):
-                    self._fit(path, value)
-                self._columns[path][number] = value
-                if not self._masks[path][number]:
-                    self._masks[path][number] = self._stale = True
+                entry = self._entries.get(path) or self._add(path)
+                if entry.values is None or entry.kind is not _kind_of(value):
+                    self._fit(entry, value)
+                assert entry.values is not None
+                entry.values[number] = value
+                if not entry.held[number]:
+                    self._hold(path, number, 1)
 
     def infos(self) -> Info:
         """Return the infos in Gymnasium's vector format: arrays, and for each key a mask with a leading ``_``."""
-        if self._stale:
-            self._tidy()
-        nodes: list[Info] = [{}]
-        for outer, key, mask_key, column, mask in self._plan:
-            node = nodes[outer]
-            if column is None:
-                node[key] = {}
-                nodes.append(node[key])
-            else:
-                node[key] = column.copy()
-            node[mask_key] = mask.copy()
-        return nodes[0]
+        nodes: dict[Path, Info] = {(): {}}
+        for path, entry in self._entries.items():
+            if entry.total:
+                node = nodes[entry.outer]
+                if entry.values is None:
+                    node[entry.key] = nodes[path] = {}
+                else:
+                    node[entry.key] = entry.values.copy()
+                node[entry.mask_key] = entry.held > 0
+        return nodes[()]
 
-    def _fit(self, path: Path, value: Any) -> None:
-        """Make or widen the column of a path so that it can hold a value."""
+    def _add(self, path: Path) -> _Entry:
+        """Add an entry, and before it the dictionaries that it lies in."""
+        if len(path) > 1 and path[:-1] not in self._entries:
+            self._add(path[:-1])
+        entry = _Entry(path[:-1], path[-1], f"_{path[-1]}", np.zeros(self._count, np.int32))
+        self._entries[path] = entry
+        return entry
+
+    def _hold(self, path: Path, number: int, change: int) -> None:
+        """Count one value more or less of an environment, in its entry and in the dictionaries around it."""
+        for length in range(1, len(path) + 1):
+            entry = self._entries[path[:length]]
+            entry.held[number] += change
+            entry.total += change
+
+    def _fit(self, entry: _Entry, value: Any) -> None:
+        """Make or widen a column so that it can hold a value."""
         dtype, shape = _kind(value)
-        column = self._columns.get(path)
-        if column is None:
-            self._columns[path] = np.full((self._count, *shape), _filler(dtype), dtype)
-            self._masks[path] = np.zeros(self._count, dtype=np.bool_)
-        elif column.dtype != dtype:
-            self._columns[path] = column.astype(np.result_type(column.dtype, dtype))
-        self._stale = True
-        self._kinds[path] = value.dtype if isinstance(value, np.ndarray) else type(value)
-
-    def _tidy(self) -> None:
-        """Drop empty columns and plan the infos: each dictionary, with the mask of all in it, before what it holds."""
-        self._masks = {path: mask for path, mask in self._masks.items() if mask.any()}
-        self._columns = {path: self._columns[path] for path in self._masks}
-        self._kinds = {path: self._kinds[path] for path in self._masks}
-        all_masks: dict[Path, np.ndarray] = {}
-        for path, mask in self._masks.items():
-            for length in range(1, len(path)):
-                all_masks[path[:length]] = all_masks.get(path[:length], False) | mask
-            all_masks[path] = mask
-        nodes: dict[Path, int] = {(): 0}
-        self._plan = []
-        for path, mask in all_masks.items():
-            column = self._columns.get(path)
-            self._plan.append((nodes[path[:-1]], path[-1], f"_{path[-1]}", column, mask))
-            if column is None:
-                nodes[path] = len(nodes)
-        self._stale = False
+        if entry.values is None:
+            entry.values = np.full((self._count, *shape), _filler(dtype), dtype)
+        elif entry.values.dtype != dtype:
+            entry.values = entry.values.astype(np.result_type(entry.values.dtype, dtype))
+        entry.kind = _kind_of(value)
 
 
 def nest(flat: dict[Path, Any]) -> Info:
@@ -154,6 +171,11 @@ def _same(old: Any, new: Any) -> bool:
     if kind is np.ndarray and not new.dtype.hasobject:
         return old.dtype == new.dtype and old.shape == new.shape and old.tobytes() == new.tobytes()
     return False
+
+
+def _kind_of(value: Any) -> Any:
+    """Return a value's type, or an array's dtype."""
+    return value.dtype if isinstance(value, np.ndarray) else type(value)
 
 
 def _kind(value: Any) -> tuple[np.dtype, tuple[int, ...]]:

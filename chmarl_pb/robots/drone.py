@@ -65,12 +65,12 @@ class Drone:
     def plan(self, action: str) -> Motion | None:
         """Decide what an action does; None if it is blocked by the home's outline."""
         if action == "stay":
-            return Motion((self.pose,), self.pose)
+            return Motion(self.pose)
         if action.startswith("goto_"):
             goal = self.lattice.anchors[action.removeprefix("goto_")]
         else:
             goal = int(self.lattice.moves[self.pose, _MOVES.index(action)])
-        return None if goal < 0 else Motion((self.pose, goal), goal)
+        return None if goal < 0 else Motion(goal)
 
     def finish(self, motion: Motion) -> bool:
         """Set the result of a motion."""

@@ -12,6 +12,7 @@ from itertools import zip_longest
 
 import numpy as np
 
+from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import Drone
@@ -166,7 +167,8 @@ def _drive(humanoid: Humanoid, motion: Motion) -> Iterator[None]:
     """Drive the base; it is kinematic and takes a held object along."""
     world, lattice = humanoid.world, humanoid.lattice
     start, end = lattice.pose(humanoid.pose)[2], lattice.pose(motion.pose)[2]
-    for x, y, yaw in trajectory.drive(lattice.waypoints(motion.path), start, end):
+    path = lattice.path(humanoid.pose // HEADINGS, motion.pose // HEADINGS)
+    for x, y, yaw in trajectory.drive(lattice.waypoints(tuple(path)), start, end):
         humanoid.set_base((x, y, 0.0), yaw_quaternion(yaw))
         if world.held is not None:
             world.place(world.held, *humanoid.held_pose(world.held))

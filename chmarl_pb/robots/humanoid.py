@@ -125,16 +125,12 @@ class Humanoid:
     def _plan_drive(self, action: str) -> Motion | None:
         position, heading = divmod(self.pose, HEADINGS)
         if action.startswith("goto_"):
-            return self._drive_to(self.lattice.anchors[action.removeprefix("goto_")])
+            return Motion(self.lattice.anchors[action.removeprefix("goto_")])
         if action == "move_forward":
             ahead = int(self.lattice.forward[position, heading])
-            return None if ahead < 0 else Motion((position, ahead), ahead * HEADINGS + heading)
+            return None if ahead < 0 else Motion(ahead * HEADINGS + heading)
         turn = {"turn_left": 1, "turn_right": -1, "stay": 0}[action]
-        return Motion((position,), position * HEADINGS + (heading + turn) % HEADINGS)
-
-    def _drive_to(self, pose: int) -> Motion:
-        path = self.lattice.path(self.pose // HEADINGS, pose // HEADINGS)
-        return Motion(tuple(path), pose)
+        return Motion(position * HEADINGS + (heading + turn) % HEADINGS)
 
     def _plan_pick(self, item: str) -> Motion | None:
         grip = self.world.grip(item)
@@ -142,8 +138,7 @@ class Humanoid:
         arm = None if stand is None else self._reach(stand, grip)
         if stand is None or arm is None:
             return None
-        drive = self._drive_to(stand)
-        return Motion(drive.path, stand, arm=arm, pick=item)
+        return Motion(stand, arm=arm, pick=item)
 
     def _plan_place(self, item: str, receptacles: list[str]) -> Motion | None:
         """Decide on the nearest free place of the nearest receptacle in view that the arm reaches."""
@@ -159,7 +154,7 @@ class Humanoid:
                 arm = None if stand is None else self._reach(stand, grip)
                 if stand is not None and arm is not None:
                     placement = Placement(receptacle, (px, py, pz), yaw)
-                    return Motion(self._drive_to(stand).path, stand, arm=arm, place=placement)
+                    return Motion(stand, arm=arm, place=placement)
         return None
 
     def _reach(self, stand: int, grip: tuple[float, float, float]) -> tuple[float, ...] | None:

@@ -10,14 +10,12 @@ class Motion:
     """A decided action: both executions carry out the same one.
 
     Attributes:
-        path: lattice positions to drive or fly through, the present one first.
         pose: where the robot ends (a pose for the humanoid, a position for the drone).
         arm: configuration that reaches the grip or the place, for Pick and Place.
         pick: name of the object to pick.
         place: where to put the object that is held.
     """
 
-    path: tuple[int, ...]
     pose: int
     arm: tuple[float, ...] | None = None
     pick: str | None = None

@@ -4,7 +4,7 @@ Visible means: at least ``VISIBLE_PIXELS`` pixels of its own in the segmentation
 camera at ``SIGHT_SIZE`` pixels, whatever picture the policy gets.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,11 @@ from chmarl_pb.world import World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
+_KEPT = 50_000  # views of layouts, 0.3 kB each
+
+#: Layout or None, robot, pose -> what it sees when no robot could be in view.
+SeenAlone = dict[tuple[object, str, int], tuple[str, ...]]
+_seen_in_layouts: SeenAlone = {}  # by all worlds of this process
 
 
 class Sight:
@@ -46,7 +51,8 @@ class Sight:
         self._version = -1
         self._objects = np.zeros(0, np.int32)  # those present
         self._seen: dict[tuple[str, int, int], tuple[str, ...]] = {}  # by a robot from its pose, the other at its own
-        self._seen_alone: dict[tuple[str, int], tuple[str, ...]] = {}  # when no robot could be in view
+        self._seen_alone: SeenAlone = {}
+        self._balls: dict[tuple[str, int, bool], NDArray[np.float64]] = {}  # around a robot at a pose, holding or not
         self._canvas = clean_canvas(SIGHT_SIZE)
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
@@ -89,14 +95,18 @@ class Sight:
         return seen
 
     def _look(self, robot: str) -> tuple[str, ...]:
-        key = robot, self.world.robots[robot].pose
-        home = self._views.look(*key, SIGHT_SIZE)
+        pose = self.world.robots[robot].pose
+        home = self._views.look(robot, pose, SIGHT_SIZE)
         robots = [name for name in self._others(robot) if self._may_show(name, home)]
         if robots:
             return self._names(robot, home, self._with(robots))
-        if key not in self._seen_alone:
-            self._seen_alone[key] = self._names(robot, home, self._objects)
-        return self._seen_alone[key]
+        key = (self.world.layout, robot, pose)
+        kept = self._seen_alone if key[0] is None else _seen_in_layouts
+        if key not in kept:
+            if len(kept) == _KEPT:
+                kept.clear()
+            kept[key] = self._names(robot, home, self._objects)
+        return kept[key]
 
     def _names(self, robot: str, home: HomeView, present: NDArray[np.int32]) -> tuple[str, ...]:
         bodies = self._bodies
@@ -111,15 +121,22 @@ class Sight:
         return [name for name in self.world.robots if name != robot or (name == "humanoid" and self.world.held)]
 
     def _may_show(self, robot: str, home: HomeView) -> bool:
-        (x, y, z), _ = self.world.robots[robot].base_pose()
-        height, radius = movables().balls[robot, self._arm]
-        return bounds.may_show(np.array((x, y, z + height, radius)), home.lens, home.tiles, SIGHT_SIZE)
+        key = (robot, self.world.robots[robot].pose, self.world.held is not None)
+        ball = self._balls.get(key)
+        if ball is None:
+            (x, y, z), _ = self.world.robots[robot].base_pose()
+            height, radius = movables().balls[robot, self._arm]
+            ball = self._balls[key] = np.array((x, y, z + height, radius))
+        return bounds.may_show(ball, home.lens, home.tiles, SIGHT_SIZE)
 
-    def _with(self, robots: Iterable[str]) -> NDArray[np.int32]:
+    def _with(self, robots: Sequence[str]) -> NDArray[np.int32]:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
-        for name in robots:
+        present = np.empty(len(self._objects) + len(robots), np.int32)
+        present[: len(self._objects)] = self._objects
+        for place, name in enumerate(robots, start=len(self._objects)):
             self._bodies.put_robot(name, self.world.robots[name].base_pose(), self._arm)
-        return np.append(self._objects, [np.int32(self._body_numbers[name]) for name in robots])
+            present[place] = self._body_numbers[name]
+        return present
 
     def _present(self, robot: str) -> NDArray[np.int32]:
         """Put all that a robot could see where it is, and return its numbers."""

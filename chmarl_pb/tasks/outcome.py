@@ -56,11 +56,12 @@ def judge(world: World, goal: Goal, seen: dict[str, tuple[str, ...]], humanoid_r
     """
     support = world.supports.get(goal.item)
     success = support is not None and support.receptacle in goal.receptacles
+    targets = set(goal.receptacles)
     phi = potential(
         success,
         world.held == goal.item,
         {robot for robot, names in seen.items() if goal.item in names},
-        {robot for robot, names in seen.items() if not set(goal.receptacles).isdisjoint(names)},
+        {robot for robot, names in seen.items() if not targets.isdisjoint(names)},
     )
     room = humanoid_room if support is None else support.receptacle.split("/")[0]
     return Outcome(seen, world.held, dict(world.supports), room, phi, success)

@@ -79,6 +79,7 @@ def set_up(world: World, space: Space, task: Task) -> Setting:
         kept[task] = layout
     else:
         _repeat(world, layout)
+    world.layout = layout
     names = (*(thing.name for thing in space.home.things), *world.objects)
     return Setting(goal, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
 

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pybullet
@@ -46,6 +47,7 @@ class Graspable:
     parking: Vector
 
 
+@lru_cache(maxsize=4096)
 def yaw_quaternion(yaw: float) -> Vector:
     """Return the orientation (x, y, z, w) of a turn by ``yaw`` radians about z."""
     return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))

@@ -60,6 +60,7 @@ class World:
         links: name of a thing of the home -> PyBullet link index.
         version: grows with every change of ``objects``, ``pose``, ``supports`` or ``held``; an equal one means
             equal answers.
+        layout: equal for equal answers, too, in all worlds of a home; None once something has changed since it was set.
         steps: steps of physics so far.
     """
 
@@ -71,6 +72,7 @@ class World:
         """
         self.home = home
         self._client = Client()
+        self.move_body = self._client.move
         if self.client < 0:
             raise HomeError(f"{home.path}: PyBullet has no free client; close some environments")
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
@@ -83,6 +85,7 @@ class World:
         self.supports: dict[str, Support] = {}
         self._poses: dict[str, Pose] = {}
         self.version, self.steps = 0, 0
+        self.layout: object = None
         self._home_body = self._load(home)
         self.links = {name: number for number, name in enumerate(link_names(self.client, self._home_body))}
         self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
@@ -104,10 +107,6 @@ class World:
     def client(self) -> int:
         """PyBullet client id. Bodies are moved when it is asked for, so ask anew after each step."""
         return self._client.number
-
-    def move_body(self, body: int, position: Vector, quaternion: Vector) -> None:
-        """Move a robot's body."""
-        self._client.move(body, position, quaternion)
 
     def add_robot(self, name: str, robot: Any, body: int) -> None:
         """Register a robot and its body."""
@@ -153,9 +152,13 @@ class World:
 
     def _move(self, name: str, position: Vector, quaternion: Vector) -> None:
         self._poses[name] = (tuple(position), tuple(quaternion))
-        self.version += 1
+        self._change()
         thing = self._objects[name]
         self._client.move(thing.body, *self._poses[name], thing.inertial)
+
+    def _change(self) -> None:
+        self.version += 1
+        self.layout = None
 
     def pose(self, name: str) -> Pose:
         """Return an object's bottom centre (metres) and its orientation (x, y, z, w)."""
@@ -199,7 +202,7 @@ class World:
         """
         self.release()
         self.held = name
-        self.version += 1
+        self._change()
         thing = self._objects[name]
         position, quaternion = self._poses[name]
         centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
@@ -228,7 +231,7 @@ class World:
         """Open the gripper: remove the constraint."""
         if self._constraint is not None:
             pybullet.removeConstraint(self._constraint, physicsClientId=self.client)
-            self.version += 1
+            self._change()
         self._constraint, self.held = None, None
 
     def thaw(self, name: str, solid: bool = True) -> None:

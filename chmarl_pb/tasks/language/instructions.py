@@ -1,5 +1,7 @@
 """Instructions: from a task to a sentence, and from a sentence back to what it asks for."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from chmarl_pb import catalog
@@ -10,6 +12,7 @@ from chmarl_pb.tasks.language.vocabulary import words
 from chmarl_pb.tasks.task import Task
 
 
+@lru_cache(maxsize=8192)
 def instruction(task: Task) -> str:
     """Return the task's instruction; its seed chooses the template, the names and the articles."""
     rng = np.random.default_rng([task.seed, 1])
