@@ -30,7 +30,8 @@ module, arguments = sys.argv[1], sys.argv[2:]
 folder = Path(arguments[arguments.index("--out") + 1])
 def figure(mean): return {"mean": mean, "deviation": None, "low": None, "high": None}
 if module == "training.score":
-    splits = {s: {"tasks": 2, "summary": {"success_rate": figure(0.5), "plw": figure(0.25)}} for s in SPLITS}
+    summary, ends = {"success_rate": figure(0.5), "plw": figure(0.25)}, {"0.0": 1, "4.0": 1, "10.0": 2}
+    splits = {s: {"tasks": 4, "summary": summary, "ends": ends} for s in SPLITS}
     (folder / "scores.json").write_text(json.dumps({
         "checkpoint": {"config": {"episodes": 4, "seed": 0}, "sha256": "0"},
         "evaluation": {"source_sha256": "f" * 64, "splits": splits}}))
@@ -315,6 +316,7 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**" in text
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text
+    assert "| QMIX | 25 | 0 | 25 | 50 |" in text
 
 
 def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:

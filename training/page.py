@@ -1,5 +1,6 @@
 """The page of results: our tables beside the paper's, from the kept files of the runs."""
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -37,6 +38,13 @@ beside a drone that follows the search policy. *search* is the built-in policy t
 ([benchmark.md](benchmark.md#baselines-and-difficulty)).
 """
 
+#: Where an episode ends -> the potentials that say so.
+ENDS = {"X in nobody's view": {0}, "X in view": {1, 2}, "X held": {4, 5, 6}, "X on Y": {10}}
+
+ENDS_TOLD = """Where the episodes of test-unseen end, per cent: a learner that does not find X ends on the left, one
+that sees it and does not pick it next to that, one that does not find Y, or does not place, further right.
+"""
+
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
 are all four combinations for QMIX; the paper lacks the one with neither.
 """
@@ -57,6 +65,7 @@ def write_page(results: Path, page: Path) -> None:
     for table, rows in TABLES.items():
         parts += [f"## {TITLES[table]}", *([ISOLATION] if table == "feedback" else []), f"```\n{_command(table)}\n```"]
         parts += [_table(title, rows, records, table) for title in METRICS]
+        parts += _ends(rows, records) if table != "feedback" else []
         parts += draw_curves(table, rows, records, page.parent)
     write_atomically(page, "\n\n".join(part.strip() for part in [*parts, *_runs(records)]) + "\n")
 
@@ -109,6 +118,21 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     if all(value is not None for value in search):
         lines.append("| *search* | |" + "".join(f" | {100 * (value or 0):.1f} |" for value in search))
     return "\n".join(lines)
+
+
+def _ends(rows: Sequence[Row], records: Records) -> list[str]:
+    """Return a table of where the episodes of test-unseen end, over all seeds of each row."""
+    lines = [f"| row | {' | '.join(ENDS)} |", "|---|" + "--:|" * len(ENDS)]
+    for row in rows:
+        counts = Counter[float]()
+        for record in _of(row, records):
+            counts.update(
+                {float(phi): n for phi, n in record["evaluation"]["splits"][SPLITS[-1]].get("ends", {}).items()}
+            )
+        shares = (sum(counts[phi] for phi in phis) / max(counts.total(), 1) for phis in ENDS.values())
+        if counts:
+            lines.append(f"| {_name(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
+    return [ENDS_TOLD, "\n".join(lines)] if len(lines) > 2 else []
 
 
 def _name(row: Row) -> str:

@@ -4,6 +4,7 @@ import argparse
 import importlib
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
@@ -91,6 +92,7 @@ def _of_split(report: Report) -> dict[str, Any]:
         "tasks_sha256": report.settings["tasks_sha256"],
         "seconds": report.run["seconds"],
         "summary": asdict(report.summary),
+        "ends": {str(phi): count for phi, count in sorted(Counter(one.potential for one in report.episodes).items())},
         "plw_search": None if gain is None else gain.plw_search,
         "cooperation_share": None if gain is None else gain.share,
     }
