@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.error import ClosedEnvironmentError
+from hypothesis import given
+from hypothesis import strategies as st
 from toy_env import DIE, FAIL, ToyEnv
 from toy_vectors import COUNT, EVERYWHERE
 
 import chmarl_pb
 from chmarl_pb.envs.vector import HouseholdVectorEnv, vector_env
-from chmarl_pb.envs.vector_engine import WorkerError, WorkerTraceback
+from chmarl_pb.envs.vector_engine import WorkerError, WorkerTraceback, shares
 from chmarl_pb.errors import ActionError, OptionError
 
 
@@ -170,3 +172,11 @@ def test_nothing_is_left_behind(tmp_path: Path, deadly: signal.Signals) -> None:
     while left := list(Path("/dev/shm").glob("chmarl-pb-*")):
         assert time.monotonic() < end, left
         time.sleep(0.05)
+
+
+@given(count=st.integers(1, 200), processes=st.integers(1, 16))
+def test_shares_are_consecutive_and_nearly_equal(count: int, processes: int) -> None:
+    processes = min(count, processes)
+    parts = shares(count, processes)
+    assert [number for part in parts for number in part] == list(range(count)) and all(parts)
+    assert len(parts[0]) == min(map(len, parts)) and max(map(len, parts)) - len(parts[0]) <= 2 + count // 8

@@ -199,3 +199,21 @@ def test_only_a_solid_object_is_stopped_by_others(space: Space, world: World) ->
         world.freeze("mug_1")
     assert heights[True] == pytest.approx(0, abs=1e-3)
     assert heights[False] < -0.2
+
+
+def test_bodies_are_where_they_belong_whenever_somebody_asks(space: Space, world: World) -> None:
+    world.clear()
+    item = "mug_1"
+    for x in (1.0, 2.0, 3.0):
+        world.place(item, (x, 1.0, 1.0), yaw_quaternion(x))
+        position, quaternion = world.read_pose(item)
+        np.testing.assert_allclose(position, (x, 1.0, 1.0), atol=1e-6)
+        np.testing.assert_allclose(quaternion, yaw_quaternion(x), atol=1e-6)
+
+
+def test_a_layout_counts_until_something_changes(space: Space, world: World) -> None:
+    world.clear()
+    world.layout = layout = object()
+    assert world.layout is layout
+    world.place("mug_1", (1.0, 1.0, 1.0), UPRIGHT)
+    assert world.layout is None
