@@ -113,13 +113,13 @@ class MappoConfig(RunConfig):
         clip: how far the ratio of probabilities may leave 1.
         entropy: weight of the policy's entropy.
         critic_units: units of the critic's layers.
-        critic_rate: of Adam for the critic.
+        critic_rate: of Adam for the critic; both rates fall linearly to 0.
     """
 
-    episodes: int = 16_000
-    batch_size: int = 16
-    buffer_size: int = 64
-    learning_rate: float = 3e-4
+    episodes: int = 20_000
+    batch_size: int = 32
+    buffer_size: int = 128
+    learning_rate: float = 5e-4
     gradient_clip: float = 1.0
     graph_pool: str = "gated"
     validation_interval: int = 2_000

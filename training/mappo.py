@@ -68,14 +68,9 @@ class Mappo:
         if config.start:
             fill(self.agents, load(Path(config.start), "value")["agents"], Path(config.start))
         self._networks = nn.ModuleDict({"agents": self.agents, "critic": self.critic})
-        self._optimizer = torch.optim.Adam(
-            [
-                {"params": list(self.agents.parameters()), "lr": config.learning_rate},
-                {"params": list(self.critic.parameters()), "lr": config.critic_rate},
-            ],
-            eps=1e-5,
-            fused=True,
-        )
+        self._rates = config.learning_rate, config.critic_rate
+        groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
+        self._optimizer = torch.optim.Adam(groups, eps=1e-5, fused=True)
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act: by the networks' probabilities."""
@@ -86,6 +81,7 @@ class Mappo:
         if replay.added - self._learned < replay.capacity:
             return
         self._learned = replay.added
+        self._slow_down(replay.added)
         batch = replay.sample(len(replay), rng)
         wave = self.judge(batch)
         for _ in range(self.config.epochs):
@@ -94,6 +90,12 @@ class Mappo:
                 part = batch.rows(rows)
                 chosen = Wave(wave.log_probabilities[rows], wave.advantages[rows], wave.returns[rows])
                 yield part, self.update(part, chosen, actors=replay.added > self.config.critic_starts)
+
+    def _slow_down(self, episodes: int) -> None:
+        """Let the learning rates fall linearly to 0 at the end of the run."""
+        left = max(1 - episodes / self.config.episodes, 0.0)
+        for group, rate in zip(self._optimizer.param_groups, self._rates, strict=True):
+            group["lr"] = rate * left
 
     @torch.no_grad()
     def judge(self, batch: Batch) -> Wave:
