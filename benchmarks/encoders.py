@@ -1,0 +1,109 @@
+"""``python -m benchmarks.encoders``: what the features of one picture cost by ResNet-18, in several arithmetics.
+
+One thread, 128 pixels, processor time, the best of some rounds in which all take turns. The rows of onnxruntime appear
+where it, onnx and onnxscript are installed.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.int8 import IntegerResNet18, ranges_of
+from training.residual import ResNet18, folded
+
+BATCHES = (1, 2, 16)
+SIZE = 128
+
+Encode = Callable[[Tensor], Tensor]
+
+
+def main() -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("`: ")[1])
+    parser.add_argument("--rounds", type=int, default=10)
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    chosen = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    images = torch.randint(0, 256, (max(BATCHES), SIZE, SIZE, 3), dtype=torch.uint8)
+    rows = encoders(images)
+    figures: dict[str, dict[int, float]] = {name: {} for name in rows}
+    with torch.no_grad():
+        for encode in rows.values():
+            encode(images)  # the first call prepares the weights
+        for _ in range(chosen.rounds):
+            for name, encode in rows.items():
+                for size in BATCHES:
+                    spent = milliseconds(encode, images[:size])
+                    figures[name][size] = min(spent, figures[name].get(size, spent))
+    print(f"{'ms a picture, at batch':28}" + "".join(f"{size:8}" for size in BATCHES))
+    for name, found in figures.items():
+        print(f"{name:28}" + "".join(f"{found[size]:8.2f}" for size in BATCHES))
+    if chosen.json:
+        chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+def milliseconds(encode: Encode, images: Tensor) -> float:
+    """Return the processor time of a picture."""
+    start = time.process_time()
+    encode(images)
+    return 1000 * (time.process_time() - start) / len(images)
+
+
+def encoders(images: Tensor) -> dict[str, Encode]:
+    """Return name -> encoder, all of the same random weights."""
+    network = folded(ResNet18().eval().requires_grad_(False)).to(memory_format=torch.channels_last)
+
+    def halves(pictures: Tensor) -> Tensor:
+        with torch.autocast("cpu", torch.bfloat16):
+            return network(pictures)
+
+    ranges = ranges_of(network, images)
+    rows: dict[str, Encode] = {"torch float32": network, "torch bfloat16": halves}
+    rows |= {"torch int8 (used)": IntegerResNet18(network, ranges)}
+    try:
+        rows |= by_onnxruntime(network, images)
+    except ImportError as error:
+        print(f"without onnxruntime: {error}")
+    return rows
+
+
+def by_onnxruntime(network: ResNet18, images: Tensor) -> dict[str, Encode]:
+    """Return encoders in float32 and in integers."""
+    import onnxruntime
+    from onnxruntime.quantization import CalibrationDataReader, QuantType, quant_pre_process, quantize_static
+
+    class Reader(CalibrationDataReader):
+        def __init__(self) -> None:
+            self.left = [{"images": part.numpy()} for part in images.split(4)]
+
+        def get_next(self) -> dict[str, np.ndarray] | None:
+            return self.left.pop() if self.left else None
+
+    def session(path: Path) -> Encode:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        run = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"]).run
+        return lambda pictures: run(None, {"images": pictures.numpy()})[0]
+
+    with tempfile.TemporaryDirectory() as folder:
+        plain, ready, whole = (Path(folder) / f"{name}.onnx" for name in ("plain", "ready", "whole"))
+        names = {"input_names": ["images"], "dynamic_axes": {"images": {0: "batch"}}}
+        torch.onnx.export(network, (images[:2],), plain, dynamo=False, **names)
+        quant_pre_process(plain, ready)
+        quantize_static(
+            ready, whole, Reader(), activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, per_channel=True,
+            op_types_to_quantize=["Conv", "Add", "MaxPool"],
+        )  # fmt: skip
+        return {"onnxruntime float32": session(plain), "onnxruntime int8": session(whole)}
+
+
+if __name__ == "__main__":
+    main()
