@@ -116,7 +116,7 @@ class MappoConfig(RunConfig):
         critic_rate: of Adam for the critic; both rates fall linearly to 0.
     """
 
-    episodes: int = 20_000
+    episodes: int = 12_000
     batch_size: int = 32
     buffer_size: int = 128
     learning_rate: float = 5e-4
