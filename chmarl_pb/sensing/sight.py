@@ -5,6 +5,7 @@ camera at ``SIGHT_SIZE`` pixels, whatever picture the policy gets.
 """
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,22 @@ from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.sensing import bounds, visibility
 from chmarl_pb.sensing.camera import Picture
 from chmarl_pb.sensing.eyes import CAMERAS
-from chmarl_pb.sensing.home_views import HomeView, home_views
+from chmarl_pb.sensing.home_views import HomeView, HomeViews, home_views
 from chmarl_pb.sensing.movables import Bodies, colours_over, draw_over, movables
 from chmarl_pb.sensing.triangles import clean_canvas
 from chmarl_pb.world import World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
-_KEPT = 50_000  # views of layouts, 0.3 kB each
+_KEPT = 50_000  # views of layouts, 0.4 kB each; pairs of poses of one home, 0.2 kB each
 
-#: Layout or None, robot, pose -> what it sees when no robot could be in view.
-SeenAlone = dict[tuple[object, str, int], tuple[str, ...]]
-_seen_in_layouts: SeenAlone = {}  # by all worlds of this process
+#: Layout or None, robot, its pose, the robots that could be in view with their poses -> what it sees.
+Seen = dict[tuple[object, str, int, tuple[tuple[str, int], ...]], tuple[str, ...]]
+_seen_in_layouts: Seen = {}  # by all worlds of this process
+
+#: Robot, pose of the humanoid, pose of the drone, whether something is held -> the robots that could be in view.
+InView = dict[tuple[str, int, int, bool], tuple[str, ...]]
+_robots_in_view: WeakKeyDictionary[HomeViews, InView] = WeakKeyDictionary()  # shared by all who play in a home
 
 
 class Sight:
@@ -50,9 +55,8 @@ class Sight:
         self._node_of = {robot: nodes & (np.array(self.names) != robot) for robot in CAMERAS}
         self._version = -1
         self._objects = np.zeros(0, np.int32)  # those present
-        self._seen: dict[tuple[str, int, int], tuple[str, ...]] = {}  # by a robot from its pose, the other at its own
-        self._seen_alone: SeenAlone = {}
-        self._balls: dict[tuple[str, int, bool], NDArray[np.float64]] = {}  # around a robot at a pose, holding or not
+        self._seen_since: Seen = {}  # since the last change of the objects
+        self._robots_in_view = _robots_in_view.setdefault(self._views, {})
         self._canvas = clean_canvas(SIGHT_SIZE)
 
     def picture(self, robot: str, pose: int, size: int) -> Picture:
@@ -87,26 +91,16 @@ class Sight:
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees, in the order of ``names``."""
         self._update_objects()
-        robots = self.world.robots
-        key = (robot, robots["humanoid"].pose, robots["drone"].pose)
-        seen = self._seen.get(key)
+        world, pose, robots = self.world, self.world.robots[robot].pose, self._in_view(robot)
+        key = (world.layout, robot, pose, tuple([(name, world.robots[name].pose) for name in robots]))
+        kept = self._seen_since if world.layout is None else _seen_in_layouts
+        seen = kept.get(key)
         if seen is None:
-            seen = self._seen[key] = self._look(robot)
-        return seen
-
-    def _look(self, robot: str) -> tuple[str, ...]:
-        pose = self.world.robots[robot].pose
-        home = self._views.look(robot, pose, SIGHT_SIZE)
-        robots = [name for name in self._others(robot) if self._may_show(name, home)]
-        if robots:
-            return self._names(robot, home, self._with(robots))
-        key = (self.world.layout, robot, pose)
-        kept = self._seen_alone if key[0] is None else _seen_in_layouts
-        if key not in kept:
             if len(kept) == _KEPT:
                 kept.clear()
-            kept[key] = self._names(robot, home, self._objects)
-        return kept[key]
+            home = self._views.look(robot, pose, SIGHT_SIZE)
+            seen = kept[key] = self._names(robot, home, self._with(robots) if robots else self._objects)
+        return seen
 
     def _names(self, robot: str, home: HomeView, present: NDArray[np.int32]) -> tuple[str, ...]:
         bodies = self._bodies
@@ -120,14 +114,23 @@ class Sight:
         """Return the robots that a robot might see: not its own body, but for an arm that carries something."""
         return [name for name in self.world.robots if name != robot or (name == "humanoid" and self.world.held)]
 
+    def _in_view(self, robot: str) -> tuple[str, ...]:
+        """Return the robots of which a robot might see something: the others are out of view or behind the home."""
+        robots = self.world.robots
+        key = (robot, robots["humanoid"].pose, robots["drone"].pose, self.world.held is not None)
+        names = self._robots_in_view.get(key)
+        if names is None:
+            if len(self._robots_in_view) == _KEPT:
+                self._robots_in_view.clear()
+            home = self._views.look(robot, robots[robot].pose, SIGHT_SIZE)
+            names = tuple([name for name in self._others(robot) if self._may_show(name, home)])
+            self._robots_in_view[key] = names
+        return names
+
     def _may_show(self, robot: str, home: HomeView) -> bool:
-        key = (robot, self.world.robots[robot].pose, self.world.held is not None)
-        ball = self._balls.get(key)
-        if ball is None:
-            (x, y, z), _ = self.world.robots[robot].base_pose()
-            height, radius = movables().balls[robot, self._arm]
-            ball = self._balls[key] = np.array((x, y, z + height, radius))
-        return bounds.may_show(ball, home.lens, home.tiles, SIGHT_SIZE)
+        (x, y, z), _ = self.world.robots[robot].base_pose()
+        height, radius = movables().balls[robot, self._arm]
+        return bounds.may_show(np.array((x, y, z + height, radius)), home.lens, home.tiles, SIGHT_SIZE)
 
     def _with(self, robots: Sequence[str]) -> NDArray[np.int32]:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
@@ -154,8 +157,7 @@ class Sight:
             objects = world.objects
             self._bodies.put_objects({name: world.pose(name) for name in objects})
             self._objects = np.array([self._body_numbers[name] for name in objects], dtype=np.int32)
-            self._seen.clear()
-            self._seen_alone.clear()
+            self._seen_since.clear()
             self._version = world.version
 
 

@@ -25,10 +25,14 @@ def update(messages: Messages, outcome: Outcome, goal: Goal, rooms: tuple[str, .
         rooms: the rooms that have a bit, in order.
     """
     now = messages.copy()
-    for row, things in enumerate(((goal.item,), goal.receptacles)):
-        for name in things:
-            if any(name in seen for seen in outcome.seen.values()):
-                room = outcome.item_room if row == 0 else catalog.room_of(name)
-                if room in rooms:
-                    now[row, rooms.index(room)] = 1
+    seen: set[str] = set().union(*outcome.seen.values())
+    for name in seen.intersection(goal.receptacles):
+        _set(now[1], catalog.room_of(name), rooms)
+    if goal.item in seen:
+        _set(now[0], outcome.item_room, rooms)
     return now
+
+
+def _set(row: NDArray[np.int8], room: str, rooms: tuple[str, ...]) -> None:
+    if room in rooms:
+        row[rooms.index(room)] = 1
