@@ -1,5 +1,7 @@
 """Observation spaces and observations: a flat Dict of fixed-shape arrays for each robot."""
 
+from functools import cache
+
 import numpy as np
 from gymnasium import spaces
 
@@ -75,12 +77,13 @@ def observe(
 
 def _self(stage: Stage, robot: str) -> np.ndarray:
     body = stage.world.robots[robot]
-    holds = 0.0
-    cosine, sine = _DIRECTIONS[HEADINGS // 4]
-    if robot == "humanoid":
-        cosine, sine = _DIRECTIONS[body.heading]
-        holds = float(stage.world.held is not None)
-    vector = np.zeros(len(stage.rooms) + 4, dtype=np.float32)
-    vector[stage.room_numbers[body.room]] = 1
-    vector[-3:] = cosine, sine, holds
+    heading, holds = (body.heading, stage.world.held is not None) if robot == "humanoid" else (HEADINGS // 4, False)
+    return _self_vector(len(stage.rooms), stage.room_numbers[body.room], heading, holds).copy()
+
+
+@cache
+def _self_vector(rooms: int, room: int, heading: int, holds: bool) -> np.ndarray:
+    vector = np.zeros(rooms + 4, dtype=np.float32)
+    vector[room] = 1
+    vector[-3:] = *_DIRECTIONS[heading], holds
     return vector

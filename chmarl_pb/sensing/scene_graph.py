@@ -107,7 +107,7 @@ class SceneGraphs:
         return graph
 
     def _make(self, seen: tuple[str, ...]) -> SceneGraph:
-        numbers = np.array([self._numbers[name] for name in seen], dtype=np.int32)
+        numbers = np.array(list(map(self._numbers.__getitem__, seen)), dtype=np.int32)
         node_class, node_state = np.zeros((2, MAX_NODES), dtype=np.int16)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
         present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
@@ -124,8 +124,8 @@ class SceneGraphs:
     def _learn_objects(self, states: Mapping[str, str]) -> None:
         facts, world = self._facts, self._world
         self._kept.clear()
-        for name in world.objects:
-            facts.position[self._numbers[name]] = world.pose(name)[0]
+        if objects := world.objects:
+            facts.position[[self._numbers[name] for name in objects]] = [world.pose(name)[0] for name in objects]
         carried = world.held, dict(world.supports)
         if self._carried == carried and self._known is not None and self._known[1] is states:
             return  # only the held object has moved
