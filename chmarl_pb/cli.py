@@ -40,8 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_report(commands)
     _add_episode(commands)
     _add_bench(commands)
-    cache = _add(commands, "cache", "show the pictures of homes that are kept on disk", _cache)
-    cache.add_argument("--clear", action="store_true", help="remove them")
+    _add_cache(commands)
     return parser
 
 
@@ -172,6 +171,15 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
 
 
+def _add_cache(commands: argparse._SubParsersAction) -> None:
+    cache = _add(commands, "cache", "show, clear or fill the pictures of homes that are kept on disk", _cache)
+    what = cache.add_mutually_exclusive_group()
+    what.add_argument("--clear", action="store_true", help="remove them")
+    what.add_argument("--fill", nargs="+", metavar="HOME", help="draw all views of these homes, e.g. before a training")
+    cache.add_argument("--size", type=int, default=128, metavar="N", help="pixels of the views to draw (default: 128)")
+    cache.add_argument("--workers", type=int, default=2, metavar="N", help="processes that draw (default: 2)")
+
+
 # Each command imports what it needs, so that --help and --version answer at once.
 
 
@@ -297,8 +305,10 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _cache(options: argparse.Namespace) -> int:
-    from chmarl_pb.sensing.command import run_cache
+    from chmarl_pb.sensing.command import run_cache, run_fill
 
+    if options.fill:
+        return run_fill(options.fill, options.size, options.workers)
     return run_cache(options.clear)
 
 

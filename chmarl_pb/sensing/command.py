@@ -1,10 +1,13 @@
-"""``chmarl-pb cache``: show or clear the pictures of homes on disk."""
+"""``chmarl-pb cache``: show, clear or fill the pictures of homes on disk."""
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
+from chmarl_pb.errors import OptionError
 from chmarl_pb.sensing.view_store import Entry, view_store
 
 
@@ -23,6 +26,34 @@ def run_cache(clear: bool) -> int:
     if entries:
         _print_table(entries)
     print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / 2**20:,.0f} MB")
+    return 0
+
+
+def run_fill(homes: Sequence[str], size: int, workers: int) -> int:
+    """Draw all views of homes that are not stored yet; return 0.
+
+    Args:
+        homes: names or paths.
+        size: width and height of the pictures.
+        workers: number of processes.
+
+    Raises:
+        HomeError: a home cannot be read.
+        OptionError: the store has no room, or an option is out of range.
+    """
+    from chmarl_pb.sensing.fill import MB, Filling, draw  # not to show what is stored: it starts PyBullet
+
+    if not 16 <= size <= 1024 or workers < 1:
+        raise OptionError(f"size={size}, workers={workers}: use a size from 16 to 1024 and at least 1 worker")
+    filling = Filling(homes, size)
+    print(f"{', '.join(homes)}: all views take {filling.bytes / MB:,.1f} MB, {filling.missing:,} are missing")
+    if jobs := filling.jobs():
+        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+            row = bar.add_task("drawing views", total=filling.missing)
+            for count in draw(jobs, workers):
+                bar.advance(row, count)
+    if filling.missing:
+        raise OptionError(f"{filling.missing:,} views found no room in the store; end what uses it, or raise its limit")
     return 0
 
 

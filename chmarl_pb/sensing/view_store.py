@@ -29,7 +29,7 @@ except ImportError:  # not a POSIX system
     fcntl = None  # type: ignore[assignment]
 
 FORMAT = 1  # part of the hash in a file's name: raise it when the layout of the files changes
-LIMIT = 4096  # MB of disk, unless CHMARL_CACHE_LIMIT says otherwise
+LIMIT = 8192  # MB of disk, unless CHMARL_CACHE_LIMIT says otherwise; the seven homes at 128 pixels take 7620
 
 _SUFFIX = ".views"
 _PAGE = 4096  # bytes; slots begin at multiples of it
@@ -54,11 +54,18 @@ class Entry:
 
 
 class ViewStore:
-    """A folder of pictures with a limit of its size on disk."""
+    """A folder of pictures with a limit of its size on disk.
+
+    Attributes:
+        folder: the folder, which need not exist yet.
+        limit: in bytes.
+        files: those that this process has open.
+    """
 
     def __init__(self, folder: Path, limit: int):
-        """Use a folder, which need not exist yet, up to a limit in bytes."""
+        """Use a folder up to a limit in bytes."""
         self.folder, self.limit = folder, limit
+        self.files: weakref.WeakSet[ViewFile] = weakref.WeakSet()
         self._granted = 0
 
     def open(self, name: str, poses: int, size: int) -> "ViewFile | None":
@@ -71,10 +78,12 @@ class ViewStore:
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            return ViewFile(self.folder / f"{name}{_SUFFIX}", poses, size, self._grant)
+            file = ViewFile(self.folder / f"{name}{_SUFFIX}", poses, size, self._grant)
         except (OSError, ValueError) as error:
             _warn(str(error))
             return None
+        self.files.add(file)
+        return file
 
     def entries(self) -> list[Entry]:
         """Return the files, that which was not used for longest first."""
@@ -112,7 +121,13 @@ class ViewStore:
 
 
 class ViewFile:
-    """The stored pictures of one home by one robot's camera at one size."""
+    """The stored pictures of one home by one robot's camera at one size.
+
+    Attributes:
+        poses: number of lattice poses.
+        slot: bytes of disk space that one picture takes.
+        length: bytes of disk space that all of them take.
+    """
 
     def __init__(self, path: Path, poses: int, size: int, grant: Callable[[int], bool]):
         """Open the file, or make it.
@@ -127,16 +142,16 @@ class ViewFile:
             OSError: it can be neither opened nor made.
             ValueError: it is too short and cannot be written.
         """
-        self._size, self._grant = size, grant
-        self._slot = _whole_pages(size * size * sum(kind.itemsize for kind in _TYPES))
+        self.poses, self._size, self._grant = poses, size, grant
+        self.slot = _whole_pages(size * size * sum(kind.itemsize for kind in _TYPES))
         self._start = _whole_pages(4 * poses)
-        self._length = self._start + poses * self._slot
+        self.length = self._start + poses * self.slot
         self._file, self._writable = _open(path)
         weakref.finalize(self, os.close, self._file)
         # A file only ever grows: to shorten one would crash the processes that have mapped it.
         if self._writable and not self._is_whole():
-            os.ftruncate(self._file, self._length)
-        self._map = mmap.mmap(self._file, self._length, access=mmap.ACCESS_READ)
+            os.ftruncate(self._file, self.length)
+        self._map = mmap.mmap(self._file, self.length, access=mmap.ACCESS_READ)
         self._checksums = np.frombuffer(self._map, np.uint32, poses)
 
     def get(self, pose: int, view: Vector) -> Picture | None:
@@ -157,10 +172,10 @@ class ViewFile:
             return None
         parts = _parts(picture)
         try:
-            if not self._grant(self._slot):
+            if not self._grant(self.slot):
                 return None
             # Not through the map: on a full disk that would end the process.
-            _write(self._file, parts, self._start + pose * self._slot)
+            _write(self._file, parts, self._start + pose * self.slot)
             _write(self._file, [np.array([_checksum(parts, view)], np.uint32).data], 4 * pose)
         except OSError as error:
             _warn(str(error))
@@ -168,8 +183,12 @@ class ViewFile:
             return None
         return self._picture(pose)
 
+    def gaps(self) -> list[int]:
+        """Return the poses that have no picture."""
+        return np.flatnonzero(self._checksums == 0).tolist() if self._is_whole() else list(range(self.poses))
+
     def _picture(self, pose: int) -> Picture:
-        pixels, offset, arrays = self._size * self._size, self._start + pose * self._slot, []
+        pixels, offset, arrays = self._size * self._size, self._start + pose * self.slot, []
         for kind in _TYPES:
             arrays.append(np.frombuffer(self._map, kind, pixels, offset).reshape(self._size, self._size))
             offset += pixels * kind.itemsize
@@ -181,7 +200,7 @@ class ViewFile:
             status = os.fstat(self._file)
         except OSError:
             return False
-        return status.st_nlink > 0 and status.st_size >= self._length
+        return status.st_nlink > 0 and status.st_size >= self.length
 
 
 def view_store() -> ViewStore | None:
