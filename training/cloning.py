@@ -210,6 +210,7 @@ class ClonedPolicies:
             CheckpointError: the checkpoint was trained with other observations.
         """
         content = checkpoint.load(self.path, KIND)
+        torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         if content["resnet18"] != weights_of(self.config):
             raise checkpoint.CheckpointError(
                 f"{self.path}: was trained with other weights of ResNet-18 (fingerprint {content['resnet18'][:12]}); "

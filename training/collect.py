@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import Player
+from training.features import reset_all, step_all
 from training.losses import best_legal
 from training.replay import Episode
 from training.spaces import Interface, interface_of, over, stack, tensors, zeros
@@ -93,8 +94,9 @@ class Collector:
             taught: whether the teachers, if there are any, say what they would do.
         """
         start = time.perf_counter()
-        wanted = zip(self.envs, seeds, options or [None] * len(seeds), strict=False)
-        episodes = [begin(self.interface, env, seed, option) for env, seed, option in wanted]
+        envs = self.envs[: len(seeds)]
+        starts = reset_all(envs, seeds, options or [None] * len(seeds))
+        episodes = [begin(self.interface, env, start) for env, start in zip(envs, starts, strict=True)]
         player = Player(agents, len(episodes))
         teachers = self._teachers[: len(episodes)] if taught else []
         for teacher, seed in zip(teachers, seeds, strict=False):
@@ -104,8 +106,9 @@ class Collector:
                 episode = episodes[number]
                 episode.labels.append(teachers[number].act(episode.observations[-1], episode.info))
             actions = self._choose(player, episodes, running, choose, rng)
-            for number in running:
-                advance(self.interface, episodes[number], self.envs[number], actions[number])
+            steps = step_all([envs[number] for number in running], [actions[number] for number in running])
+            for number, step in zip(running, steps, strict=True):
+                advance(self.interface, episodes[number], envs[number], actions[number], step)
             self.steps += len(running)
         self.seconds += time.perf_counter() - start
         return episodes
@@ -135,17 +138,17 @@ class Collector:
         return chosen
 
 
-def begin(interface: Interface, env: Any, seed: int | None, options: dict[str, Any] | None = None) -> Episode:
-    """Reset an environment and return the episode that begins."""
+def begin(interface: Interface, env: Any, start: tuple) -> Episode:
+    """Return the episode that begins with what an environment's reset has returned."""
     episode = Episode()
-    _look(interface, episode, env, *env.reset(seed=seed, options=options))
+    _look(interface, episode, env, *start)
     return episode
 
 
-def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int]) -> None:
-    """Step an environment and record the step."""
+def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int], step: tuple) -> None:
+    """Record a step, which has returned five things."""
     names = interface.agents
-    observations, rewards, terminated, _, infos = env.step(actions)
+    observations, rewards, terminated, _, infos = step
     episode.actions.append({name: actions.get(name, 0) for name in names})
     episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
     episode.acted.append(np.array([name in actions for name in names]))

@@ -177,9 +177,10 @@ def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | 
 def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
     """Return the observations on the way to a state as a batch of one episode."""
     interface = interface_of(env)
-    episode = begin(interface, env, seed=0)
+    episode = begin(interface, env, env.reset(seed=0))
     for pair in path:
-        advance(interface, episode, env, dict(zip(interface.agents, pair, strict=True)))
+        actions = dict(zip(interface.agents, pair, strict=True))
+        advance(interface, episode, env, actions, env.step(actions))
     replay = Replay(interface, CONFIG.horizon, 1, 1.0)
     replay.add(episode)
     return replay.sample(1, np.random.default_rng(0))
