@@ -16,6 +16,7 @@ MAX_NODES = 96
 #: Most edges: one in_room a thing, one on/inside/held_by an object, some near a movable thing.
 MAX_EDGES = 192
 
+_ON, _INSIDE = catalog.RELATION_IDS["on"], catalog.RELATION_IDS["inside"]
 _RELATIONS = {number: name for name, number in catalog.RELATION_IDS.items()}
 
 
@@ -124,20 +125,19 @@ class SceneGraphs:
     def _learn_objects(self, states: Mapping[str, str]) -> None:
         facts, world = self._facts, self._world
         self._kept.clear()
-        if objects := world.objects:
+        objects = world.objects
+        if objects:
             facts.position[[self._numbers[name] for name in objects]] = [world.pose(name)[0] for name in objects]
         carried = world.held, dict(world.supports)
         if self._carried == carried and self._known is not None and self._known[1] is states:
             return  # only the held object has moved
         self._carried = carried
         facts.movable[:], facts.carrier[:] = False, -1
-        for name in (*world.objects, *world.robots):
-            facts.movable[self._numbers[name]] = True
-        for name, support in world.supports.items():
-            number = self._numbers[name]
-            facts.room[number] = self._rooms.index(catalog.room_of(support.receptacle))
-            facts.carrier[number] = self._numbers[support.receptacle]
-            facts.relation[number] = catalog.RELATION_IDS["inside" if self._is_covered(support) else "on"]
+        facts.movable[[self._numbers[name] for name in (*objects, *world.robots)]] = True
+        numbers = [self._numbers[name] for name in world.supports]
+        carriers = [self._numbers[support.receptacle] for support in world.supports.values()]
+        facts.carrier[numbers], facts.room[numbers] = carriers, facts.room[carriers]
+        facts.relation[numbers] = [_INSIDE if self._is_covered(support) else _ON for support in world.supports.values()]
         if world.held is not None:
             number = self._numbers[world.held]
             facts.carrier[number], facts.relation[number] = self._numbers["humanoid"], catalog.RELATION_IDS["held_by"]
@@ -146,10 +146,8 @@ class SceneGraphs:
     def _learn_states(self, states: Mapping[str, str]) -> None:
         held = self._world.held
         robots = {name: "holding" if name == "humanoid" and held else "free" for name in self._world.robots}
-        self._facts.state[:] = catalog.STATE_IDS["fixed"]
-        for name, state in {**states, **robots, **({held: "held"} if held else {})}.items():
-            if name in self._numbers:
-                self._facts.state[self._numbers[name]] = catalog.STATE_IDS[state]
+        known = {**states, **robots, **({held: "held"} if held else {})}
+        self._facts.state[:] = [catalog.STATE_IDS[known.get(name, "fixed")] for name in self._numbers]
 
     def _is_covered(self, support: Support) -> bool:
         if support not in self._covered:
