@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import MultiDiscrete
@@ -24,6 +25,7 @@ from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import TIME_STEP
 
 SPLIT = "test-unseen"
+HOME = "home_7"  # of the split
 Sample = dict[str, float]
 Samples = Generator[Sample, None, None]
 
@@ -43,12 +45,14 @@ class Effort:
     warm_up: int = 100_000
 
 
-def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE) -> Samples:
+def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE, new_tasks: bool = False) -> Samples:
     """Yield joint steps a second of a random policy, resets included, when the views of the home are warm.
 
-    The episodes of all samples differ, and differ from those of the warm-up.
+    The episodes of all samples differ, and differ from those of the warm-up; their tasks are the split's, over and
+    over, or with ``new_tasks`` drawn anew for every episode, so that nothing is known of how their objects lie.
     """
-    with closing(HouseholdEnv(observation, split=SPLIT, image_size=size)) as env:
+    source: dict[str, Any] = {"home": HOME} if new_tasks else {"split": SPLIT}
+    with closing(HouseholdEnv(observation, image_size=size, **source)) as env:
         warm_up(env, scouted_poses(effort.warm_up))
         rng = np.random.default_rng(1)
         env.reset(seed=1)
