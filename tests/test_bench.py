@@ -9,7 +9,7 @@ import pytest
 from chmarl_pb.bench import figures
 from chmarl_pb.bench.command import readable, run
 from chmarl_pb.bench.figures import FIGURES, Figure, chosen, measure
-from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses
+from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses, tasks_to_play
 from chmarl_pb.cli import main
 from chmarl_pb.errors import OptionError
 
@@ -77,6 +77,13 @@ def test_rate_counts_all_work() -> None:
 
 def test_scouted_poses_are_poses_of_the_robots() -> None:
     assert {robot for robot, _ in scouted_poses(5)} == {"humanoid", "drone"}
+
+
+def test_tasks_of_training_are_new_after_the_warm_up_and_those_of_tests_are_few() -> None:
+    few, others = tasks_to_play("train")
+    assert len(others) > 900 and not {task.id for task in few} & {task.id for task in others}
+    assert len({task.home for task in (*few, *others)}) == 1
+    assert tasks_to_play("test-unseen")[0] == tasks_to_play("test-unseen")[1] and len(others) > 50
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ _VISUAL = {size: f"visual, two {size} px views" for size in (64, 128, 224)}
 
 FIGURES = (
     Figure("scene graph, both robots", partial(playing.steps, observation="scene_graph")),
-    Figure("scene graph, every task new", partial(playing.steps, observation="scene_graph", new_tasks=True)),
+    Figure("scene graph, tasks of training", partial(playing.steps, observation="scene_graph", split="train")),
     *(Figure(name, partial(playing.steps, observation="visual", size=size)) for size, name in _VISUAL.items()),
     Figure("visual, 128 px, first visits", _in_process("first_visits", 128, 200)),
     Figure("reset", playing.resets),

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Generator
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -164,7 +165,7 @@ def loads(episodes: str) -> dict[str, float]:
     needed, rng = count, np.random.default_rng(0)
     for number in range(int(episodes)):
         env.reset(seed=number)
-        play(env, rng, 10)
+        play(env, rng, 10, cycle(load_tasks(split)))
     env.close()
     return {"files": count - needed}
 

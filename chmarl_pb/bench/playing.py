@@ -2,12 +2,11 @@
 
 import statistics
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 from gymnasium.spaces import MultiDiscrete
@@ -25,7 +24,6 @@ from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import TIME_STEP
 
 SPLIT = "test-unseen"
-HOME = "home_7"  # of the split
 Sample = dict[str, float]
 Samples = Generator[Sample, None, None]
 
@@ -45,21 +43,28 @@ class Effort:
     warm_up: int = 100_000
 
 
-def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE, new_tasks: bool = False) -> Samples:
+def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE, split: str = SPLIT) -> Samples:
     """Yield joint steps a second of a random policy, resets included, when the views of the home are warm.
 
-    The episodes of all samples differ, and differ from those of the warm-up; their tasks are the split's, over and
-    over, or with ``new_tasks`` drawn anew for every episode, so that nothing is known of how their objects lie.
+    Played are a split's tasks in its first home, in a random order, over and over. A tenth of them is also played to
+    warm up, or all of them if there are but 50: training has so many that most are new, tests have few.
     """
-    source: dict[str, Any] = {"home": HOME} if new_tasks else {"split": SPLIT}
-    with closing(HouseholdEnv(observation, image_size=size, **source)) as env:
-        warm_up(env, scouted_poses(effort.warm_up))
+    few, others = tasks_to_play(split)
+    with closing(HouseholdEnv(observation, split=split, image_size=size)) as env:
+        env.reset(options={"task": few[0]})
+        warm_up(env, scouted_poses(effort.warm_up, split))
         rng = np.random.default_rng(1)
-        env.reset(seed=1)
-        play(env, rng, 100)
+        tasks = cycle(rng.permutation(np.array(others, dtype=object)).tolist())
+        play(env, rng, 100, tasks)
         while True:
-            rate = per_second(lambda: play(env, rng, 50), effort.seconds, 50)
+            rate = per_second(lambda: play(env, rng, 50, tasks), effort.seconds, 50)
             yield {"joint steps/s": rate} | ({"frames/s": len(AGENTS) * rate} if observation == "visual" else {})
+
+
+def tasks_to_play(split: str) -> tuple[list[Task], list[Task]]:
+    """Return a split's tasks in its first home: those to warm up with, and those to measure with."""
+    tasks = [task for task in load_tasks(split) if task.home == load_tasks(split)[0].home]
+    return (tasks, tasks) if len(tasks) <= 50 else (tasks[::10], [task for n, task in enumerate(tasks) if n % 10])
 
 
 def resets(effort: Effort) -> Samples:
@@ -156,14 +161,13 @@ def random_vector(count: int, workers: int, observation: str) -> RandomVector:
 
 
 @cache
-def scouted_poses(count: int) -> tuple[tuple[str, int], ...]:
+def scouted_poses(count: int, split: str = SPLIT) -> tuple[tuple[str, int], ...]:
     """Return the camera poses, as robot and number, that a random policy comes by in some joint steps."""
     poses: set[tuple[str, int]] = set()
-    with closing(HouseholdEnv(split=SPLIT)) as env:
-        rng = np.random.default_rng(0)
-        env.reset(seed=0)
+    with closing(HouseholdEnv(split=split)) as env:
+        rng, tasks = np.random.default_rng(0), cycle(tasks_to_play(split)[0])
         for _ in range(count):
-            play(env, rng, 1)
+            play(env, rng, 1, tasks)
             poses |= {(name, robot.pose) for name, robot in env.world.robots.items()}
     return tuple(sorted(poses))
 
@@ -176,12 +180,12 @@ def warm_up(env: HouseholdEnv, poses: Iterable[tuple[str, int]]) -> None:
             views.look(robot, pose, size)
 
 
-def play(env: HouseholdEnv, rng: np.random.Generator, count: int) -> None:
-    """Take joint steps of a random policy, and reset whenever an episode ends."""
+def play(env: HouseholdEnv, rng: np.random.Generator, count: int, tasks: Iterator[Task]) -> None:
+    """Take joint steps of a random policy, and begin the next task whenever an episode ends."""
     choices = [len(env.action_names[name]) for name in AGENTS]
     for humanoid, drone in rng.integers(choices, size=(count, len(choices))).tolist():
         if not env.agents:
-            env.reset()
+            env.reset(options={"task": next(tasks)})
         env.step({"humanoid": humanoid, "drone": drone})
 
 
