@@ -22,7 +22,7 @@ def test_every_setting_of_a_learner_is_a_flag_with_its_default(algo: str, kind: 
     assert options.image_encoder == "resnet18" and options.messages and options.feedback
 
 
-@pytest.mark.parametrize("kind", set(ALGORITHMS.values()))
+@pytest.mark.parametrize("kind", list(dict.fromkeys(ALGORITHMS.values())))
 def test_every_setting_is_described(kind: type) -> None:
     assert {field.name for field in fields(kind)} <= set(descriptions(kind))
     assert all(text and "\n" not in text for text in descriptions(kind).values())
