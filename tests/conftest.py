@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,7 +18,8 @@ from chmarl_pb.tasks.task import Task
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Give each run a view store of its own; its workers and subprocesses inherit the variable."""
+    """Give each run a view store of its own, which its workers and subprocesses inherit, and let Ctrl-C reach them."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     with suppress(ImportError):
         # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
         # Numba's work, Triton has ended the process.

@@ -3,8 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
+import pybullet
 import pytest
 
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.space import Space, space_of
 from chmarl_pb.robots.arm import Arm
@@ -217,3 +219,18 @@ def test_a_layout_counts_until_something_changes(space: Space, world: World) -> 
     assert world.layout is layout
     world.place("mug_1", (1.0, 1.0, 1.0), UPRIGHT)
     assert world.layout is None
+
+
+def test_kept_client_sees_every_robot_in_its_place_after_each_step() -> None:
+    env = HouseholdEnv(split="val-unseen")
+    try:
+        env.reset(seed=0)
+        world = env.world
+        client = world.client
+        for action in ("goto_kitchen", "goto_bedroom", "goto_bathroom"):
+            env.step({name: env.action_names[name].index(action) for name in env.agents})
+            for name, robot in world.robots.items():
+                position, _ = pybullet.getBasePositionAndOrientation(world.bodies[name], physicsClientId=client)
+                assert np.allclose(position[:2], robot.base_pose()[0][:2], atol=1e-4)
+    finally:
+        env.close()

@@ -32,7 +32,7 @@ class Drone:
         """Load the drone into a world."""
         self.world, self.lattice = world, space.drone_lattice
         self.actions = (*(f"goto_{room}" for room in self.lattice.anchors), *_MOVES, "stay")
-        self.body = load_drone(world.client)
+        self.body = load_drone(world.physics)
         self.pose = 0
         self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
         world.add_robot(self.name, self, self.body)
@@ -56,7 +56,7 @@ class Drone:
 
     def read_base(self) -> Pose:
         """Return the body's present position (metres) and orientation (x, y, z, w)."""
-        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.client)
+        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.physics)
 
     def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
         """Move the body."""

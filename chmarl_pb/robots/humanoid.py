@@ -46,8 +46,8 @@ class Humanoid:
         self.world, self.space, self.lattice = world, space, space.lattice
         gotos = (f"goto_{room}" for room in self.lattice.anchors)
         self.actions = (*gotos, "pick", "place", "move_forward", "turn_left", "turn_right", "stay")
-        self.body = load_humanoid(world.client)
-        self.arm = Arm(world.client, self.body)
+        self.body = load_humanoid(world.physics)
+        self.arm = Arm(world.physics, self.body)
         self.pose, self.turn, self._arm_steps = 0, 0.0, -1
         self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
         self._reached = _reaches.setdefault(space, {})
@@ -84,7 +84,7 @@ class Humanoid:
 
     def read_base(self) -> Pose:
         """Return the body's present position (metres) and orientation (x, y, z, w)."""
-        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.client)
+        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.physics)
 
     def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
         """Move the body."""
@@ -92,7 +92,7 @@ class Humanoid:
 
     def grasp_pose(self) -> Pose:
         """Return position and quaternion of the point between the fingertips, see :meth:`Arm.grasp_pose`."""
-        self.arm.client = self.world.client  # by asking for it, the base gets to where it belongs
+        self.arm.client = self.world.physics  # by asking for it, the base gets to where it belongs
         return self.arm.grasp_pose()
 
     def held_pose(self, name: str) -> Pose:

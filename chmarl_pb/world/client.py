@@ -12,6 +12,13 @@ class Client:
         """Connect; the number is negative if PyBullet has no free client."""
         self._number = pybullet.connect(pybullet.DIRECT)
         self._moves: dict[int, tuple[Vector, Vector, Vector | None]] = {}
+        self._is_shared = False
+
+    @property
+    def shared(self) -> int:
+        """PyBullet's id for somebody who may keep it: from now on bodies are moved at once."""
+        self._is_shared = True
+        return self.number
 
     @property
     def number(self) -> int:
@@ -25,7 +32,7 @@ class Client:
         return self._number
 
     def move(self, body: int, position: Vector, quaternion: Vector, inertial: Vector | None = None) -> None:
-        """Move a body, at rest, before anybody asks for the client.
+        """Move a body, at rest: at once if the client is shared, else before it is next used.
 
         Args:
             body: body id.
@@ -34,6 +41,8 @@ class Client:
             inertial: position of its inertial frame in its own frame, metres; None if they are one.
         """
         self._moves[body] = position, quaternion, inertial
+        if self._is_shared:
+            _ = self.number
 
     def close(self) -> None:
         """Disconnect; closing twice is allowed."""

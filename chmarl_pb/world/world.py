@@ -73,11 +73,11 @@ class World:
         self.home = home
         self._client = Client()
         self.move_body = self._client.move
-        if self.client < 0:
+        if self.physics < 0:
             raise HomeError(f"{home.path}: PyBullet has no free client; close some environments")
-        pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
+        pybullet.setGravity(0, 0, -9.81, physicsClientId=self.physics)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self.client
+            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self.physics
         )
         self.robots: dict[str, Any] = {}
         self.held: str | None = None
@@ -87,14 +87,14 @@ class World:
         self.version, self.steps = 0, 0
         self.layout: object = None
         self._home_body = self._load(home)
-        self.links = {name: number for number, name in enumerate(link_names(self.client, self._home_body))}
-        self._objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
+        self.links = {name: number for number, name in enumerate(link_names(self.physics, self._home_body))}
+        self._objects = {f"{name}_1": load_graspable(self.physics, name) for name in catalog.GRASPABLES}
         self.bodies: dict[str, int] = {"home": self._home_body}
 
     def _load(self, home: Home) -> int:
         try:
             with quiet():
-                return load_home_body(self.client, home)
+                return load_home_body(self.physics, home)
         except HomeError:
             self.close()
             raise
@@ -105,7 +105,12 @@ class World:
 
     @property
     def client(self) -> int:
-        """PyBullet client id. Bodies are moved when it is asked for, so ask anew after each step."""
+        """PyBullet client id. Once it has been asked for, every body is in it where it is in the world, at any time."""
+        return self._client.shared
+
+    @property
+    def physics(self) -> int:
+        """The same id for the package itself: all bodies are in their places now, but later moves may be put off."""
         return self._client.number
 
     def add_robot(self, name: str, robot: Any, body: int) -> None:
@@ -172,7 +177,7 @@ class World:
     def read_pose(self, name: str) -> Pose:
         """Return an object's pose as physics has it now; :meth:`pose` is what was last set or settled."""
         thing = self._objects[name]
-        centre, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.client)
+        centre, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.physics)
         back = tuple(-value for value in thing.inertial)
         position, _ = pybullet.multiplyTransforms(centre, quaternion, back, UPRIGHT)
         return position, quaternion
@@ -210,9 +215,9 @@ class World:
         pivot, turn = pybullet.multiplyTransforms(*inverse, *grasp)
         self._constraint = pybullet.createConstraint(
             body, link, thing.body, -1, pybullet.JOINT_FIXED, (0, 0, 0), (0, 0, 0), pivot, UPRIGHT, turn,
-            physicsClientId=self.client,
+            physicsClientId=self.physics,
         )  # fmt: skip
-        pybullet.changeConstraint(self._constraint, maxForce=200, physicsClientId=self.client)
+        pybullet.changeConstraint(self._constraint, maxForce=200, physicsClientId=self.physics)
 
     def level(self, grasp: Pose, pose: Pose) -> None:
         """Turn the held object in the gripper towards a pose, when the gripper is at a grasp pose in the world."""
@@ -224,37 +229,37 @@ class World:
             jointChildPivot=pivot,
             jointChildFrameOrientation=orientation,
             maxForce=200,
-            physicsClientId=self.client,
+            physicsClientId=self.physics,
         )
 
     def release(self) -> None:
         """Open the gripper: remove the constraint."""
         if self._constraint is not None:
-            pybullet.removeConstraint(self._constraint, physicsClientId=self.client)
+            pybullet.removeConstraint(self._constraint, physicsClientId=self.physics)
             self._change()
         self._constraint, self.held = None, None
 
     def thaw(self, name: str, solid: bool = True) -> None:
         """Make an object dynamic, at rest; one that is not solid passes through other things until frozen."""
         thing = self._objects[name]
-        pybullet.changeDynamics(thing.body, -1, mass=thing.mass, physicsClientId=self.client)
+        pybullet.changeDynamics(thing.body, -1, mass=thing.mass, physicsClientId=self.physics)
         # After changeDynamics, which sets PyBullet's default filter whenever it changes the mass.
         mask = -1 if solid else 0
-        pybullet.setCollisionFilterGroupMask(thing.body, -1, int(solid), mask, physicsClientId=self.client)
-        pybullet.resetBaseVelocity(thing.body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
+        pybullet.setCollisionFilterGroupMask(thing.body, -1, int(solid), mask, physicsClientId=self.physics)
+        pybullet.resetBaseVelocity(thing.body, (0, 0, 0), (0, 0, 0), physicsClientId=self.physics)
 
     def freeze(self, name: str) -> None:
         """Make an object immovable where it is."""
         body = self._objects[name].body
-        pybullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
-        pybullet.changeDynamics(body, -1, mass=0, physicsClientId=self.client)
+        pybullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.physics)
+        pybullet.changeDynamics(body, -1, mass=0, physicsClientId=self.physics)
 
     # Physics
 
     def step(self) -> None:
         """Advance physics by ``TIME_STEP``."""
         self.steps += 1
-        pybullet.stepSimulation(physicsClientId=self.client)
+        pybullet.stepSimulation(physicsClientId=self.physics)
 
     def set_down(self, name: str, position: Vector, yaw: float, receptacle: str) -> bool:
         """Let an object go just above a place and let physics settle it.
@@ -280,7 +285,7 @@ class World:
         body, quiet_steps = self._objects[name].body, 0
         for _ in range(_LONGEST_SETTLE):
             self.step()
-            velocity = np.abs(pybullet.getBaseVelocity(body, physicsClientId=self.client)).max()
+            velocity = np.abs(pybullet.getBaseVelocity(body, physicsClientId=self.physics)).max()
             quiet_steps = quiet_steps + 1 if velocity < _STILL else 0
             if quiet_steps == 5:
                 return True
@@ -289,7 +294,7 @@ class World:
     def rests_on(self, name: str, receptacle: str) -> bool:
         """Return whether a thing of the home carries an object: a contact that pushes it upwards."""
         contacts = pybullet.getContactPoints(
-            self._objects[name].body, self._home_body, -1, self.links[receptacle], physicsClientId=self.client
+            self._objects[name].body, self._home_body, -1, self.links[receptacle], physicsClientId=self.physics
         )
         # Index 7 is the normal on the home's body towards the object.
         return any(contact[7][2] > 0.7 for contact in contacts)
