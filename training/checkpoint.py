@@ -79,3 +79,15 @@ def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> Non
             f"{path}: its weights do not fit this network: {reason} Use the configuration, observation and version "
             "that it was trained with"
         ) from error
+
+
+def fill_optimizer(optimizer: torch.optim.Optimizer, state: dict[str, Any], path: Path) -> None:
+    """Load the state of an optimizer that comes from a file.
+
+    Raises:
+        CheckpointError: it is of another architecture.
+    """
+    try:
+        optimizer.load_state_dict(state)
+    except (ValueError, KeyError) as error:
+        raise CheckpointError(f"{path}: its optimizer does not fit this network ({error})") from error

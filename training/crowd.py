@@ -20,10 +20,10 @@ from chmarl_pb.evaluation.policies import find_policy
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player
 from training.clones import NO_ACTION, ClonedPolicy
-from training.features import with_features
+from training.features import all_with_features
 from training.losses import best_legal
 from training.policy import LearnedPolicy
-from training.resnet import FrozenResNet18, frozen_resnet18
+from training.resnet import frozen_resnet18
 from training.spaces import stack, tensors
 
 WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
@@ -120,7 +120,7 @@ class LearnedCrowd:
 
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each agent's best legal action."""
-        seen = encoded(seen, self.policy.resnet)
+        seen = all_with_features(seen, self.policy.resnet) if self.policy.resnet else seen
         index, chosen = torch.tensor(places), [Actions() for _ in places]
         for name in AGENTS:
             batch = stack([robots[name] for robots in seen])
@@ -150,7 +150,8 @@ class ClonedCrowd:
     @torch.no_grad()
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each robot's likeliest action."""
-        index, heard = torch.tensor(places), encoded(seen, frozen_resnet18() if self.config.uses_features else None)
+        index = torch.tensor(places)
+        heard = all_with_features(seen, frozen_resnet18()) if self.config.uses_features else seen
         batch = stack([{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in heard])
         steps = {key: part.unsqueeze(1) for key, part in tensors(batch).items()}
         for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
@@ -160,12 +161,3 @@ class ClonedCrowd:
             for name, values in zip(group, logits, strict=True):
                 self._last[name][index] = values[:, 0].argmax(dim=1)
         return [{name: int(self._last[name][place]) for name in AGENTS} for place in places]
-
-
-def encoded(seen: Sequence[Observations], resnet: FrozenResNet18 | None) -> Sequence[Observations]:
-    """Return observations with features in the place of pictures, all computed together; None leaves pictures."""
-    if resnet is None:
-        return seen
-    parts = {f"{place} {name}": robots[name] for place, robots in enumerate(seen) for name in robots}
-    changed = with_features(parts, resnet)
-    return [{name: changed[f"{place} {name}"] for name in robots} for place, robots in enumerate(seen)]

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
-from training.checkpoint import fill
+from training.checkpoint import fill, fill_optimizer
 from training.collect import NO_LABEL, Choose
 from training.config import ImitationConfig
 from training.losses import Batch, unroll
@@ -75,7 +75,7 @@ class Imitator:
             CheckpointError: it is of another architecture.
         """
         fill(self.agents, state["networks"], path)
-        self._optimizer.load_state_dict(state["optimizer"])
+        fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates = state["updates"]
 
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
-from training.checkpoint import CheckpointError, fill
+from training.checkpoint import fill, fill_optimizer
 from training.collect import Choose, epsilon_greedy
 from training.config import Config
 from training.losses import Batch, qtran_loss, td_loss, unroll
@@ -97,10 +97,7 @@ class Learner:
         """
         fill(self.networks, state["networks"], path)
         fill(self._targets, state["targets"], path)
-        try:
-            self._optimizer.load_state_dict(state["optimizer"])
-        except (ValueError, KeyError) as error:
-            raise CheckpointError(f"{path}: its optimizer does not fit this network ({error})") from error
+        fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates = state["updates"]
 
     @staticmethod

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
-from training.checkpoint import fill, load
+from training.checkpoint import fill, fill_optimizer, load
 from training.collect import Choose
 from training.config import MappoConfig
 from training.imitation import draw
@@ -102,7 +102,7 @@ class Mappo:
         """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
         reward, _, counts = (part.squeeze(-1) for part in batch.team())
         values = self.critic(batch.states).squeeze(-1)[:, :-1] * counts
-        advantages, ahead, next_value = torch.zeros_like(values), values.new_zeros(len(values)), 0.0 * values[:, 0]
+        advantages, ahead, next_value = torch.zeros_like(values), torch.zeros(len(values)), torch.zeros(len(values))
         for step in reversed(range(values.shape[1])):
             error = reward[:, step] + self.config.gamma * next_value - values[:, step]
             ahead = (error + self.config.gamma * self.config.gae_lambda * ahead) * counts[:, step]
@@ -163,5 +163,5 @@ class Mappo:
             CheckpointError: it is of another architecture.
         """
         fill(self._networks, state["networks"], path)
-        self._optimizer.load_state_dict(state["optimizer"])
+        fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates, self._learned = state["updates"], state["learned"]

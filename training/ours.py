@@ -6,41 +6,27 @@ the reward. Both steps see graphs pooled by the instruction (:class:`training.gr
 """
 
 import argparse
-import sys
-from functools import partial
 from pathlib import Path
 
-import torch
-
-from chmarl_pb.envs.rollout import make_policy
-from chmarl_pb.errors import ChmarlError
-from training.benchmark import benchmark
 from training.config import ImitationConfig, MappoConfig
-from training.loop import BEST, train
-from training.validation import by_tasks
+from training.loop import BEST
+from training.train import main as train_command
 
 IMITATION = "imitation"  # folder of the first step in that of the run
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
+    """Run `python -m training.train` twice; return its exit code."""
     options = _parser().parse_args(arguments)
-    torch.set_num_threads(1)
     folder = options.out or Path("out/train") / f"ours-{options.observation}-seed{options.seed}"
-    first = ImitationConfig(seed=options.seed, episodes=options.imitation_episodes)
-    then = MappoConfig(seed=options.seed, episodes=options.episodes, start=str(folder / IMITATION / BEST))
-    try:
-        env_fn, setting = benchmark(options.observation, options.messages, options.feedback)
-        train(
-            env_fn, "imitation", first, folder / IMITATION, by_tasks(), setting, False, partial(make_policy, "search")
-        )
-        result = train(env_fn, "mappo", then, folder, by_tasks(), setting, False)
-    except ChmarlError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"{folder / BEST}: PLW {100 * result.best_score:.1f} on the validation tasks. Evaluate it with")
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
-    return 0
+    shared = ["--observation", options.observation, "--seed", str(options.seed)]
+    shared += [
+        f"--{'' if on else 'no-'}{name}" for name, on in vars(options).items() if name in ("messages", "feedback")
+    ]
+    first = ["--algo", "imitation", "--episodes", str(options.imitation_episodes), "--out", str(folder / IMITATION)]
+    start = ["--start", str(folder / IMITATION / BEST)]
+    then = ["--algo", "mappo", "--episodes", str(options.episodes), *start, "--out", str(folder)]
+    return train_command(first + shared) or train_command(then + shared)
 
 
 def _parser() -> argparse.ArgumentParser:

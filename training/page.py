@@ -157,8 +157,14 @@ def _seeds(row: Row, same: Sequence[Record]) -> str:
     if not same:
         return NOT_RUN
     missing = f" of {row.seeds}" if len(same) < row.seeds else ""
-    settings = [{**record["checkpoint"].get("config", {}), "seed": None} for record in same]
+    settings = [_settings(record) for record in same]
     return f"{len(same)}{missing}{'' if all(one == settings[0] for one in settings) else ' (settings differ)'}"
+
+
+def _settings(record: Record) -> dict[str, object]:
+    """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
+    own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
+    return {name: value for name, value in record["checkpoint"].get("config", {}).items() if name not in own}
 
 
 def _of(row: Row, records: Records) -> list[Record]:
