@@ -35,3 +35,7 @@ class ResultError(ChmarlError, ValueError):
 
 class DatasetError(ChmarlError, ValueError):
     """A data set is missing, damaged, or does not fit this version."""
+
+
+class WorkerError(ChmarlError, RuntimeError):
+    """A process that was started to help has died."""

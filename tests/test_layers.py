@@ -12,6 +12,7 @@ ROWS = (
     ("catalog",),
     ("homes",),
     ("world",),
+    ("processes",),
     ("robots",),
     ("sensing",),
     ("tasks",),

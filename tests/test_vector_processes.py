@@ -23,8 +23,8 @@ from toy_vectors import COUNT, EVERYWHERE
 
 import chmarl_pb
 from chmarl_pb.envs.vector import HouseholdVectorEnv, vector_env
-from chmarl_pb.envs.vector_engine import WorkerError, WorkerTraceback, shares
-from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.envs.vector_engine import WorkerTraceback, shares
+from chmarl_pb.errors import ActionError, OptionError, WorkerError
 
 
 def gone(pid: int, patience: float = 10) -> bool:

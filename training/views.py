@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.data.processes import in_processes
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.homes.lattice import HEADINGS
+from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.splits import load_tasks
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb.data.generate import environment
-from chmarl_pb.data.processes import in_processes
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import Arrays, Replayer, record
 from chmarl_pb.errors import DatasetError, OptionError
+from chmarl_pb.processes import in_processes
 
 Progress = Callable[[int], Any]
 

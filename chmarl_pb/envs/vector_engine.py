@@ -18,15 +18,11 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signature, serve
-from chmarl_pb.errors import ChmarlError
+from chmarl_pb.errors import WorkerError
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
 _START: tuple[str, tuple[Any, ...]] = ("start", ())  # what workers do before they take commands
 _HARMLESS = ("call", "get", "has", "set", "wrapped")  # an error in one of these leaves the episodes as they are
-
-
-class WorkerError(ChmarlError, RuntimeError):
-    """A worker process of a vector environment died."""
 
 
 class WorkerTraceback(Exception):

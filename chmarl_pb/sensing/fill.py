@@ -1,20 +1,16 @@
 """Fill the view store before a long training, which would otherwise draw the views of its homes as it comes by them."""
 
 import shutil
-import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.homes.home import load_home
+from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.eyes import CAMERAS
 from chmarl_pb.sensing.home_views import HomeViews, home_views
 from chmarl_pb.sensing.sight import SIGHT_SIZE
 from chmarl_pb.sensing.view_store import ViewFile, ViewStore, view_store
-from chmarl_pb.world import quiet
 
 MB = 2**20
 _AT_ONCE = 64  # views that a process draws before it answers
@@ -97,33 +93,12 @@ class Filling:
 
 
 def draw(jobs: Sequence[Job], workers: int) -> Iterator[int]:
-    """Draw views into the store; yield how many more are done.
-
-    Args:
-        jobs: the views.
-        workers: number of processes; with 1, this one draws.
+    """Draw views into the store in some processes, with one worker in this one; yield how many more are done.
 
     Raises:
-        OptionError: a process died.
+        WorkerError: a process died.
     """
-    if min(workers, len(jobs)) <= 1:
-        yield from map(_draw, jobs)
-        return
-    # Forked children would share PyBullet's clients; spawned ones have their own.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _leave_interrupts_to_the_parent)
-    try:
-        with quiet(2):  # workers inherit it: PyBullet greets on stderr when it is imported
-            futures = [pool.submit(_draw, job) for job in jobs]
-        for future in as_completed(futures):
-            yield future.result()
-    except BrokenProcessPool as error:
-        raise OptionError("a process that drew views died (out of memory?); the same command goes on") from error
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return map(_draw, jobs) if workers == 1 else in_processes(_draw, jobs, workers)
 
 
 def _draw(job: Job) -> int:

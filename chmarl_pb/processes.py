@@ -10,7 +10,8 @@ from multiprocessing.connection import wait
 from threading import Thread
 from typing import TypeVar
 
-from chmarl_pb.errors import DatasetError, OptionError
+from chmarl_pb.errors import OptionError, WorkerError
+from chmarl_pb.world import quiet
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -26,7 +27,7 @@ def in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: in
 
     Raises:
         OptionError: ``workers`` is less than one.
-        DatasetError: a process died.
+        WorkerError: a process died.
     """
     if workers < 1:
         raise OptionError(f"workers {workers}: use at least 1")
@@ -35,10 +36,12 @@ def in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: in
     # Forked children would share PyBullet's clients; spawned ones have their own.
     pool = ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), _begin)
     try:
-        for future in as_completed([pool.submit(work, job) for job in jobs]):
+        with quiet(2):  # workers inherit it: PyBullet greets on stderr when it is imported
+            futures = [pool.submit(work, job) for job in jobs]
+        for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
-        raise DatasetError("a process died (out of memory?); run the command again, with fewer workers") from error
+        raise WorkerError("a process died (out of memory?); run the command again, with fewer workers") from error
     finally:
         pool.shutdown(cancel_futures=True)
 
