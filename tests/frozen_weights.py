@@ -2,9 +2,8 @@
 
 import torch
 
-from training.int8 import ranges_of
+from training.int8 import RANGES, ranges_of
 from training.residual import ResNet18, folded
-from training.resnet import RANGES
 
 
 def random_weights(ranges: bool = True) -> dict[str, torch.Tensor]:

@@ -17,9 +17,10 @@ from training import Config, checkpoint, crowd, train  # noqa: E402
 from training.clones import KIND, CloningConfig, make_minds  # noqa: E402
 from training.crowd import Apart, crowd_of, play_side_by_side  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
+from training.frozen import frozen_encoder  # noqa: E402
 from training.loop import BEST  # noqa: E402
 from training.policy import FROZEN, load_policy  # noqa: E402
-from training.resnet import ResNet18, frozen_resnet18  # noqa: E402
+from training.residual import ResNet18  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
 SPLITS = ("val-seen", "val-unseen")
@@ -46,9 +47,11 @@ def assert_same(
         assert {len(episode.actions) for episode in alone.episodes} != {0}
 
 
-def trained(folder: Path, wrap: Callable[[Any], Any] = lambda env: env, setting: Any = None, **options: Any) -> str:
+def trained(
+    folder: Path, wrap: Callable[[Any], Any] = lambda env: env, setting: Any = None, config: Any = TINY, **options: Any
+) -> str:
     make = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=4, **options)
-    train(lambda: wrap(make()), "qmix", TINY, folder, lambda collector, agents: {"score": 0.0}, setting or {})
+    train(lambda: wrap(make()), "qmix", config, folder, lambda collector, agents: {"score": 0.0}, setting or {})
     return str(folder / BEST)
 
 
@@ -60,11 +63,12 @@ def test_value_factorisation_on_frozen_features(tmp_path: Path, monkeypatch: pyt
     torch.manual_seed(0)
     torch.save(ResNet18().state_dict(), tmp_path / "weights.pt")
     monkeypatch.setenv("CHMARL_RESNET18", str(tmp_path / "weights.pt"))
-    frozen_resnet18.cache_clear()
-    setting = {FROZEN: frozen_resnet18().fingerprint}
-    path = trained(tmp_path, FeatureEnv, setting, observation="visual", image_size=32)
+    frozen_encoder.cache_clear()
+    encoder, config = frozen_encoder("resnet18"), replace(TINY, image_encoder="resnet18")
+    wrap = partial(FeatureEnv, encoder=encoder)
+    path = trained(tmp_path, wrap, {FROZEN: encoder.fingerprint}, config, observation="visual", image_size=32)
     assert_same(path, "visual", SPLITS[1:], image_size=32, max_steps=2)
-    frozen_resnet18.cache_clear()
+    frozen_encoder.cache_clear()
 
 
 @pytest.mark.parametrize(("centralized", "temperature"), [(False, 0.0), (True, 0.0), (False, 1.0)])
@@ -74,7 +78,7 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
     torch.manual_seed(1)
     minds = make_minds(env, config)
     env.close()
-    content = {"config": asdict(config), "minds": minds.state_dict(), "resnet18": ""}
+    content = {"config": asdict(config), "minds": minds.state_dict(), "frozen": ""}
     checkpoint.save(tmp_path / BEST, KIND, content)
     assert_same(str(tmp_path / BEST))
 

@@ -16,7 +16,8 @@ from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
 from training.features import FeatureEnv, feature_space, kept_features, reset_all, step_all  # noqa: E402
-from training.resnet import FEATURES, FrozenResNet18, frozen_resnet18  # noqa: E402
+from training.frozen import FrozenEncoder  # noqa: E402
+from training.resnet import FEATURES  # noqa: E402
 
 WEIGHTS = random_weights()
 STAY = {"humanoid": 9, "drone": 8}
@@ -30,15 +31,13 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def envs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[FeatureEnv]]:
+def envs() -> Iterator[list[FeatureEnv]]:
     """Two environments side by side."""
-    path = tmp_path_factory.mktemp("weights") / "resnet18.pt"
-    torch.save(WEIGHTS, path)
-    both = [FeatureEnv(HouseholdEnv(observation="visual", split="val-unseen"), str(path)) for _ in range(2)]
+    encoder = FrozenEncoder("resnet18", WEIGHTS)
+    both = [FeatureEnv(HouseholdEnv(observation="visual", split="val-unseen"), encoder) for _ in range(2)]
     yield both
     for env in both:
         env.close()
-    frozen_resnet18.cache_clear()
 
 
 def test_features_take_the_place_of_pictures(envs: list[FeatureEnv]) -> None:
@@ -48,17 +47,17 @@ def test_features_take_the_place_of_pictures(envs: list[FeatureEnv]) -> None:
         assert env.observation_space(name).contains(observations[name])
     batch = {key: torch.from_numpy(part)[None] for key, part in observations["drone"].items()}
     assert build_encoder(env.observation_space("drone"), 8)(batch).shape == (1, 8)
-    assert feature_space(env.env.observation_space("drone"))["image"].dtype == np.float16
+    assert feature_space(env.env.observation_space("drone"), env.encoder)["image"].dtype == np.float16
     assert env.step(STAY)[0].keys() == observations.keys()
 
 
 def test_what_stays_is_encoded_once(envs: list[FeatureEnv]) -> None:
     env = envs[0]
     env.reset(seed=4)
-    before = env.resnet.computed
+    before = env.encoder.computed
     for _ in range(3):
         env.step(STAY)
-    assert env.resnet.computed == before
+    assert env.encoder.computed == before
 
 
 def test_side_by_side_is_as_one_by_one(envs: list[FeatureEnv]) -> None:
@@ -66,7 +65,7 @@ def test_side_by_side_is_as_one_by_one(envs: list[FeatureEnv]) -> None:
         return np.stack([seen["image"] for result in results for seen in result[0].values()])
 
     alone = [[env.reset(seed=seed), env.step(TURN)] for env, seed in zip(envs, (2, 3), strict=True)]
-    envs[0].resnet._known.clear()
+    envs[0].encoder._known.clear()
     together = [reset_all(envs, [2, 3], [None, None]), step_all(envs, [TURN, TURN])]
     for one, other in zip(zip(*alone, strict=True), together, strict=True):
         np.testing.assert_array_equal(features(list(one)), features(other))
@@ -77,7 +76,7 @@ def test_side_by_side_is_as_one_by_one(envs: list[FeatureEnv]) -> None:
 
 
 def test_kept_features_are_those_of_the_environment(data: Dataset, envs: list[FeatureEnv]) -> None:
-    kept, env, step = kept_features(data, FrozenResNet18(WEIGHTS), quiet=True), envs[0], 0
+    kept, env, step = kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True), envs[0], 0
     assert set(kept) == {"humanoid_image", "drone_image"} and kept["drone_image"].shape == (data.steps, FEATURES)
     for task in Recipe("val-unseen", "visual", limit=3).tasks:
         observations, _ = env.reset(seed=task.seed, options={"task": task})
@@ -92,14 +91,14 @@ def test_kept_features_are_those_of_the_environment(data: Dataset, envs: list[Fe
 
 @pytest.mark.parametrize("stop", [0, 1, 5])
 def test_interrupted_features_end_with_the_same_bytes(data: Dataset, stop: int) -> None:
-    kept_features(data, FrozenResNet18(WEIGHTS), quiet=True)
+    kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
     (path,) = data.folder.glob("features-*.f16")
     wanted = path.read_bytes()
     size = 2 * 2 * FEATURES  # bytes of a step
     path.unlink()
     # As a process leaves it that is killed while it writes: some steps, and half of one.
     path.with_suffix(".unfinished").write_bytes(wanted[: stop * size + size // 2])
-    again = FrozenResNet18(WEIGHTS)
+    again = FrozenEncoder("resnet18", WEIGHTS)
     kept_features(data, again, quiet=True)
     assert path.read_bytes() == wanted and again.asked == 2 * (data.steps - stop)
     assert not path.with_suffix(".unfinished").exists()

@@ -8,10 +8,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from training import pretrain as module  # noqa: E402
-from training import residual  # noqa: E402
-from training.pretrain import average_precision, pretrain  # noqa: E402
-from training.resnet import RANGES, frozen_resnet18  # noqa: E402
+from training import labeller, residual  # noqa: E402
+from training.frozen import frozen_encoder  # noqa: E402
+from training.int8 import RANGES  # noqa: E402
+from training.pretrain import NETWORKS, pretrain  # noqa: E402
+from training.skill import average_precision  # noqa: E402
 from training.views import GRID, LABELS, Views, labels_of  # noqa: E402
 
 COUNT = 16
@@ -56,25 +57,28 @@ class Bar:
 def views(monkeypatch: pytest.MonkeyPatch) -> Views:
     """Noise, for a narrow network and small batches."""
     monkeypatch.setattr(residual, "WIDTH", 8)
-    monkeypatch.setattr(module, "FEATURES", 64)
-    monkeypatch.setattr(module, "BATCH", COUNT // 2)
+    monkeypatch.setattr(labeller, "FEATURES", 64)
+    for network in NETWORKS.values():
+        monkeypatch.setattr(network, "batch", COUNT // 2)
     rng = np.random.default_rng(0)
     return Views(
         rng.integers(0, 256, (COUNT, 128, 128, 3), dtype=np.uint8),
+        rng.integers(0, len(LABELS) + 1, (COUNT, 128, 128), dtype=np.uint8),
         rng.random((COUNT, len(LABELS), GRID, GRID)) < 0.2,
         rng.random((COUNT, len(LABELS))) < 0.8,
         rng.random((COUNT, len(LABELS), 2)).astype(np.float16),
     )
 
 
+@pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("stop", [2, 5])  # in the first epoch, with small pictures; in the last, with whole ones
-def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views, stop: int) -> None:
-    whole = pretrain(tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views, stop: int, name: str) -> None:
+    whole = pretrain(name, tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
     with pytest.raises(Stopped):
-        pretrain(tmp_path / "cut.pt", views, views, 3, 0, Bar(stop))
+        pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(stop))
     assert not (tmp_path / "cut.pt").exists()
-    assert pretrain(tmp_path / "cut.pt", views, views, 3, 0, Bar(99)) == whole
+    assert pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(99)) == whole
     assert sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
-    assert frozen_resnet18(str(tmp_path / "cut.pt")).fingerprint == whole["fingerprint"]
+    assert frozen_encoder(name, str(tmp_path / "cut.pt")).fingerprint == whole["fingerprint"]
     assert (torch.load(tmp_path / "cut.pt", weights_only=True)[RANGES] > 0).all()
     assert 0 < whole["home_6"]["mean_average_precision"] <= 1

@@ -15,17 +15,18 @@ from frozen_weights import pictures, random_weights  # noqa: E402
 from training import int8  # noqa: E402
 from training.checkpoint import CheckpointError  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
+from training.frozen import FrozenEncoder, fingerprint, frozen_encoder  # noqa: E402
+from training.int8 import RANGES  # noqa: E402
 from training.residual import ResNet18, folded  # noqa: E402
-from training.resnet import RANGES, FrozenResNet18, fingerprint, frozen_resnet18  # noqa: E402
 
 WHOLE = random_weights()
 EXACT = {name: value for name, value in WHOLE.items() if name != RANGES}
 
 
 @pytest.fixture(scope="module")
-def frozen() -> FrozenResNet18:
+def frozen() -> FrozenEncoder:
     """In whole numbers."""
-    return FrozenResNet18(WHOLE)
+    return FrozenEncoder("resnet18", WHOLE)
 
 
 @pytest.fixture(scope="module")
@@ -52,20 +53,20 @@ def test_resnet_has_the_parts_of_torchvisions() -> None:
 
 def test_features_without_ranges_are_those_of_the_plain_network(weights: Path) -> None:
     images = pictures(2, 64)
-    found = frozen_resnet18(str(weights))
+    found = frozen_encoder("resnet18", str(weights))
     torch.testing.assert_close(found(images).float(), plain()(images), atol=2e-3, rtol=2e-3)
     assert found(images).dtype == torch.float16 and found.fingerprint == fingerprint(EXACT)
 
 
 @pytest.mark.parametrize("size", [64, 97, 128])
-def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenResNet18, size: int) -> None:
+def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenEncoder, size: int) -> None:
     images = pictures(4, size, seed=1)
     wanted, found = plain()(images), frozen(images).float()
     assert torch.cosine_similarity(found, wanted).min() > 0.999
     assert frozen.fingerprint != fingerprint(EXACT)
 
 
-FORGETFUL = FrozenResNet18(WHOLE, kept=0)
+FORGETFUL = FrozenEncoder("resnet18", WHOLE, kept=0)
 
 
 @settings(max_examples=10, deadline=None)
@@ -87,8 +88,8 @@ def test_features_do_not_depend_on_threads() -> None:
     assert torch.equal(*found)
 
 
-def test_features_are_remembered(frozen: FrozenResNet18) -> None:
-    few = FrozenResNet18(WHOLE, kept=3)
+def test_features_are_remembered(frozen: FrozenEncoder) -> None:
+    few = FrozenEncoder("resnet18", WHOLE, kept=3)
     images = pictures(5, 64)
     wanted = frozen(images)
     assert torch.equal(few(images[[0, 1, 0, 0]]), wanted[[0, 1, 0, 0]])
@@ -139,7 +140,7 @@ def test_largest_of_cells(count: int, height: int, width: int) -> None:
     assert torch.equal(int8._pooled(maps.to(torch.uint8)), wanted)
 
 
-def test_pictures_may_stay_away_from_onednn(frozen: FrozenResNet18, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_may_stay_away_from_onednn(frozen: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(int8, "convolution", lambda: int8.by_floats)
     network = ResNet18().eval().requires_grad_(False)
     network.load_state_dict(EXACT)
@@ -151,27 +152,27 @@ def test_pictures_may_stay_away_from_onednn(frozen: FrozenResNet18, monkeypatch:
 def test_missing_or_damaged_weights_are_named(weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CHMARL_RESNET18", str(tmp_path / "none.pt"))
     with pytest.raises(CheckpointError, match=r"none\.pt.*training\.pretrain.*CHMARL_RESNET18"):
-        frozen_resnet18()
+        frozen_encoder("resnet18")
     (tmp_path / "cut.pt").write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(CheckpointError, match=r"cut\.pt"):
-        frozen_resnet18(str(tmp_path / "cut.pt"))
+        frozen_encoder("resnet18", str(tmp_path / "cut.pt"))
     torch.save({"conv1.weight": torch.zeros(3)}, tmp_path / "other.pt")
     with pytest.raises(CheckpointError, match=r"other\.pt"):
-        frozen_resnet18(str(tmp_path / "other.pt"))
+        frozen_encoder("resnet18", str(tmp_path / "other.pt"))
     torch.save({**EXACT, RANGES: torch.ones(3)}, tmp_path / "ranges.pt")
     with pytest.raises(CheckpointError, match=r"ranges\.pt.*20 ranges"):
-        frozen_resnet18(str(tmp_path / "ranges.pt"))
+        frozen_encoder("resnet18", str(tmp_path / "ranges.pt"))
 
 
-def test_a_network_fits_no_other_frozen_weights(frozen: FrozenResNet18, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_network_fits_no_other_frozen_weights(frozen: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
     space = spaces.Box(0, 255, (64, 64, 3), np.uint8)
-    monkeypatch.setattr("training.pictures.frozen_resnet18", lambda: frozen)
+    monkeypatch.setattr("training.pictures.frozen_encoder", lambda name: frozen)
     encode = build_encoder(space, 8, "resnet18")
     state = encode.state_dict()
     assert sum(value.numel() for value in state.values() if isinstance(value, torch.Tensor)) < 1_000_000
     encode.load_state_dict(state)
-    other = FrozenResNet18(EXACT)
-    monkeypatch.setattr("training.pictures.frozen_resnet18", lambda: other)
+    other = FrozenEncoder("resnet18", EXACT)
+    monkeypatch.setattr("training.pictures.frozen_encoder", lambda name: other)
     with pytest.raises(RuntimeError, match="other weights"):
         build_encoder(space, 8, "resnet18").load_state_dict(state)
     turned = build_encoder(spaces.Box(0, 255, (3, 64, 64), np.uint8), 8, "resnet18")

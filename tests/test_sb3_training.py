@@ -20,7 +20,9 @@ from chmarl_pb.evaluation.policies import find_policy, register_loader
 from chmarl_pb.planner.policy import Policy
 from training.checkpoint import CheckpointError
 from training.encoders import build_encoder
-from training.resnet import FEATURES, FrozenResNet18, ResNet18
+from training.frozen import FrozenEncoder
+from training.residual import ResNet18
+from training.resnet import FEATURES
 from training.sb3 import BEST, LAST, RESULT, load_policy, main, parse, run
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import FeatureVecEnv, HouseholdFeatures
@@ -143,7 +145,7 @@ def test_extractor_sees_what_the_encoder_sees(env_id: str) -> None:
 
 def test_frozen_features_take_the_place_of_pictures() -> None:
     torch.manual_seed(0)
-    resnet = FrozenResNet18(ResNet18().state_dict())
+    resnet = FrozenEncoder("resnet18", ResNet18().state_dict())
     options = {"split": "val-unseen", "image_size": 32, "max_steps": 2}
     env = FeatureVecEnv(chmarl_pb.sb3_vec_env(2, "CHMARL/Visual-v0", workers=0, **options), resnet)
     space = env.observation_space

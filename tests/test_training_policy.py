@@ -1,5 +1,6 @@
 """Checkpoints as policies of the benchmark."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from chmarl_pb.evaluation.policies import find_policy, register_loader  # noqa: 
 from training import Config, train  # noqa: E402
 from training.checkpoint import CheckpointError, save  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
+from training.frozen import frozen_encoder  # noqa: E402
 from training.loop import BEST, LAST  # noqa: E402
 from training.policy import FROZEN, LearnedPolicy, load_policy, silenced  # noqa: E402
-from training.resnet import ResNet18, frozen_resnet18  # noqa: E402
+from training.residual import ResNet18  # noqa: E402
 from training.train import main  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -71,20 +73,21 @@ def test_pictures_become_features_of_the_same_frozen_weights(tmp_path: Path, mon
     def use(seed: int) -> str:
         torch.manual_seed(seed)
         torch.save(ResNet18().state_dict(), tmp_path / "weights.pt")
-        frozen_resnet18.cache_clear()
-        return frozen_resnet18().fingerprint
+        frozen_encoder.cache_clear()
+        return frozen_encoder("resnet18").fingerprint
 
     monkeypatch.setenv("CHMARL_RESNET18", str(tmp_path / "weights.pt"))
     frozen = use(0)
     options = {"observation": "visual", "image_size": 32}
-    train(lambda: FeatureEnv(make_env(**options)), "vdn", TINY, tmp_path, setting={FROZEN: frozen})
+    config, encoder = replace(TINY, image_encoder="resnet18"), frozen_encoder("resnet18")
+    train(lambda: FeatureEnv(make_env(**options), encoder), "vdn", config, tmp_path, setting={FROZEN: frozen})
     env = make_env(**options)
     assert len(chmarl_pb.rollout(env, load_policy(tmp_path / BEST)(env), seed=1)) == 4
     use(1)
-    with pytest.raises(CheckpointError, match="other weights of ResNet-18"):
+    with pytest.raises(CheckpointError, match="other weights of resnet18"):
         load_policy(tmp_path / BEST)(env)
     env.close()
-    frozen_resnet18.cache_clear()
+    frozen_encoder.cache_clear()
 
 
 def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path: Path) -> None:

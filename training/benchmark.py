@@ -5,9 +5,9 @@ from functools import partial
 from typing import Any
 
 import chmarl_pb
+from training.config import FROZEN
 from training.features import FeatureEnv
-from training.policy import FROZEN
-from training.resnet import frozen_resnet18
+from training.frozen import ENCODERS, FrozenEncoder, frozen_encoder
 
 
 def benchmark(
@@ -19,18 +19,17 @@ def benchmark(
         observation: "scene_graph" or "visual".
         messages: whether the robots hear each other.
         feedback: whether they get language feedback.
-        image_encoder: of pictures; with "resnet18", the environment gives its frozen features in their place.
+        image_encoder: of pictures; if it is frozen, the environment gives its features in their place.
         options: more options of the environment.
 
     Raises:
-        CheckpointError: there are no weights of ResNet-18, and pictures need them.
+        CheckpointError: there are no weights of a frozen encoder, and pictures need them.
     """
-    frozen = observation == "visual" and image_encoder == "resnet18"
+    frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in ENCODERS else None
     env_fn = partial(_environment, frozen, observation, messages=messages, feedback=feedback, **options)
-    fingerprint = frozen_resnet18().fingerprint if frozen else ""
-    return env_fn, {"messages": messages, "feedback": feedback, FROZEN: fingerprint}
+    return env_fn, {"messages": messages, "feedback": feedback, FROZEN: frozen.fingerprint if frozen else ""}
 
 
-def _environment(frozen: bool, observation: str, **options: Any) -> Any:
+def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:
     env = chmarl_pb.parallel_env(observation, **options)
-    return FeatureEnv(env) if frozen else env
+    return FeatureEnv(env, frozen) if frozen else env

@@ -10,7 +10,7 @@ from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.planner.policy import Actions, Infos, Observations
 from training.encoders import build_encoder
 from training.features import feature_space, with_features
-from training.resnet import frozen_resnet18
+from training.frozen import ENCODERS, frozen_encoder
 
 KIND = "bc"  # of checkpoints
 NO_ACTION = -1  # last action at the first step
@@ -68,7 +68,7 @@ class CloningConfig:
     @property
     def uses_features(self) -> bool:
         """Whether pictures are encoded before they reach the networks, by frozen weights."""
-        return self.observation == "visual" and self.image_encoder == "resnet18"
+        return self.observation == "visual" and self.image_encoder in ENCODERS
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
@@ -113,7 +113,7 @@ def make_minds(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
     """Return the networks of all robots of an environment, with random weights."""
     space = _joint_space(env)
     if config.uses_features:
-        space = feature_space(space)
+        space = feature_space(space, frozen_encoder(config.image_encoder))
     actions = {name: len(names) for name, names in env.action_names.items()}
     minds = []
     for group in config.groups:
@@ -148,7 +148,7 @@ class ClonedPolicy:
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
         if self.config.uses_features:
-            observations = with_features(observations, frozen_resnet18())
+            observations = with_features(observations, frozen_encoder(self.config.image_encoder))
         parts = {f"{name}_{key}": part for name in AGENTS for key, part in observations[name].items()}
         seen = {key: torch.from_numpy(part)[None, None] for key, part in parts.items()}
         for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):

@@ -25,8 +25,9 @@ from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from training import checkpoint
 from training.clones import KIND, ClonedPolicy, CloningConfig, make_minds
+from training.config import FROZEN
 from training.demonstrations import Batch, Demonstrations, read_demonstrations
-from training.resnet import frozen_resnet18
+from training.frozen import frozen_encoder, trained_with
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
@@ -119,7 +120,7 @@ class _Run:
         return total / self.data.lengths.sum()
 
     def _save_best(self) -> None:
-        facts = {"config": asdict(self.config), "figures": self.best, "resnet18": weights_of(self.config)}
+        facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
         checkpoint.save(self.folder / BEST, KIND, {**facts, "minds": self.minds.state_dict()})
 
     def _save(self, figures: dict[str, Any]) -> None:
@@ -211,11 +212,8 @@ class ClonedPolicies:
         """
         content = checkpoint.load(self.path, KIND)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
-        if content["resnet18"] != weights_of(self.config):
-            raise checkpoint.CheckpointError(
-                f"{self.path}: was trained with other weights of ResNet-18 (fingerprint {content['resnet18'][:12]}); "
-                "name their file by CHMARL_RESNET18"
-            )
+        if self.config.uses_features:
+            trained_with(self.config.image_encoder, content[FROZEN], self.path)
         minds = make_minds(env, self.config)
         checkpoint.fill(minds, content["minds"], self.path)
         return ClonedPolicy(minds.requires_grad_(False).eval(), self.config)
@@ -232,4 +230,4 @@ def load_policy(path: Path) -> ClonedPolicies:
 
 def weights_of(config: CloningConfig) -> str:
     """Return the fingerprint of the frozen weights that a run uses, or nothing."""
-    return frozen_resnet18().fingerprint if config.uses_features else ""
+    return frozen_encoder(config.image_encoder).fingerprint if config.uses_features else ""

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
+
 ALGORITHMS = ("iql", "vdn", "qmix", "qtran")
 
 

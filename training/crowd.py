@@ -21,9 +21,9 @@ from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player
 from training.clones import NO_ACTION, ClonedPolicy
 from training.features import all_with_features
+from training.frozen import frozen_encoder
 from training.losses import best_legal
 from training.policy import LearnedPolicy
-from training.resnet import frozen_resnet18
 from training.spaces import stack, tensors
 
 WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
@@ -120,7 +120,7 @@ class LearnedCrowd:
 
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each agent's best legal action."""
-        seen = all_with_features(seen, self.policy.resnet) if self.policy.resnet else seen
+        seen = all_with_features(seen, self.policy.encoder) if self.policy.encoder else seen
         index, chosen = torch.tensor(places), [Actions() for _ in places]
         for name in AGENTS:
             batch = stack([robots[name] for robots in seen])
@@ -151,8 +151,9 @@ class ClonedCrowd:
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each robot's likeliest action."""
         index = torch.tensor(places)
-        heard = all_with_features(seen, frozen_resnet18()) if self.config.uses_features else seen
-        batch = stack([{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in heard])
+        if self.config.uses_features:
+            seen = all_with_features(seen, frozen_encoder(self.config.image_encoder))
+        batch = stack([{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in seen])
         steps = {key: part.unsqueeze(1) for key, part in tensors(batch).items()}
         for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
             last = torch.stack([self._last[name][index] for name in group], dim=-1).unsqueeze(1)

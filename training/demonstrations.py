@@ -13,7 +13,7 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.store import dataset_folder
 from training.clones import NO_ACTION, CloningConfig
 from training.features import kept_features
-from training.resnet import frozen_resnet18
+from training.frozen import frozen_encoder
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
     """
     dataset = Dataset(dataset_folder(root, recipe.dataset_id))
     dataset.check()
-    ready = kept_features(dataset, frozen_resnet18()) if config.uses_features else {}
+    ready = kept_features(dataset, frozen_encoder(config.image_encoder)) if config.uses_features else {}
     columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
         names = [name for name in file["episode_0/observations"] if not name.endswith(config.left_out)]

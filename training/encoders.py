@@ -11,15 +11,19 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from training.detector import SHAPE as DETECTOR_SHAPE
+from training.detector import DetectionEncoder
 from training.graphs import GatedGraphEncoder, GraphEncoder
 from training.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.pictures import IMAGE_ENCODERS, FeatureEncoder
-from training.resnet import FEATURES
+from training.resnet import SHAPE as RESNET_SHAPE
 
 _NODE_CLASS, _NODE_STATE, _EDGES = "node_class", "node_state", "edges"
-_INSTRUCTION = "instruction"
+_INSTRUCTION, _IMAGE = "instruction", "image"
 _TOKENS = (_INSTRUCTION, "feedback")
 _GRAPH = (_NODE_STATE, _EDGES)
+#: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
+_FROZEN: dict[tuple[int, ...], type[Part]] = {RESNET_SHAPE: FeatureEncoder, DETECTOR_SHAPE: DetectionEncoder}
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
 
 
@@ -35,7 +39,8 @@ def build_encoder(
     Args:
         space: a Box, a Discrete, or a Dict of these.
         size: number of features.
-        image_encoder: "cnn" is small and learns; "resnet18" is frozen, see :mod:`training.resnet`.
+        image_encoder: of pictures that are observed as such: "cnn" is small and learns; "resnet18" is frozen. Features
+            that :class:`training.features.FeatureEnv` gives in their place are known by their shape.
         graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
 
     Raises:
@@ -76,7 +81,7 @@ class DictEncoder(nn.Module):
         features = []
         for key, part in zip(self.keys, self.parts, strict=True):
             beside = [flat[_beside(key, other)] for other in _GRAPH] if isinstance(part, GraphEncoder) else []
-            if isinstance(part, GatedGraphEncoder):
+            if isinstance(part, GatedGraphEncoder | DetectionEncoder):
                 beside.append(self._asked(_beside(key, _INSTRUCTION), flat))
             features.append(part(flat[key], *beside))
         return self.joint(torch.cat(features, dim=1))
@@ -85,7 +90,7 @@ class DictEncoder(nn.Module):
         """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
         words = self.parts[self.keys.index(key)] if key in self.keys else None
         if not isinstance(words, TokenEncoder):
-            raise ValueError(f"graph_pool='gated' needs the tokens of an instruction, {key!r}, in the observation")
+            raise ValueError(f"pooling by the instruction needs its tokens, {key!r}, in the observation")
         return words.total(flat[key])
 
 
@@ -94,12 +99,13 @@ def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
         if image_encoder not in IMAGE_ENCODERS:
             raise ValueError(f"image_encoder={image_encoder!r} is not known; use one of: {', '.join(IMAGE_ENCODERS)}")
         return IMAGE_ENCODERS[image_encoder](space.shape)
-    if isinstance(space, spaces.Box) and key.endswith("image") and space.shape == (FEATURES,):
-        return FeatureEncoder()
+    if isinstance(space, spaces.Box) and key.endswith(_IMAGE) and space.shape in _FROZEN:
+        return _FROZEN[space.shape]()
     if isinstance(space, spaces.Box | spaces.Discrete):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
 
 
 def _beside(key: str, name: str) -> str:
-    return key.removesuffix(_NODE_CLASS) + name
+    """Return the key beside that of a graph's nodes or of a picture, which has the same prefix."""
+    return key.removesuffix(_NODE_CLASS).removesuffix(_IMAGE) + name

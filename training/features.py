@@ -4,6 +4,7 @@ Both ways give the same features, bit by bit: a policy that has learned from kep
 """
 
 import hashlib
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from pettingzoo import ParallelEnv
 from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
-from training.resnet import FEATURES, FrozenResNet18, frozen_resnet18
+from training.frozen import FrozenEncoder
 
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari
@@ -25,47 +26,44 @@ if TYPE_CHECKING:
 _IMAGE = "image"  # end of the keys of pictures
 
 
-def feature_space(space: spaces.Dict) -> spaces.Dict:
-    """Return an observation space with features (512,) float16 in the place of each picture."""
-    features = spaces.Box(-np.inf, np.inf, (FEATURES,), np.float16)
+def feature_space(space: spaces.Dict, encoder: FrozenEncoder) -> spaces.Dict:
+    """Return an observation space with an encoder's features, float16, in the place of each picture."""
+    features = spaces.Box(-np.inf, np.inf, encoder.shape, np.float16)
     return spaces.Dict({key: features if key.endswith(_IMAGE) else part for key, part in space.spaces.items()})
 
 
-def with_features(observations: dict[Any, dict[str, Any]], resnet: FrozenResNet18) -> dict[Any, dict[str, Any]]:
+def with_features(observations: dict[Any, dict[str, Any]], encoder: FrozenEncoder) -> dict[Any, dict[str, Any]]:
     """Return agents' observations with features in the place of their pictures, computed together."""
     places = [(name, key) for name, seen in observations.items() for key in seen if key.endswith(_IMAGE)]
     if not places:
         return observations
     pictures = np.stack([observations[name][key] for name, key in places])
     changed = {name: dict(seen) for name, seen in observations.items()}
-    for (name, key), features in zip(places, resnet(torch.from_numpy(pictures)).numpy(), strict=True):
+    for (name, key), features in zip(places, encoder(torch.from_numpy(pictures)).numpy(), strict=True):
         changed[name][key] = features
     return changed
 
 
-def all_with_features(seen: Sequence[dict[str, Any]], resnet: FrozenResNet18) -> list[dict[str, Any]]:
+def all_with_features(seen: Sequence[dict[str, Any]], encoder: FrozenEncoder) -> list[dict[str, Any]]:
     """Return several environments' observations with features in the place of all their pictures, computed together."""
     parts = {(number, name): part for number, agents in enumerate(seen) for name, part in agents.items()}
-    changed = with_features(parts, resnet)
+    changed = with_features(parts, encoder)
     return [{name: changed[number, name] for name in agents} for number, agents in enumerate(seen)]
 
 
 class FeatureEnv(ParallelEnv):
     """A ParallelEnv whose agents observe features in the place of pictures; all else is that of the inner one."""
 
-    def __init__(self, env: Any, weights: str | None = None):
+    def __init__(self, env: Any, encoder: FrozenEncoder):
         """Wrap an environment with Dict observations.
 
         Args:
             env: the inner environment.
-            weights: see :func:`training.resnet.frozen_resnet18`.
-
-        Raises:
-            CheckpointError: there are no such weights.
+            encoder: computes the features.
         """
-        self.env, self.resnet = env, frozen_resnet18(weights)
+        self.env, self.encoder = env, encoder
         self.metadata, self.possible_agents = env.metadata, env.possible_agents
-        self._spaces = {name: feature_space(env.observation_space(name)) for name in env.possible_agents}
+        self._spaces = {name: feature_space(env.observation_space(name), encoder) for name in env.possible_agents}
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the inner environment."""
@@ -89,12 +87,12 @@ class FeatureEnv(ParallelEnv):
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict, dict]:
         """Start an episode; see the inner environment."""
         observations, infos = self.env.reset(seed=seed, options=options)
-        return with_features(observations, self.resnet), infos
+        return with_features(observations, self.encoder), infos
 
     def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Let all agents act once; see the inner environment."""
         observations, *rest = self.env.step(actions)
-        return with_features(observations, self.resnet), *rest
+        return with_features(observations, self.encoder), *rest
 
     def state(self) -> np.ndarray:
         """Return the inner environment's global state."""
@@ -129,11 +127,11 @@ def _inner(env: Any) -> Any:
 def _together(envs: Sequence[Any], results: list[tuple]) -> list[tuple]:
     if not envs or not isinstance(envs[0], FeatureEnv):
         return results
-    seen = all_with_features([result[0] for result in results], envs[0].resnet)
+    seen = all_with_features([result[0] for result in results], envs[0].encoder)
     return [(observations, *result[1:]) for observations, result in zip(seen, results, strict=True)]
 
 
-def kept_features(dataset: "Dataset", resnet: FrozenResNet18, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
+def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
     """Return the features of every state in which the robots of a data set act, from a file beside the data set.
 
     The file is made at the first call, episode by episode: an interrupted call goes on where it was. Its name has a
@@ -141,35 +139,35 @@ def kept_features(dataset: "Dataset", resnet: FrozenResNet18, quiet: bool = Fals
 
     Args:
         dataset: with pictures.
-        resnet: computes the features.
+        encoder: computes the features.
         quiet: whether no progress is shown.
 
     Returns:
-        Key of a picture -> (all steps, 512), memory-mapped, in the order of the episodes.
+        Key of a picture -> (all steps, *shape), memory-mapped, in the order of the episodes.
 
     Raises:
         DatasetError: the data set cannot be read.
     """
-    key = hashlib.sha256(f"{resnet.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
+    key = hashlib.sha256(f"{encoder.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
     path = dataset.folder / f"features-{key}.f16"
     with dataset.open() as file:
         names = [name for name in file["episode_0/observations"] if name.endswith(_IMAGE)]
         if not names:
             raise DatasetError(f"{dataset.folder}: no pictures; generate the data set with `--observation visual`")
-        shape = (dataset.steps, len(names), FEATURES)
+        shape = (dataset.steps, len(names), *encoder.shape)
         if not path.is_file():
             with Progress(disable=quiet) as bar:
-                _compute(path, file, names, shape, resnet, bar)
+                _compute(path, file, names, shape, encoder, bar)
     rows = np.memmap(path, dtype=np.float16, mode="r", shape=shape)
     return {name: rows[:, number] for number, name in enumerate(names)}
 
 
 def _compute(
-    path: Path, file: Any, names: list[str], shape: tuple[int, ...], resnet: FrozenResNet18, bar: Progress
+    path: Path, file: Any, names: list[str], shape: tuple[int, ...], encoder: FrozenEncoder, bar: Progress
 ) -> None:
     """Append the features of one episode after the other to an unfinished file, and name it at the end."""
     unfinished = path.with_suffix(".unfinished")
-    size = 2 * shape[1] * shape[2]  # bytes of a step
+    size = 2 * math.prod(shape[1:])  # bytes of a step
     steps, task = 0, bar.add_task("encode pictures", total=shape[0])
     with open(unfinished, "ab") as out:
         done = os.fstat(out.fileno()).st_size // size
@@ -179,7 +177,7 @@ def _compute(
             length = len(group["actions"])
             if steps + length > done:
                 images = [group[f"observations/{name}"][max(done - steps, 0) : length] for name in names]
-                features = [resnet(torch.from_numpy(part)).numpy() for part in images]
+                features = [encoder(torch.from_numpy(part)).numpy() for part in images]
                 out.write(np.stack(features, axis=1).tobytes())
                 out.flush()
             steps += length

@@ -17,6 +17,8 @@ from training.residual import Block, ResNet18
 # Of weights, on each side of 0. With more, processors without VNNI would cut off sums of two products at 16 bits.
 LEVELS = 63
 
+RANGES = "ranges"  # key, in a file of weights, of what :func:`ranges_of` returns
+
 _ONE = [1, 1]
 
 
@@ -105,7 +107,7 @@ def convolution() -> Convolve:
 
 
 class IntegerResNet18:
-    """ResNet-18 in whole numbers."""
+    """ResNet-18, or its beginning, in whole numbers."""
 
     def __init__(self, network: ResNet18, ranges: Tensor):
         """Round the weights of a network, whose batch normalisations are folded into its convolutions.
@@ -135,7 +137,16 @@ class IntegerResNet18:
 
     @torch.no_grad()
     def __call__(self, images: Tensor) -> Tensor:
-        """Return (B, 512) float32 of uint8 pictures (B, height, width, 3)."""
+        """Return (B, features) float32 of uint8 pictures (B, height, width, 3)."""
+        return self._whole(images).float().mean(dim=(2, 3)) * self._out.unit
+
+    @torch.no_grad()
+    def maps(self, images: Tensor) -> Tensor:
+        """Return the last maps, (B, features, height', width') float32, of uint8 pictures (B, height, width, 3)."""
+        return self._whole(images).float() * self._out.unit
+
+    def _whole(self, images: Tensor) -> Tensor:
+        """Return the last maps as whole numbers."""
         convolve = self._convolve
         count, height, width, _ = images.shape
         framed = self._border.repeat(count, height + 6, width + 6, 1)
@@ -144,12 +155,12 @@ class IntegerResNet18:
         for first, second, way_around, middle, added, out in self._blocks:
             around = maps if way_around is None else convolve(way_around, maps, added, None)
             maps = convolve(second, convolve(first, maps, middle, None), out, (around, added))
-        return maps.float().mean(dim=(2, 3)) * self._out.unit
+        return maps
 
 
 def blocks(network: ResNet18) -> Iterator[Block]:
-    """Yield the eight blocks in their order."""
-    for layer in (network.layer1, network.layer2, network.layer3, network.layer4):
+    """Yield the blocks, two of each layer, in their order."""
+    for layer in network.layers:
         yield from layer  # type: ignore[misc]
 
 

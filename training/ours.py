@@ -2,7 +2,8 @@
 
 The search policy (chmarl_pb.planner.search) knows no more than the robots see; to imitate it gives a learner that looks
 around and goes on, which the privileged planner, who never searches, cannot teach. MAPPO then shortens the search by
-the reward. Both steps see graphs pooled by the instruction (:class:`training.graphs.GatedGraphEncoder`).
+the reward. Both steps see graphs pooled by the instruction (:class:`training.graphs.GatedGraphEncoder`), and of
+pictures what a frozen detector finds in them (:mod:`training.detector`).
 """
 
 import argparse
@@ -19,7 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run `python -m training.train` twice; return its exit code."""
     options = _parser().parse_args(arguments)
     folder = options.out or Path("out/train") / f"ours-{options.observation}-seed{options.seed}"
-    shared = ["--observation", options.observation, "--seed", str(options.seed)]
+    shared = ["--observation", options.observation, "--seed", str(options.seed), "--image-encoder", "detector"]
     shared += [
         f"--{'' if on else 'no-'}{name}" for name, on in vars(options).items() if name in ("messages", "feedback")
     ]

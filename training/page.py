@@ -12,6 +12,7 @@ from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.result import write_atomically
+from training.config import FROZEN
 from training.curves import draw_curves
 from training.rows import TABLES, Row
 from training.runs import Record, read_records
@@ -233,6 +234,6 @@ def encoder_of(record: Record) -> str:
     if record["observation"] == "scene_graph":
         pool = record["checkpoint"].get("config", {}).get("graph_pool", "mean")
         return "graph convolution" if pool == "mean" else f"graph convolution, {pool}"
-    weights = record["checkpoint"].get("resnet18", "")
+    weights = record["checkpoint"].get(FROZEN, "")
     encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
-    return f"ResNet-18, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"
+    return f"{encoder}, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"

@@ -4,8 +4,9 @@ from itertools import pairwise
 
 from torch import Tensor, nn
 
+from training.frozen import frozen_encoder
 from training.parts import Part, flattened
-from training.resnet import FEATURES, frozen_resnet18
+from training.resnet import FEATURES
 
 IMAGE = 256  # features of a picture
 
@@ -62,7 +63,7 @@ class PretrainedEncoder(FeatureEncoder):
         """Load the frozen weights for pictures (height, width, 3) or (3, height, width)."""
         super().__init__()
         self.shape, self.channels_first = shape, shape[0] < shape[2]
-        self.resnet = frozen_resnet18()
+        self.resnet = frozen_encoder("resnet18")
 
     def forward(self, images: Tensor) -> Tensor:
         """Return (B, 512) from uint8 pictures (B, *shape)."""

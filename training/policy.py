@@ -12,27 +12,25 @@ from chmarl_pb.evaluation.policies import Factory
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player, make_agents
 from training.checkpoint import CheckpointError, fill, load
-from training.config import CONFIGS
+from training.config import CONFIGS, FROZEN
 from training.features import FeatureEnv, with_features
+from training.frozen import FrozenEncoder, trained_with
 from training.losses import best_legal
-from training.resnet import FrozenResNet18, frozen_resnet18
 from training.spaces import over, spaces_of
-
-FROZEN = "resnet18"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 
 
 class LearnedPolicy:
     """Drives each agent by the best action of its own network."""
 
-    def __init__(self, agents: nn.ModuleDict, silenced: tuple[str, ...] = (), resnet: FrozenResNet18 | None = None):
+    def __init__(self, agents: nn.ModuleDict, silenced: tuple[str, ...] = (), encoder: FrozenEncoder | None = None):
         """Take the networks over; they must not be trained while an episode is played.
 
         Args:
             agents: agent -> its network.
             silenced: keys of observations that read as zeros, as they did in training.
-            resnet: what turns pictures into the features that the networks see; None: they see pictures.
+            encoder: what turns pictures into the features that the networks see; None: they see pictures.
         """
-        self.agents, self.silenced, self.resnet = agents, silenced, resnet
+        self.agents, self.silenced, self.encoder = agents, silenced, encoder
         self._only = torch.tensor([0])
 
     def reset(self, seed: int | None) -> None:
@@ -42,8 +40,8 @@ class LearnedPolicy:
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return each agent's best legal action."""
         actions = {}
-        if self.resnet is not None:
-            observations = with_features(observations, self.resnet)
+        if self.encoder is not None:
+            observations = with_features(observations, self.encoder)
         for name, seen in observations.items():
             heard = seen | {key: np.zeros_like(seen[key]) for key in self.silenced} if self.silenced else seen
             batch = over(lambda part: torch.from_numpy(np.asarray(part)[None]), heard)
@@ -90,25 +88,17 @@ class ValuePolicies:
         """
         content = load(self.path, "value")
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
-        resnet = self._resnet(content["setting"].get(FROZEN, ""))
-        observations, actions = spaces_of(FeatureEnv(env) if resnet else env)
+        config, frozen = CONFIGS[content["algorithm"]](**content["config"]), content["setting"].get(FROZEN, "")
+        encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
+        observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)
         seen = {name: str(space) for name, space in observations.items()}
         for what, own in (("observations", seen), ("actions", actions)):
             if content[what] != own:
                 raise CheckpointError(f"{self.path}: was trained with the {what} {content[what]}, not {own}")
-        agents = make_agents(observations, actions, CONFIGS[content["algorithm"]](**content["config"]))
+        agents = make_agents(observations, actions, config)
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
-        return LearnedPolicy(agents, silenced(content["setting"]), resnet)
-
-    def _resnet(self, fingerprint: str) -> FrozenResNet18 | None:
-        """Return the frozen network that the policy was trained with, if any."""
-        if not fingerprint:
-            return None
-        resnet = frozen_resnet18()
-        if resnet.fingerprint != fingerprint:
-            raise CheckpointError(f"{self.path}: was trained with other weights of ResNet-18; see training/resnet.py")
-        return resnet
+        return LearnedPolicy(agents, silenced(content["setting"]), encoder)
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

@@ -33,22 +33,35 @@ class Block(nn.Module):
 
 
 class ResNet18(nn.Module):
-    """The network without its last layer."""
+    """The network without its last layer, or its beginning alone.
+
+    Attributes:
+        features: channels of its last maps.
+    """
 
     mean: Tensor
     deviation: Tensor
 
-    def __init__(self) -> None:
-        """Make the layers with random weights."""
+    def __init__(self, depth: int = 4):
+        """Make the stem and the first ``depth`` of the four layers, with random weights."""
         super().__init__()
         self.conv1 = nn.Conv2d(3, WIDTH, 7, stride=2, padding=3, bias=False)
         self.bn1 = nn.BatchNorm2d(WIDTH)
-        self.layer1 = nn.Sequential(Block(WIDTH, WIDTH, 1), Block(WIDTH, WIDTH, 1))
-        self.layer2 = nn.Sequential(Block(WIDTH, 2 * WIDTH, 2), Block(2 * WIDTH, 2 * WIDTH, 1))
-        self.layer3 = nn.Sequential(Block(2 * WIDTH, 4 * WIDTH, 2), Block(4 * WIDTH, 4 * WIDTH, 1))
-        self.layer4 = nn.Sequential(Block(4 * WIDTH, 8 * WIDTH, 2), Block(8 * WIDTH, 8 * WIDTH, 1))
+        self.features = inputs = WIDTH
+        self._names = [f"layer{number}" for number in range(1, depth + 1)]
+        for number, name in enumerate(self._names):
+            self.features = WIDTH << number
+            stride = 2 if number else 1
+            layer = nn.Sequential(Block(inputs, self.features, stride), Block(self.features, self.features, 1))
+            setattr(self, name, layer)
+            inputs = self.features
         self.register_buffer("mean", torch.tensor(_MEAN).view(3, 1, 1), persistent=False)
         self.register_buffer("deviation", torch.tensor(_DEVIATION).view(3, 1, 1), persistent=False)
+
+    @property
+    def layers(self) -> list[nn.Sequential]:
+        """The layers, in their order."""
+        return [getattr(self, name) for name in self._names]
 
     def scaled(self, images: Tensor) -> Tensor:
         """Return (B, 3, height, width) of uint8 pictures (B, height, width, 3), as the weights expect them."""
@@ -56,13 +69,18 @@ class ResNet18(nn.Module):
         return pictures.contiguous(memory_format=torch.channels_last)
 
     def maps(self, images: Tensor) -> Tensor:
-        """Return the last feature maps (B, 512, height / 32, width / 32) of uint8 pictures (B, height, width, 3)."""
+        """Return the last maps (B, features, height', width') of uint8 pictures (B, height, width, 3).
+
+        Whole, the network has maps a 32nd as high and wide as the pictures; with one layer, a quarter.
+        """
         stem = torch.relu(self.bn1(self.conv1(self.scaled(images))))
-        pooled = nn.functional.max_pool2d(stem, 3, stride=2, padding=1)
-        return self.layer4(self.layer3(self.layer2(self.layer1(pooled))))
+        maps = nn.functional.max_pool2d(stem, 3, stride=2, padding=1)
+        for layer in self.layers:
+            maps = layer(maps)
+        return maps
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return (B, 512) of uint8 pictures (B, height, width, 3)."""
+        """Return (B, features) of uint8 pictures (B, height, width, 3)."""
         return self.maps(images).mean(dim=(2, 3))
 
 

@@ -22,7 +22,7 @@ import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ChmarlError
 from training.encoders import GRAPH_POOLS
-from training.resnet import frozen_resnet18
+from training.frozen import frozen_encoder
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import FeatureVecEnv
 from training.sb3_policy import load_policy, save_model
@@ -67,7 +67,7 @@ def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = 
 
 def _wrapped(env: VecEnv, config: Config) -> VecEnv:
     if config.frozen:
-        env = FeatureVecEnv(env, frozen_resnet18())
+        env = FeatureVecEnv(env, frozen_encoder("resnet18"))
     env = VecMonitor(env)
     space = env.observation_space
     pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
@@ -140,7 +140,7 @@ def main(arguments: list[str] | None = None) -> int:
     config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
     try:
         if config.observation == "visual" and config.image_encoder == "resnet18":
-            config = replace(config, frozen=frozen_resnet18().fingerprint)
+            config = replace(config, frozen=frozen_encoder("resnet18").fingerprint)
         run(config, folder, workers, quiet=False)
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from training.encoders import build_encoder
 from training.features import feature_space
-from training.resnet import FEATURES, FrozenResNet18
+from training.frozen import FrozenEncoder
 
 _IMAGE = "image"  # end of the keys of pictures
 
@@ -34,9 +34,9 @@ class HouseholdFeatures(BaseFeaturesExtractor):
 
 
 class FeatureVecEnv(VecEnvWrapper):
-    """Environments whose pictures are replaced by features of the frozen ResNet-18, computed for all at once."""
+    """Environments whose pictures are replaced by features of a frozen encoder, computed for all at once."""
 
-    def __init__(self, venv: VecEnv, resnet: FrozenResNet18):
+    def __init__(self, venv: VecEnv, encoder: FrozenEncoder):
         """Wrap environments.
 
         Raises:
@@ -45,30 +45,30 @@ class FeatureVecEnv(VecEnvWrapper):
         space = venv.observation_space
         if not isinstance(space, spaces.Dict):
             raise ValueError(f"{space} is not a Dict of observations")
-        super().__init__(venv, observation_space=feature_space(space))
-        self.resnet = resnet
+        super().__init__(venv, observation_space=feature_space(space, encoder))
+        self.encoder = encoder
 
     def reset(self) -> dict[str, np.ndarray]:
         """Reset all environments."""
-        return encoded(self.venv.reset(), self.resnet)
+        return encoded(self.venv.reset(), self.encoder)
 
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Return what came of the step."""
         observations, rewards, ends, infos = self.venv.step_wait()
         for info in infos:
             if "terminal_observation" in info:
-                info["terminal_observation"] = encoded(info["terminal_observation"], self.resnet)
-        return encoded(observations, self.resnet), rewards, ends, infos
+                info["terminal_observation"] = encoded(info["terminal_observation"], self.encoder)
+        return encoded(observations, self.encoder), rewards, ends, infos
 
 
-def encoded(observation: Any, resnet: FrozenResNet18) -> dict[str, np.ndarray]:
-    """Return observations with features (..., 512) float16 in the place of pictures.
+def encoded(observation: Any, encoder: FrozenEncoder) -> dict[str, np.ndarray]:
+    """Return observations with features (..., *shape) float16 in the place of pictures.
 
     Args:
         observation: key -> array; one observation or a batch.
-        resnet: computes the features.
+        encoder: computes the features.
     """
     keys = [key for key in observation if key.endswith(_IMAGE)]
     pictures = np.stack([observation[key] for key in keys])
-    features = resnet(torch.from_numpy(pictures.reshape(-1, *pictures.shape[-3:]))).numpy()
-    return observation | dict(zip(keys, features.reshape(*pictures.shape[:-3], FEATURES), strict=True))
+    features = encoder(torch.from_numpy(pictures.reshape(-1, *pictures.shape[-3:]))).numpy()
+    return observation | dict(zip(keys, features.reshape(*pictures.shape[:-3], *encoder.shape), strict=True))

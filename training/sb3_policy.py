@@ -20,8 +20,8 @@ from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, fill
 from training.features import feature_space
+from training.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.policy import silenced
-from training.resnet import FrozenResNet18, frozen_resnet18
 from training.sb3_config import ALGORITHMS, Config
 from training.sb3_features import encoded
 from training.spaces import stack
@@ -69,15 +69,8 @@ class Sb3Policies:
         network = _network(config, env)
         fill(network, weights, self.path)
         network.set_training_mode(False)
-        return Sb3Policy(network.requires_grad_(False), config, env, self._resnet(config))
-
-    def _resnet(self, config: Config) -> FrozenResNet18 | None:
-        if not config.frozen:
-            return None
-        resnet = frozen_resnet18()
-        if resnet.fingerprint != config.frozen:
-            raise CheckpointError(f"{self.path}: was trained with other weights of ResNet-18; see training/resnet.py")
-        return resnet
+        encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
+        return Sb3Policy(network.requires_grad_(False), config, env, encoder)
 
 
 class Sb3Policy:
@@ -87,9 +80,9 @@ class Sb3Policy:
         crowd: plays so in several episodes at once.
     """
 
-    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
+    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, encoder: FrozenEncoder | None):
         """Take a network over."""
-        self.crowd = Sb3Crowd(network, config, env, resnet)
+        self.crowd = Sb3Crowd(network, config, env, encoder)
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -103,10 +96,10 @@ class Sb3Policy:
 class Sb3Crowd:
     """Drives the robots of several episodes; each episode draws its actions from a stream of its own."""
 
-    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, resnet: FrozenResNet18 | None):
+    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, encoder: FrozenEncoder | None):
         """Take a network over."""
         self._network: Any = network  # its kinds have no common type
-        self._config, self._resnet = config, resnet
+        self._config, self._encoder = config, encoder
         self._silenced = silenced(asdict(config))
         self._names, self._rooms = env.action_names, env.rooms
 
@@ -123,8 +116,8 @@ class Sb3Crowd:
         """Return the actions in the episodes with these numbers."""
         batch = stack([one["humanoid"] if self._config.alone else joined(one) for one in seen])
         batch |= {key: np.zeros_like(batch[key]) for key in batch if key.endswith(self._silenced)}
-        if self._resnet is not None:
-            batch = encoded(batch, self._resnet)
+        if self._encoder is not None:
+            batch = encoded(batch, self._encoder)
         numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
         pairs: Iterable[Sequence[int]] = numbers
         if self._config.alone:
@@ -170,7 +163,7 @@ def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
     space = spaces.Dict(parts["humanoid"] if config.alone else joined(parts))
     if config.frozen:
-        space = feature_space(space)
+        space = feature_space(space, frozen_encoder(config.image_encoder))
     for key, part in space.items():
         if isinstance(part, spaces.Box) and is_image_space(part):
             space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains

@@ -20,6 +20,7 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report, write_atomically
 from training.checkpoint import load
+from training.config import FROZEN
 from training.crowd import play_side_by_side
 
 SCORES = "scores.json"
@@ -62,7 +63,7 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
         from training.sb3_policy import read_model
 
         config = asdict(read_model(checkpoint)[0])
-        return {"kind": "sb3", "config": config, "resnet18": config["frozen"]}
+        return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}
     content = load(checkpoint)
     setting = content.get("setting", {})
     return {
@@ -70,7 +71,7 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
         "config": content["config"],
         "validation": content.get("validation") or content.get("figures"),
         "episodes": content.get("episodes"),
-        "resnet18": content.get("resnet18") or setting.get("resnet18") or "",
+        FROZEN: content.get(FROZEN) or setting.get(FROZEN) or "",
     }
 
 

@@ -86,18 +86,19 @@ def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
 
 
 def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
-    """Make what several runs need, if it is missing: weights of ResNet-18, data sets, features of their pictures.
+    """Make what several runs need, if it is missing: weights of encoders, data sets, features of their pictures.
 
     Raises:
         DatasetError: a data set is damaged, or of another version.
         ChmarlError: the weights cannot be made or used.
     """
-    if not all(_is_trained(run) or run.row.observation != "visual" for run in runs):
-        from training.resnet import weights_file
+    seeing = [run for run in runs if run.row.observation == "visual" and not _is_trained(run)]
+    for name in dict.fromkeys(run.row.image_encoder for run in seeing):
+        from training.frozen import weights_file
 
-        if not weights_file().is_file():
-            if subprocess.run(python(["training.pretrain"])).returncode != 0:
-                raise ChmarlError("training.pretrain has failed, and pictures need its weights of ResNet-18")
+        if not weights_file(name).is_file():
+            if subprocess.run(python(["training.pretrain", "--network", name])).returncode != 0:
+                raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
     for observation in dict.fromkeys(run.row.observation for run in runs if run.row.clones and not _is_trained(run)):
         _prepare_data(observation, data, workers)
 
@@ -118,9 +119,9 @@ def _prepare_data(observation: str, data: Path, workers: int) -> None:
         dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
     if observation == "visual":  # here, as two runs would write the same file
         from training.features import kept_features
-        from training.resnet import frozen_resnet18
+        from training.frozen import frozen_encoder
 
-        kept_features(dataset, frozen_resnet18())
+        kept_features(dataset, frozen_encoder("resnet18"))
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

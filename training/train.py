@@ -17,6 +17,7 @@ from training.benchmark import benchmark
 from training.clones import CloningConfig
 from training.config import CONFIGS
 from training.flags import add_flags
+from training.frozen import ENCODERS
 from training.loop import BEST, train
 from training.pictures import IMAGE_ENCODERS
 from training.validation import by_tasks
@@ -90,7 +91,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="folder of the run; default: out/train/NAME")
     parser.add_argument("--image-size", type=int, default=128, help="pixels; not for bc")
-    parser.add_argument("--image-encoder", choices=tuple(IMAGE_ENCODERS), default="resnet18", help="resnet18 is frozen")
+    encoders = tuple(dict.fromkeys((*IMAGE_ENCODERS, *ENCODERS)))
+    parser.add_argument("--image-encoder", choices=encoders, default="resnet18", help="all but cnn are frozen")
     parser.add_argument("--data", type=Path, help="bc only: folder of the data sets; default: Minari's own")
     parser.add_argument("--threads", type=int, default=1, help="of torch")
     return parser

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,14 @@ class Views:
 
     Attributes:
         images: (V, SIGHT_SIZE, SIGHT_SIZE, 3) uint8.
+        labels: (V, SIGHT_SIZE, SIGHT_SIZE) uint8 number of the class in each pixel; C for none.
         cells: (V, C, GRID, GRID) bool: whether the class has ``VISIBLE_PIXELS`` pixels in the cell.
         present: (V, C) bool: whether it has as many in the picture.
         centres: (V, C, 2) float16: mean column and row of its pixels in [-1, 1]; 0 if it is not present.
     """
 
     images: NDArray[np.uint8]
+    labels: NDArray[np.uint8]
     cells: NDArray[np.bool_]
     present: NDArray[np.bool_]
     centres: NDArray[np.float16]
@@ -81,16 +84,25 @@ def random_views(split: str, count: int, seed: int, folder: Path, workers: int, 
     missing = [(job, file) for job, file in zip(jobs, files, strict=True) if not file.is_file()]
     for number, _ in enumerate(in_processes(_draw, missing, workers), start=1):
         progress(layouts - len(missing) + number, layouts)
-    parts = [dict(np.load(file)) for file in files]
-    return Views(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+    return _read(files)
 
 
 def _draw(work: tuple[Job, Path]) -> None:
     job, file = work
     views = layout_views(job)
     temporary = file.with_suffix(".tmp.npz")
-    np.savez(temporary, images=views.images, cells=views.cells, present=views.present, centres=views.centres)
+    np.savez(temporary, **vars(views))
     temporary.replace(file)
+
+
+def _read(files: list[Path]) -> Views:
+    """Return the views of all files, which have equally many."""
+    whole: dict[str, NDArray[Any]] = {}
+    for number, file in enumerate(files):
+        for name, part in np.load(file).items():
+            rows = whole.setdefault(name, np.empty((len(files) * len(part), *part.shape[1:]), part.dtype))
+            rows[number * len(part) : (number + 1) * len(part)] = part
+    return Views(**whole)
 
 
 def layout_views(job: Job) -> Views:
@@ -107,7 +119,8 @@ def layout_views(job: Job) -> Views:
         for robot in _ROBOTS:
             picture = stage.sight.picture(robot, stage.world.robots[robot].pose, SIGHT_SIZE)
             # The last entry stands for no thing and for no label.
-            rows.append((picture.rgb, *labels_of(np.append(classes, len(LABELS))[picture.segmentation])))
+            labels = np.append(classes, len(LABELS))[picture.segmentation]
+            rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))
     return Views(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 

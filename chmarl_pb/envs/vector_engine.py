@@ -17,7 +17,7 @@ from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoA
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
-from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signature, serve
+from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signature, listen, serve
 from chmarl_pb.errors import WorkerError
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
@@ -162,7 +162,7 @@ class Engine:
 
     def _answer(self, worker: int) -> list[Any] | Failure:
         try:
-            return pickle.loads(self._answers[worker].recv_bytes())
+            return pickle.loads(listen(self._answers[worker]))
         except (EOFError, ConnectionError) as error:
             raise self._death(worker) from error
 

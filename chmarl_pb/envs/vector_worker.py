@@ -1,13 +1,16 @@
 """Some environments of a vector, stepped one after the other; the whole of what a worker process does."""
 
 import mmap
+import os
 import pickle
 import signal
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from select import POLLIN, poll
 from typing import Any
 
 import gymnasium
@@ -20,6 +23,8 @@ from chmarl_pb.envs.vector_infos import Change, ChangeFinder
 from chmarl_pb.errors import OptionError
 
 MakeEnv = Callable[[], gymnasium.Env]
+
+_WATCH = 0.002  # seconds: most vector steps are shorter, and to wake a sleeping process takes a tenth of one
 
 
 @dataclass(frozen=True)
@@ -212,10 +217,23 @@ def serve(
         with closing(batch):
             answers.send(batch.start())
             while True:
-                command, arguments = pickle.loads(commands.recv_bytes())
+                command, arguments = pickle.loads(listen(commands))
                 answers.send_bytes(_answer(batch, command, arguments))
     except (EOFError, ConnectionError):
         return
+
+
+def listen(pipe: Connection) -> bytes:
+    """Return the next message; watch the pipe for a moment before going to sleep, as messages come in quick turns.
+
+    Raises:
+        EOFError: the other end was closed.
+    """
+    watch, end = poll(), time.perf_counter() + _WATCH
+    watch.register(pipe.fileno(), POLLIN)
+    while not watch.poll(0) and time.perf_counter() < end:
+        os.sched_yield()
+    return pipe.recv_bytes()
 
 
 def _answer(batch: Batch, command: str, arguments: tuple[Any, ...]) -> bytes:
