@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -115,3 +117,23 @@ def write_home(tmp_path: Path) -> Callable[[str], Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def small_home(write_home: Callable[[str], Path]) -> Path:
+    """A home of one room."""
+    return write_home(home_text())
+
+
+@pytest.fixture
+def make() -> Iterator[Callable[..., Any]]:
+    """``gym.make`` that closes what it made."""
+    made = []
+
+    def make(env_id: str, **options: Any) -> Any:
+        made.append(gymnasium.make(env_id, **options))
+        return made[-1]
+
+    yield make
+    for env in made:
+        env.close()

@@ -1,0 +1,62 @@
+"""Playing an environment at random, and a hash of all that comes back."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import pybullet
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+
+HUMANOID_ACTIONS = (
+    "goto_kitchen", "goto_bedroom", "goto_bathroom", "goto_livingroom", "pick", "place", "move_forward", "turn_left",
+    "turn_right", "stay",
+)  # fmt: skip
+DRONE_ACTIONS = (
+    "goto_kitchen", "goto_bedroom", "goto_bathroom", "goto_livingroom", "move_forward", "move_backward", "move_left",
+    "move_right", "stay",
+)  # fmt: skip
+STAY = {"humanoid": 9, "drone": 8}
+
+
+def random_actions(env: HouseholdEnv, rng: np.random.Generator) -> dict[str, int]:
+    return {name: int(rng.integers(env.action_space(name).n)) for name in AGENTS}
+
+
+def digest(*values: Any) -> str:
+    """Return a hash of nested observations, infos and rewards, bit by bit."""
+    found = hashlib.sha256()
+
+    def add(value: Any) -> None:
+        if isinstance(value, dict):
+            for key in sorted(value):
+                found.update(key.encode())
+                add(value[key])
+        elif isinstance(value, np.ndarray):
+            found.update(str((value.dtype, value.shape)).encode() + value.tobytes())
+        else:
+            found.update(repr(value).encode())
+
+    for value in values:
+        add(value)
+    return found.hexdigest()
+
+
+def play(env: HouseholdEnv, seed: int, steps: int = 25) -> str:
+    """Play random actions from a seed and return the hash of all that came back."""
+    rng = np.random.default_rng(seed)
+    results = [env.reset(seed=seed)]
+    for _ in range(steps):
+        if not env.agents:
+            results.append(env.reset())
+        results.append(env.step(random_actions(env, rng)))
+    return digest(*[part for result in results for part in result])
+
+
+def everything(env: HouseholdEnv) -> str:
+    """Return a hash of the world, with PyBullet's own poses."""
+    client, world = env.world.client, env.world
+    poses = {n: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for n, b in world.bodies.items()}
+    robots = {name: robot.pose for name, robot in world.robots.items()}
+    arm = env.stage.humanoid.arm.configuration()
+    return digest(poses, robots, arm, world.held, sorted(world.supports.items()), env.outcome, env.messages)
