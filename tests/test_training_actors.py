@@ -15,46 +15,23 @@ torch = pytest.importorskip("torch")
 
 from gymnasium import spaces  # noqa: E402
 
+from tests.small_runs import IMITATION, MAPPO, TEACHER, Constant  # noqa: E402
 from tests.uneven_env import UnevenEnv  # noqa: E402
 from training import train  # noqa: E402
 from training.algorithms import make_learner  # noqa: E402
 from training.checkpoint import CheckpointError, load  # noqa: E402
 from training.collect import NO_LABEL, Collector  # noqa: E402
-from training.config import Config, ImitationConfig, MappoConfig  # noqa: E402
+from training.config import Config  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame  # noqa: E402
 from training.imitation import draw, imitation_loss, taught  # noqa: E402
-from training.logbook import read_metrics  # noqa: E402
-from training.loop import BEST, Run  # noqa: E402
+from training.loop import BEST  # noqa: E402
 from training.losses import Batch  # noqa: E402
 from training.mappo import Mappo  # noqa: E402
 from training.spaces import interface_of  # noqa: E402
 from training.validation import play_greedily  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
-
-SIZES: dict[str, Any] = {
-    "envs": 4, "horizon": 5, "batch_size": 8, "learning_starts": 8, "features": 8, "hidden": 8,
-    "validation_interval": 16, "checkpoint_interval": 16, "log_interval": 8,
-}  # fmt: skip
-IMITATION = ImitationConfig(episodes=48, buffer_size=20, updates=2, **SIZES)
-MAPPO = MappoConfig(episodes=48, buffer_size=8, critic_starts=8, **SIZES)
-
-
-class Constant:
-    """A teacher that always does the same."""
-
-    def __init__(self, env: Any, actions: dict[str, int]):
-        self.actions = actions
-
-    def reset(self, seed: int | None) -> None:
-        pass
-
-    def act(self, observations: Any, infos: Any) -> dict[str, int]:
-        return self.actions
-
-
-TEACHER = partial(Constant, actions={"long": 2, "short": 1})
 
 
 def test_imitator_does_what_the_teacher_does() -> None:
@@ -88,27 +65,6 @@ def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> 
     counts = Counter(draw(values, legal, np.random.default_rng(0)).tolist())
     wanted = torch.softmax(values[0, :3], dim=0).tolist()
     assert [counts[action] / 20_000 for action in range(3)] == pytest.approx(wanted, abs=0.01) and 3 not in counts
-
-
-@pytest.mark.parametrize("algorithm", ["imitation", "mappo"])
-def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = IMITATION if algorithm == "imitation" else MAPPO
-    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", teacher=TEACHER)
-    advance, waves = Run.advance, iter(range(10))
-
-    def dies(run: Run, logbook: Any) -> None:
-        if next(waves) == 9:
-            raise KeyboardInterrupt
-        advance(run, logbook)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Run, "advance", dies)
-        train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
-    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
-    one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
-    assert all(torch.equal(one[key], other[key]) for key in one)
-    rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
-    assert rows[0] == rows[1] and len(rows[0]) == 6
 
 
 def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
@@ -232,7 +188,7 @@ def test_gated_pooling_learns_to_find_what_the_words_name() -> None:
 def test_gated_pooling_needs_an_instruction() -> None:
     graph = spaces.Dict({name: part for name, part in SPACE.spaces.items() if name != "instruction"})
     seen = observation([3], [4])
-    with pytest.raises(ValueError, match="needs the tokens of an instruction"):
+    with pytest.raises(ValueError, match="by the instruction needs its tokens"):
         build_encoder(graph, 8, graph_pool="gated")(seen)
     with pytest.raises(ValueError, match="use one of: mean, gated"):
         build_encoder(SPACE, 8, graph_pool="max")

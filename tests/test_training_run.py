@@ -12,8 +12,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from tests.small_runs import CONFIGS, SMALL, TEACHER  # noqa: E402
 from tests.uneven_env import UnevenEnv  # noqa: E402
-from training import Config, train  # noqa: E402
+from training import train  # noqa: E402
 from training.checkpoint import CheckpointError, load, save  # noqa: E402
 from training.collect import Collector, epsilon_greedy  # noqa: E402
 from training.config import ALGORITHMS  # noqa: E402
@@ -24,12 +25,6 @@ from training.loop import BEST, LAST, Run  # noqa: E402
 from training.replay import Replay  # noqa: E402
 from training.spaces import interface_of  # noqa: E402
 from training.validation import by_tasks  # noqa: E402
-
-SMALL = Config(
-    episodes=48, envs=4, horizon=5, updates=2, batch_size=8, learning_starts=8, buffer_size=20, features=8, hidden=8,
-    target_update_interval=3, validation_interval=16, checkpoint_interval=16, log_interval=8,
-)  # fmt: skip
-
 
 torch.set_num_threads(1)  # these networks are too small for more
 
@@ -112,9 +107,10 @@ def test_learns_an_additive_game(algorithm: str) -> None:
     assert result.best_score == 6
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", CONFIGS)
 def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = train(UnevenEnv, algorithm, SMALL, tmp_path / "whole")
+    config = CONFIGS[algorithm]
+    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", teacher=TEACHER)
     advance, waves = Run.advance, iter(range(10))
 
     def dies(run: Run, logbook: Any) -> None:
@@ -124,12 +120,10 @@ def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, m
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(Run, "advance", dies)
-        train(UnevenEnv, algorithm, SMALL, tmp_path / "killed")
-    resumed = train(UnevenEnv, algorithm, SMALL, tmp_path / "killed")
-    pairs = zip(
-        whole.learner.networks.state_dict().values(), resumed.learner.networks.state_dict().values(), strict=True
-    )
-    assert all(torch.equal(one, other) for one, other in pairs)
+        train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
+    assert one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
     rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
     assert rows[0] == rows[1] and len(rows[0]) == 6
     best = [load(tmp_path / name / BEST)["agents"] for name in ("whole", "killed")]
