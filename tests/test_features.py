@@ -14,6 +14,7 @@ from chmarl_pb.data.generate import generate  # noqa: E402
 from chmarl_pb.data.read import Dataset  # noqa: E402
 from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
+from chmarl_pb.envs.rollout import make_policy  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
 from training.features import FeatureEnv, feature_space, kept_features, reset_all, step_all  # noqa: E402
 from training.frozen import FrozenEncoder  # noqa: E402
@@ -49,6 +50,14 @@ def test_features_take_the_place_of_pictures(envs: list[FeatureEnv]) -> None:
     assert build_encoder(env.observation_space("drone"), 8)(batch).shape == (1, 8)
     assert feature_space(env.env.observation_space("drone"), env.encoder)["image"].dtype == np.float16
     assert env.step(STAY)[0].keys() == observations.keys()
+
+
+def test_teachers_find_the_environment_inside(envs: list[FeatureEnv]) -> None:
+    env = envs[0]
+    teacher = make_policy("search", env)
+    observations, infos = env.reset(seed=1)
+    teacher.reset(1)
+    assert teacher.act(observations, infos).keys() == set(env.possible_agents) and env.unwrapped is env.env
 
 
 def test_what_stays_is_encoded_once(envs: list[FeatureEnv]) -> None:

@@ -72,6 +72,11 @@ class FeatureEnv(ParallelEnv):
         return getattr(self.env, name)
 
     @property
+    def unwrapped(self) -> Any:
+        """The innermost environment."""
+        return self.env.unwrapped
+
+    @property
     def agents(self) -> list[str]:
         """The agents whose episode goes on."""
         return self.env.agents
