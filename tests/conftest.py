@@ -15,6 +15,9 @@ import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.stage import Stage
+from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.sensing import view_store as view_store_module
+from chmarl_pb.sensing.home_views import HomeViews
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -137,3 +140,26 @@ def make() -> Iterator[Callable[..., Any]]:
     yield make
     for env in made:
         env.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store's folder of its own for one test."""
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "cache"))
+    view_store_module._warn.cache_clear()
+    return tmp_path / "cache" / "views"
+
+
+@pytest.fixture
+def home(write_home: Callable[[str], Path]) -> Home:
+    """A home of one room, read."""
+    return load_home(write_home(home_text()))
+
+
+@pytest.fixture
+def draws(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """Grows by the size of each picture that is drawn."""
+    drawn: list[int] = []
+    draw = HomeViews.draw
+    monkeypatch.setattr(HomeViews, "draw", lambda *arguments: [drawn.append(arguments[-1]), draw(*arguments)][1])
+    return drawn
