@@ -2,30 +2,28 @@
 
 The stem and the first layer of ResNet-18 say of each cell of 4 x 4 pixels what it shows; it is trained on the
 segmentation of random views (``python -m training.pretrain --network detector``). It never sees a test home. Agents get
-its detections in the place of the picture, and read them by what the instruction asks for (:class:`DetectionEncoder`).
+its detections in the place of the picture (:mod:`training.detections`).
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
+from training.detections import LABELS, detections
 from training.int8 import RANGES, IntegerResNet18
-from training.parts import EMBEDDING, Part
 from training.residual import ResNet18, folded
 from training.skill import skill
-from training.views import LABELS, Views
+
+if TYPE_CHECKING:
+    from training.views import Views  # needs PyBullet
 
 CELL = 4  # pixels
-SHAPE = (len(LABELS), 4)  # of each class: confidence, and that times column, row and size
-HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
 
-_CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
 _GRASPABLE = 10.0  # weight of a cell that shows one
-_LEAST = 0.05  # confidence below which a class counts as not shown
 
 
 class Detector(nn.Module):
@@ -44,7 +42,7 @@ class Detector(nn.Module):
         """Return logits (B, C + 1, rows, columns) of the cells of uint8 pictures (B, height, width, 3)."""
         return self.cells(self.network.maps(images))
 
-    def loss(self, views: Views, rows: np.ndarray, done: float) -> Tensor:
+    def loss(self, views: "Views", rows: np.ndarray, done: float) -> Tensor:
         """Return the cross-entropy of what the cells of some views show; few cells show graspables, so they weigh more.
 
         Args:
@@ -62,7 +60,7 @@ class Detector(nn.Module):
         return self.state_dict()
 
     @torch.no_grad()
-    def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
+    def measure(self, encode: Callable[[Tensor], Tensor], views: "Views") -> dict[str, Any]:
         """Return how well classes are recognised from detections, see :func:`training.skill.skill`."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
         found = torch.cat(parts).float()
@@ -76,25 +74,6 @@ def targets(labels: Tensor) -> Tensor:
     the order of ``LABELS``.
     """
     return -nn.functional.max_pool2d(-labels.float(), CELL).long()
-
-
-def detections(logits: Tensor) -> Tensor:
-    """Return (C, 4) from the logits (C + 1, rows, columns) of one picture.
-
-    In a row: the confidence, that of the surest cell; and the confidence times the mean column and the mean row of the
-    cells that are at least half as sure, both in [-1, 1], and times the logarithm of their number, 1 for all.
-    """
-    shown = logits.softmax(dim=0)[:-1]
-    rows, columns = shown.shape[1:]
-    confidence = shown.amax(dim=(1, 2))
-    confidence = torch.where(confidence < _LEAST, 0.0, confidence)
-    cells = (2 * shown >= confidence.view(-1, 1, 1)) & (confidence > 0).view(-1, 1, 1)
-    count = cells.sum(dim=(1, 2))
-    across, down = cells.sum(dim=1).float(), cells.sum(dim=2).float()
-    column = (across @ torch.linspace(-1, 1, columns)) / count.clamp(min=1)
-    row = (down @ torch.linspace(-1, 1, rows)) / count.clamp(min=1)
-    size = torch.log2(1.0 + count) / torch.log2(torch.tensor(1.0 + rows * columns))
-    return torch.stack([torch.ones_like(column), column, row, size], dim=1) * confidence.unsqueeze(1)
 
 
 def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
@@ -111,28 +90,3 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     network = IntegerResNet18(folded(detector.network), weights[RANGES])
     # One picture at a time: floats differ in the last bit with the size of the batch.
     return lambda images: torch.stack([detections(detector.cells(part[None])[0]) for part in network.maps(images)])
-
-
-class DetectionEncoder(Part):
-    """Detections, pooled by what the instruction asks for, beside the sum over all classes.
-
-    Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
-    detections behind its gates, so it tells whether such a thing is seen, and where.
-    """
-
-    size = EMBEDDING + HEADS * SHAPE[1]
-
-    def __init__(self) -> None:
-        """Make the tables."""
-        super().__init__()
-        self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
-        self.key = nn.Linear(EMBEDDING, HEADS * KEY)
-        self.query = nn.Linear(EMBEDDING, HEADS * KEY)
-
-    def forward(self, detected: Tensor, words: Tensor) -> Tensor:
-        """Return (B, size) from detections (B, C, 4) and the sum of the embeddings of the words, (B, EMBEDDING)."""
-        detected = detected.float()
-        keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
-        match = torch.einsum("chd,bhd->bhc", keys, self.query(words).unflatten(1, (HEADS, KEY)))
-        heads = torch.sigmoid(match - _CLOSED) @ detected
-        return torch.cat([detected[..., 0] @ self.classes.weight, heads.flatten(1)], dim=1)

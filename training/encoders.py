@@ -11,8 +11,8 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from training.detector import SHAPE as DETECTOR_SHAPE
-from training.detector import DetectionEncoder
+from training.detections import SHAPE as DETECTOR_SHAPE
+from training.detections import DetectionEncoder
 from training.graphs import GatedGraphEncoder, GraphEncoder
 from training.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.pictures import IMAGE_ENCODERS, FeatureEncoder

@@ -14,7 +14,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training import detector, resnet
+from training import detections, detector, resnet
 from training.checkpoint import CheckpointError
 
 IMAGENET = "imagenet"  # name of torchvision's weights
@@ -27,7 +27,7 @@ Build = Callable[[dict[str, Tensor]], Callable[[Tensor], Tensor]]
 #: Name -> how it is built from its weights, and the shape of the features of one picture.
 ENCODERS: dict[str, tuple[Build, tuple[int, ...]]] = {
     "resnet18": (resnet.build, resnet.SHAPE),
-    "detector": (detector.build, detector.SHAPE),
+    "detector": (detector.build, detections.SHAPE),
 }
 
 

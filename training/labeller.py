@@ -7,9 +7,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from training.detections import LABELS
 from training.residual import FEATURES, ResNet18
 from training.skill import skill
-from training.views import LABELS, Views
+from training.views import Views
 
 SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
 

@@ -1,13 +1,16 @@
 """How well classes are recognised in views of homes."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from training.views import LABELS, Views
+from training.detections import LABELS
+
+if TYPE_CHECKING:
+    from training.views import Views  # needs PyBullet
 
 
-def skill(scores: np.ndarray, centres: np.ndarray, views: Views) -> dict[str, Any]:
+def skill(scores: np.ndarray, centres: np.ndarray, views: "Views") -> dict[str, Any]:
     """Return figures of how well classes are recognised.
 
     ``mean_average_precision`` is the mean over the classes that are shown at least five times; ``chance`` is that of
@@ -15,7 +18,7 @@ def skill(scores: np.ndarray, centres: np.ndarray, views: Views) -> dict[str, An
 
     Args:
         scores: (V, C) how sure it is that a view shows a class.
-        centres: (V, C, 2) where, as in :class:`Views`.
+        centres: (V, C, 2) where, as in :class:`training.views.Views`.
         views: with labels.
     """
     each = {

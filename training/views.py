@@ -15,8 +15,8 @@ from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.splits import load_tasks
+from training.detections import LABELS
 
-LABELS = (*catalog.GRASPABLES, *catalog.RECEPTACLES)  # the classes that are to be seen
 GRID = 4  # cells along each side of a picture
 LAYOUT_VIEWS = 20  # views of one layout of objects, half of them by each robot
 
