@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.int8 import IntegerResNet18, ranges_of
-from training.residual import ResNet18, folded
+from training.encoders.int8 import IntegerResNet18, ranges_of
+from training.encoders.residual import ResNet18, folded
 
 BATCHES = (1, 2, 16)
 SIZE = 128

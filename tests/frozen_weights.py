@@ -2,8 +2,8 @@
 
 import torch
 
-from training.int8 import RANGES, ranges_of
-from training.residual import ResNet18, folded
+from training.encoders.int8 import RANGES, ranges_of
+from training.encoders.residual import ResNet18, folded
 
 
 def random_weights(ranges: bool = True) -> dict[str, torch.Tensor]:

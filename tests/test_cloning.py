@@ -16,11 +16,11 @@ from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.envs.rollout import rollout  # noqa: E402
 from chmarl_pb.tasks.splits import load_tasks  # noqa: E402
-from training import cloning  # noqa: E402
+from training.bc import cloning  # noqa: E402
+from training.bc.clones import NO_ACTION, CloningConfig  # noqa: E402
+from training.bc.cloning import clone, load_policy  # noqa: E402
+from training.bc.demonstrations import read_demonstrations  # noqa: E402
 from training.checkpoint import CheckpointError  # noqa: E402
-from training.clones import NO_ACTION, CloningConfig  # noqa: E402
-from training.cloning import clone, load_policy  # noqa: E402
-from training.demonstrations import read_demonstrations  # noqa: E402
 
 EPISODES = 4
 SMALL = CloningConfig(epochs=2, batch_size=2, features=32, hidden=32, validation_interval=1, validation_tasks=1)

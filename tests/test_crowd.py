@@ -14,13 +14,13 @@ import chmarl_pb  # noqa: E402
 from chmarl_pb.evaluation.policies import register_loader  # noqa: E402
 from chmarl_pb.tasks.splits import load_tasks  # noqa: E402
 from training import Config, checkpoint, crowd, train  # noqa: E402
-from training.clones import KIND, CloningConfig, make_minds  # noqa: E402
+from training.bc.clones import KIND, CloningConfig, make_minds  # noqa: E402
 from training.crowd import Apart, crowd_of, play_side_by_side  # noqa: E402
+from training.encoders.frozen import frozen_encoder  # noqa: E402
+from training.encoders.residual import ResNet18  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
-from training.frozen import frozen_encoder  # noqa: E402
 from training.loop import BEST  # noqa: E402
 from training.policy import FROZEN, load_policy  # noqa: E402
-from training.residual import ResNet18  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
 SPLITS = ("val-seen", "val-unseen")
@@ -95,17 +95,18 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
 )
 def test_stable_baselines3(algo: str, env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sb3_contrib")
-    from training import sb3
-    from training.sb3_config import ALGORITHMS
-    from training.sb3_config import Config as Sb3Config
+    from training.sb3 import load_policy as load_sb3
+    from training.sb3.command import BEST, run
+    from training.sb3.config import ALGORITHMS
+    from training.sb3.config import Config as Sb3Config
 
     small = {"learning_starts": 4} if algo == "dqn" else {"n_steps": 4}
     known = ALGORITHMS[algo]
     monkeypatch.setitem(ALGORITHMS, algo, replace(known, settings={**known.settings, **small, "batch_size": 4}))
     config = Sb3Config(algo, env_id, steps=8, interval=8, envs=1, tasks=2, max_steps=4, features=8, messages=False)
-    sb3.run(config, tmp_path, workers=0)
-    register_loader(".zip", sb3.load_policy)
-    assert_same(str(tmp_path / sb3.BEST), splits=SPLITS[1:], messages=False, seeds=(0, 1))
+    run(config, tmp_path, workers=0)
+    register_loader(".zip", load_sb3)
+    assert_same(str(tmp_path / BEST), splits=SPLITS[1:], messages=False, seeds=(0, 1))
 
 
 def test_any_other_policy_plays_by_itself() -> None:

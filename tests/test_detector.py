@@ -10,11 +10,11 @@ torch = pytest.importorskip("torch")
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from tests.frozen_weights import pictures  # noqa: E402
 from training.checkpoint import CheckpointError  # noqa: E402
-from training.detections import LABELS, SHAPE, detections  # noqa: E402
-from training.detector import CELL, Detector, targets  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
+from training.encoders.detections import LABELS, SHAPE, detections  # noqa: E402
+from training.encoders.detector import CELL, Detector, targets  # noqa: E402
+from training.encoders.frozen import FrozenEncoder, frozen_encoder  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
-from training.frozen import FrozenEncoder, frozen_encoder  # noqa: E402
 from training.pretrain import with_ranges  # noqa: E402
 
 NOTHING = len(LABELS)

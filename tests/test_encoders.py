@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
-from training.graphs import GraphEncoder  # noqa: E402
+from training.encoders.graphs import GraphEncoder  # noqa: E402
 
 NODES, EDGES, CLASSES, STATES = 12, 20, 9, 4
 IDS = spaces.Box(0, CLASSES, (NODES,), np.int16), spaces.Box(0, STATES, (NODES,), np.int16)

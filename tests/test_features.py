@@ -16,9 +16,9 @@ from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.envs.rollout import make_policy  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
+from training.encoders.frozen import FrozenEncoder  # noqa: E402
+from training.encoders.resnet import FEATURES  # noqa: E402
 from training.features import FeatureEnv, feature_space, kept_features, reset_all, step_all  # noqa: E402
-from training.frozen import FrozenEncoder  # noqa: E402
-from training.resnet import FEATURES  # noqa: E402
 
 WEIGHTS = random_weights()
 STAY = {"humanoid": 9, "drone": 8}

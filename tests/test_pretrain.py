@@ -8,12 +8,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from training import labeller, residual  # noqa: E402
-from training.detections import LABELS  # noqa: E402
-from training.frozen import frozen_encoder  # noqa: E402
-from training.int8 import RANGES  # noqa: E402
+from training.encoders import labeller, residual  # noqa: E402
+from training.encoders.detections import LABELS  # noqa: E402
+from training.encoders.frozen import frozen_encoder  # noqa: E402
+from training.encoders.int8 import RANGES  # noqa: E402
+from training.encoders.skill import average_precision  # noqa: E402
 from training.pretrain import NETWORKS, pretrain  # noqa: E402
-from training.skill import average_precision  # noqa: E402
 from training.views import GRID, Views, labels_of  # noqa: E402
 
 COUNT = 16

@@ -12,12 +12,11 @@ torch = pytest.importorskip("torch")
 
 from frozen_weights import pictures, random_weights  # noqa: E402
 
-from training import int8  # noqa: E402
 from training.checkpoint import CheckpointError  # noqa: E402
-from training.encoders import build_encoder  # noqa: E402
-from training.frozen import FrozenEncoder, fingerprint, frozen_encoder  # noqa: E402
-from training.int8 import RANGES  # noqa: E402
-from training.residual import ResNet18, folded  # noqa: E402
+from training.encoders import build_encoder, int8  # noqa: E402
+from training.encoders.frozen import FrozenEncoder, fingerprint, frozen_encoder  # noqa: E402
+from training.encoders.int8 import RANGES  # noqa: E402
+from training.encoders.residual import ResNet18, folded  # noqa: E402
 
 WHOLE = random_weights()
 EXACT = {name: value for name, value in WHOLE.items() if name != RANGES}
@@ -151,6 +150,7 @@ def test_pictures_may_stay_away_from_onednn(frozen: FrozenEncoder, monkeypatch: 
 
 def test_missing_or_damaged_weights_are_named(weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CHMARL_RESNET18", str(tmp_path / "none.pt"))
+    frozen_encoder.cache_clear()
     with pytest.raises(CheckpointError, match=r"none\.pt.*training\.pretrain.*CHMARL_RESNET18"):
         frozen_encoder("resnet18")
     (tmp_path / "cut.pt").write_bytes(weights.read_bytes()[:1000])
@@ -166,13 +166,13 @@ def test_missing_or_damaged_weights_are_named(weights: Path, tmp_path: Path, mon
 
 def test_a_network_fits_no_other_frozen_weights(frozen: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
     space = spaces.Box(0, 255, (64, 64, 3), np.uint8)
-    monkeypatch.setattr("training.pictures.frozen_encoder", lambda name: frozen)
+    monkeypatch.setattr("training.encoders.pictures.frozen_encoder", lambda name: frozen)
     encode = build_encoder(space, 8, "resnet18")
     state = encode.state_dict()
     assert sum(value.numel() for value in state.values() if isinstance(value, torch.Tensor)) < 1_000_000
     encode.load_state_dict(state)
     other = FrozenEncoder("resnet18", EXACT)
-    monkeypatch.setattr("training.pictures.frozen_encoder", lambda name: other)
+    monkeypatch.setattr("training.encoders.pictures.frozen_encoder", lambda name: other)
     with pytest.raises(RuntimeError, match="other weights"):
         build_encoder(space, 8, "resnet18").load_state_dict(state)
     turned = build_encoder(spaces.Box(0, 255, (3, 64, 64), np.uint8), 8, "resnet18")

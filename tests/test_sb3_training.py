@@ -20,14 +20,15 @@ from chmarl_pb.evaluation.policies import find_policy, register_loader
 from chmarl_pb.planner.policy import Policy
 from training.checkpoint import CheckpointError
 from training.encoders import build_encoder
-from training.frozen import FrozenEncoder
-from training.residual import ResNet18
-from training.resnet import FEATURES
-from training.sb3 import BEST, LAST, RESULT, load_policy, main, parse, run
-from training.sb3_config import ALGORITHMS, Config
-from training.sb3_features import FeatureVecEnv, HouseholdFeatures
-from training.sb3_run import Log
-from training.sb3_validation import make_validation, validation_tasks
+from training.encoders.frozen import FrozenEncoder
+from training.encoders.residual import ResNet18
+from training.encoders.resnet import FEATURES
+from training.sb3 import load_policy
+from training.sb3.command import BEST, LAST, RESULT, main, parse, run
+from training.sb3.config import ALGORITHMS, Config
+from training.sb3.features import FeatureVecEnv, HouseholdFeatures
+from training.sb3.run import Log
+from training.sb3.validation import make_validation, validation_tasks
 
 torch.set_num_threads(1)  # these networks are too small for more
 HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"

@@ -14,11 +14,11 @@ from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.paper import SPLITS
 from training import table
-from training.page import NOT_RUN, write_page
-from training.rows import TABLES, Row
-from training.runs import FORMAT, Run, curve, read_records
-from training.sb3 import parse as parse_sb3
-from training.schedule import Schedule
+from training.sb3.command import parse as parse_sb3
+from training.tables.page import NOT_RUN, write_page
+from training.tables.rows import TABLES, Row
+from training.tables.runs import FORMAT, Run, curve, read_records
+from training.tables.schedule import Schedule
 from training.train import parse as parse_train
 
 #: Stands for the trainer and for the evaluation: both write what the real ones write. The trainer counts its starts,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("torch")
-from training.clones import CloningConfig
+from training.bc.clones import CloningConfig
 from training.config import CONFIGS
 from training.flags import descriptions
 from training.logbook import Logbook, read_metrics

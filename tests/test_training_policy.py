@@ -14,11 +14,11 @@ from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.evaluation.policies import find_policy, register_loader  # noqa: E402
 from training import Config, train  # noqa: E402
 from training.checkpoint import CheckpointError, save  # noqa: E402
+from training.encoders.frozen import frozen_encoder  # noqa: E402
+from training.encoders.residual import ResNet18  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
-from training.frozen import frozen_encoder  # noqa: E402
 from training.loop import BEST, LAST  # noqa: E402
 from training.policy import FROZEN, LearnedPolicy, load_policy, silenced  # noqa: E402
-from training.residual import ResNet18  # noqa: E402
 from training.train import main  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more

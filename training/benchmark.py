@@ -6,8 +6,8 @@ from typing import Any
 
 import chmarl_pb
 from training.config import FROZEN
+from training.encoders.frozen import ENCODERS, FrozenEncoder, frozen_encoder
 from training.features import FeatureEnv
-from training.frozen import ENCODERS, FrozenEncoder, frozen_encoder
 
 
 def benchmark(

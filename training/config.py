@@ -25,7 +25,7 @@ class RunConfig:
         reward_scale: factor of the rewards that are learned from.
         features: numbers that an observation is encoded to.
         hidden: units of each agent's GRU.
-        image_encoder: of pictures that are observed as such; see :func:`training.encoders.build_encoder`.
+        image_encoder: of pictures that are observed as such; see :func:`training.encoders.build.build_encoder`.
         graph_pool: of scene graphs: "mean" (the paper's), or "gated" by the instruction.
         validation_interval: episodes between two validations.
         checkpoint_interval: episodes between two checkpoints.

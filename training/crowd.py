@@ -19,9 +19,9 @@ from chmarl_pb.evaluation.play import Job, Setup, episode_seed
 from chmarl_pb.evaluation.policies import find_policy
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player
-from training.clones import NO_ACTION, ClonedPolicy
+from training.bc.clones import NO_ACTION, ClonedPolicy
+from training.encoders.frozen import frozen_encoder
 from training.features import all_with_features
-from training.frozen import frozen_encoder
 from training.losses import best_legal
 from training.policy import LearnedPolicy
 from training.spaces import stack, tensors
@@ -85,7 +85,7 @@ def crowd_of(policies: Sequence[Policy]) -> Crowd:
         return LearnedCrowd(first)
     if isinstance(first, ClonedPolicy) and first.config.temperature == 0:
         return ClonedCrowd(first)
-    if hasattr(first, "crowd"):  # training.sb3_policy, which needs Stable-Baselines3
+    if hasattr(first, "crowd"):  # training.sb3.policy, which needs Stable-Baselines3
         return first.crowd
     return Apart(policies)
 
@@ -136,7 +136,7 @@ class LearnedCrowd:
 
 
 class ClonedCrowd:
-    """Plays as :class:`training.clones.ClonedPolicy` without chance."""
+    """Plays as :class:`training.bc.clones.ClonedPolicy` without chance."""
 
     def __init__(self, policy: ClonedPolicy):
         """Take a policy's networks over."""

@@ -18,7 +18,7 @@ from pettingzoo import ParallelEnv
 from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
-from training.frozen import FrozenEncoder
+from training.encoders.frozen import FrozenEncoder
 
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari

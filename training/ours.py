@@ -2,8 +2,8 @@
 
 The search policy (chmarl_pb.planner.search) knows no more than the robots see; to imitate it gives a learner that looks
 around and goes on, which the privileged planner, who never searches, cannot teach. MAPPO then shortens the search by
-the reward. Both steps see graphs pooled by the instruction (:class:`training.graphs.GatedGraphEncoder`), and of
-pictures what a frozen detector finds in them (:mod:`training.detector`).
+the reward. Both steps see graphs pooled by the instruction, and of pictures what a frozen detector finds in them
+(:mod:`training.encoders`).
 """
 
 import argparse

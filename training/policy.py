@@ -13,8 +13,8 @@ from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player, make_agents
 from training.checkpoint import CheckpointError, fill, load
 from training.config import CONFIGS, FROZEN
+from training.encoders.frozen import FrozenEncoder, trained_with
 from training.features import FeatureEnv, with_features
-from training.frozen import FrozenEncoder, trained_with
 from training.losses import best_legal
 from training.spaces import over, spaces_of
 
@@ -61,7 +61,7 @@ def load_policy(path: Path) -> Factory:
     """
     kind = load(path)["kind"]
     if kind == "bc":
-        from training.cloning import load_policy as load_cloned
+        from training.bc.cloning import load_policy as load_cloned
 
         return load_cloned(path)
     if kind != "value":

@@ -19,11 +19,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor
 
 from training import checkpoint
-from training.detector import Detector
-from training.frozen import FrozenEncoder, weights_file
-from training.int8 import RANGES, ranges_of
-from training.labeller import Labeller
-from training.residual import folded
+from training.encoders.detector import Detector
+from training.encoders.frozen import FrozenEncoder, weights_file
+from training.encoders.int8 import RANGES, ranges_of
+from training.encoders.labeller import Labeller
+from training.encoders.residual import folded
 from training.views import Views, random_views
 
 KIND = "pretraining"

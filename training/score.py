@@ -60,7 +60,7 @@ def score(
 def _facts(checkpoint: Path) -> dict[str, Any]:
     """Return what a checkpoint of this package tells of its training."""
     if checkpoint.suffix == ".zip":
-        from training.sb3_policy import read_model
+        from training.sb3.policy import read_model
 
         config = asdict(read_model(checkpoint)[0])
         return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}

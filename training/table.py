@@ -14,10 +14,10 @@ from pathlib import Path
 from types import FrameType
 
 from chmarl_pb.errors import ChmarlError, OptionError
-from training.page import write_page
-from training.rows import TABLES, Row
-from training.runs import Run, python
-from training.schedule import Schedule
+from training.tables.page import write_page
+from training.tables.rows import TABLES, Row
+from training.tables.runs import Run, python
+from training.tables.schedule import Schedule
 
 RESULTS, OUT, PAGE = Path("results"), Path("out/tables"), Path("docs/results.md")
 
@@ -94,7 +94,7 @@ def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
     """
     seeing = [run for run in runs if run.row.observation == "visual" and not _is_trained(run)]
     for name in dict.fromkeys(run.row.image_encoder for run in seeing):
-        from training.frozen import weights_file
+        from training.encoders.frozen import weights_file
 
         if not weights_file(name).is_file():
             if subprocess.run(python(["training.pretrain", "--network", name])).returncode != 0:
@@ -118,8 +118,8 @@ def _prepare_data(observation: str, data: Path, workers: int) -> None:
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
         dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
     if observation == "visual":  # here, as two runs would write the same file
+        from training.encoders.frozen import frozen_encoder
         from training.features import kept_features
-        from training.frozen import frozen_encoder
 
         kept_features(dataset, frozen_encoder("resnet18"))
 

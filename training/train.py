@@ -13,13 +13,13 @@ import torch
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.envs.rollout import make_policy
 from chmarl_pb.errors import ChmarlError
+from training.bc.clones import CloningConfig
 from training.benchmark import benchmark
-from training.clones import CloningConfig
 from training.config import CONFIGS
+from training.encoders.frozen import ENCODERS
+from training.encoders.pictures import IMAGE_ENCODERS
 from training.flags import add_flags
-from training.frozen import ENCODERS
 from training.loop import BEST, train
-from training.pictures import IMAGE_ENCODERS
 from training.validation import by_tasks
 
 #: Settings that all learners share or that the command fixes; all others are flags of their own.
@@ -58,7 +58,7 @@ def _learn(options: argparse.Namespace, settings: dict[str, Any], folder: Path) 
 
 
 def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
-    from training.cloning import clone
+    from training.bc.cloning import clone
 
     names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
     shared = {name: getattr(options, name) for name in names}

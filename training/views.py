@@ -15,7 +15,7 @@ from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.splits import load_tasks
-from training.detections import LABELS
+from training.encoders.detections import LABELS
 
 GRID = 4  # cells along each side of a picture
 LAYOUT_VIEWS = 20  # views of one layout of objects, half of them by each robot

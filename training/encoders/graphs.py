@@ -10,7 +10,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from training.parts import EMBEDDING, Part, embedding, id_count
+from training.encoders.parts import EMBEDDING, Part, embedding, id_count
 
 GRAPH = 64  # features of a node after each graph convolution
 HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of each node, and numbers in each

@@ -14,8 +14,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training import detections, detector, resnet
 from training.checkpoint import CheckpointError
+from training.encoders import detections, detector, resnet
 
 IMAGENET = "imagenet"  # name of torchvision's weights
 KEPT = 2**13  # pictures whose features are remembered: 12 MB

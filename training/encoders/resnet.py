@@ -1,4 +1,4 @@
-"""ResNet-18 as a frozen encoder of pictures: 512 features, as in CH-MARL; see :mod:`training.frozen`.
+"""ResNet-18 as a frozen encoder of pictures: 512 features, as in CH-MARL; see :mod:`training.encoders.frozen`.
 
 torchvision's files of weights fit; torchvision itself is not needed.
 """
@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from training.checkpoint import CheckpointError
-from training.int8 import RANGES, IntegerResNet18
-from training.residual import FEATURES as FEATURES
-from training.residual import ResNet18, folded
+from training.encoders.int8 import RANGES, IntegerResNet18
+from training.encoders.residual import FEATURES as FEATURES
+from training.encoders.residual import ResNet18, folded
 
 SHAPE = (FEATURES,)  # of the features of a picture
 

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 from torch import Tensor, nn
 
-from training.frozen import frozen_encoder
-from training.parts import Part, flattened
-from training.resnet import FEATURES
+from training.encoders.frozen import frozen_encoder
+from training.encoders.parts import Part, flattened
+from training.encoders.resnet import FEATURES
 
 IMAGE = 256  # features of a picture
 

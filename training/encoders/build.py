@@ -11,12 +11,12 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from training.detections import SHAPE as DETECTOR_SHAPE
-from training.detections import DetectionEncoder
-from training.graphs import GatedGraphEncoder, GraphEncoder
-from training.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
-from training.pictures import IMAGE_ENCODERS, FeatureEncoder
-from training.resnet import SHAPE as RESNET_SHAPE
+from training.encoders.detections import SHAPE as DETECTOR_SHAPE
+from training.encoders.detections import DetectionEncoder
+from training.encoders.graphs import GatedGraphEncoder, GraphEncoder
+from training.encoders.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
+from training.encoders.pictures import IMAGE_ENCODERS, FeatureEncoder
+from training.encoders.resnet import SHAPE as RESNET_SHAPE
 
 _NODE_CLASS, _NODE_STATE, _EDGES = "node_class", "node_state", "edges"
 _INSTRUCTION, _IMAGE = "instruction", "image"

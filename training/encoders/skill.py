@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from training.detections import LABELS
+from training.encoders.detections import LABELS
 
 if TYPE_CHECKING:
     from training.views import Views  # needs PyBullet

@@ -23,7 +23,7 @@ class Validation(EvalCallback):
     """Plays the same validation tasks each time; the mean reward, by which the best weights are chosen, is PLW."""
 
     def __init__(self, env: VecEnv, tasks: int, sampled: bool, folder: Path, on_best: BaseCallback):
-        """Validate in environments of :func:`training.sb3_validation.make_validation`."""
+        """Validate in environments of :func:`training.sb3.validation.make_validation`."""
         super().__init__(
             env, on_best, n_eval_episodes=tasks, eval_freq=1, log_path=str(folder), deterministic=not sampled,
             verbose=0, warn=False,

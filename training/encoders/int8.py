@@ -12,7 +12,7 @@ from functools import cache, cached_property
 import torch
 from torch import Tensor, nn
 
-from training.residual import Block, ResNet18
+from training.encoders.residual import Block, ResNet18
 
 # Of weights, on each side of 0. With more, processors without VNNI would cut off sums of two products at 16 bits.
 LEVELS = 63
@@ -113,7 +113,7 @@ class IntegerResNet18:
         """Round the weights of a network, whose batch normalisations are folded into its convolutions.
 
         Args:
-            network: see :func:`training.residual.folded`.
+            network: see :func:`training.encoders.residual.folded`.
             ranges: see :func:`ranges_of`.
         """
         self._convolve = convolution()
@@ -172,7 +172,7 @@ def ranges_of(network: ResNet18, images: Tensor) -> Tensor:
     of its end.
 
     Args:
-        network: see :func:`training.residual.folded`.
+        network: see :func:`training.encoders.residual.folded`.
         images: uint8 (B, height, width, 3).
     """
     found = []

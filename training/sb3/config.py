@@ -10,7 +10,7 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from training.sb3_features import HouseholdFeatures
+from training.sb3.features import HouseholdFeatures
 
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
 
@@ -67,10 +67,10 @@ class Config:
         messages: whether the robots hear each other.
         feedback: whether they get language feedback.
         image_size: pixels.
-        image_encoder: "cnn" learns from pictures; "resnet18" is frozen, see :mod:`training.resnet`.
+        image_encoder: "cnn" learns from pictures; "resnet18" is frozen, see :mod:`training.encoders.resnet`.
         frozen: sha256 of the frozen weights; empty without them.
         features: numbers that an observation is encoded to.
-        graph_pool: of scene graphs; see :func:`training.encoders.build_encoder`.
+        graph_pool: of scene graphs; see :func:`training.encoders.build.build_encoder`.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
         tasks: number of validation tasks of each of the two splits.

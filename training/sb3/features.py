@@ -10,14 +10,14 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from torch import Tensor
 
 from training.encoders import build_encoder
+from training.encoders.frozen import FrozenEncoder
 from training.features import feature_space
-from training.frozen import FrozenEncoder
 
 _IMAGE = "image"  # end of the keys of pictures
 
 
 class HouseholdFeatures(BaseFeaturesExtractor):
-    """Encodes observations by :func:`training.encoders.build_encoder`.
+    """Encodes observations by :func:`training.encoders.build.build_encoder`.
 
     Needs ``normalize_images=False``: SB3 turns all numbers into floats, which the encoder takes back to ids, and
     would scale pictures, which the encoder does itself.

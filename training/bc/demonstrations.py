@@ -11,9 +11,9 @@ from torch import Tensor
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.store import dataset_folder
-from training.clones import NO_ACTION, CloningConfig
+from training.bc.clones import NO_ACTION, CloningConfig
+from training.encoders.frozen import frozen_encoder
 from training.features import kept_features
-from training.frozen import frozen_encoder
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from training.rows import Row
-from training.runs import Record
+from training.tables.rows import Row
+from training.tables.runs import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ from typing import Any
 
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.result import write_atomically
-from training.rows import Row
+from training.tables.rows import Row
 
 FORMAT = "chmarl-pb table run 1"
 STATE, LOCK, SCORES = "state.json", "lock", "scores.json"
@@ -142,7 +142,7 @@ def _switch(name: str, on: bool) -> str:
 
 def _total(run: Run) -> int:
     """Return the number of episodes, epochs or steps of a training."""
-    from training.clones import CloningConfig
+    from training.bc.clones import CloningConfig
     from training.config import CONFIGS, MappoConfig
 
     options = (*run.row.options, *run.extra)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from training.parts import EMBEDDING, Part
+from training.encoders.parts import EMBEDDING, Part
 
 LABELS = (*catalog.GRASPABLES, *catalog.RECEPTACLES)  # the classes that are to be seen
 SHAPE = (len(LABELS), 4)

@@ -19,11 +19,11 @@ from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, fill
+from training.encoders.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.features import feature_space
-from training.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.policy import silenced
-from training.sb3_config import ALGORITHMS, Config
-from training.sb3_features import encoded
+from training.sb3.config import ALGORITHMS, Config
+from training.sb3.features import encoded
 from training.spaces import stack
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip

@@ -24,10 +24,10 @@ from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from training import checkpoint
-from training.clones import KIND, ClonedPolicy, CloningConfig, make_minds
+from training.bc.clones import KIND, ClonedPolicy, CloningConfig, make_minds
+from training.bc.demonstrations import Batch, Demonstrations, read_demonstrations
 from training.config import FROZEN
-from training.demonstrations import Batch, Demonstrations, read_demonstrations
-from training.frozen import frozen_encoder, trained_with
+from training.encoders.frozen import frozen_encoder, trained_with
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
-from training.runs import Run, python
+from training.tables.runs import Run, python
 
 POLL = 0.5  # seconds between two looks at the processes
 NOTE = 10.0  # seconds between two notes of the time spent

@@ -2,7 +2,7 @@
 
 The stem and the first layer of ResNet-18 say of each cell of 4 x 4 pixels what it shows; it is trained on the
 segmentation of random views (``python -m training.pretrain --network detector``). It never sees a test home. Agents get
-its detections in the place of the picture (:mod:`training.detections`).
+its detections in the place of the picture (:mod:`training.encoders.detections`).
 """
 
 from collections.abc import Callable
@@ -13,10 +13,10 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from training.detections import LABELS, detections
-from training.int8 import RANGES, IntegerResNet18
-from training.residual import ResNet18, folded
-from training.skill import skill
+from training.encoders.detections import LABELS, detections
+from training.encoders.int8 import RANGES, IntegerResNet18
+from training.encoders.residual import ResNet18, folded
+from training.encoders.skill import skill
 
 if TYPE_CHECKING:
     from training.views import Views  # needs PyBullet
@@ -61,7 +61,7 @@ class Detector(nn.Module):
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: "Views") -> dict[str, Any]:
-        """Return how well classes are recognised from detections, see :func:`training.skill.skill`."""
+        """Return how well classes are recognised from detections, see :func:`training.encoders.skill.skill`."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
         found = torch.cat(parts).float()
         return skill(found[..., 0].numpy(), (found[..., 1:3] / found[..., :1].clamp(min=1e-3)).numpy(), views)

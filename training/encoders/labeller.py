@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from training.detections import LABELS
-from training.residual import FEATURES, ResNet18
-from training.skill import skill
+from training.encoders.detections import LABELS
+from training.encoders.residual import FEATURES, ResNet18
+from training.encoders.skill import skill
 from training.views import Views
 
 SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
@@ -61,7 +61,7 @@ class Labeller(nn.Module):
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
-        """Return how well classes are recognised from frozen features, see :func:`training.skill.skill`."""
+        """Return how well classes are recognised from frozen features, see :func:`training.encoders.skill.skill`."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
         features = torch.cat(parts).float()
         centres = self.centres(features).unflatten(1, (-1, 2))

@@ -13,9 +13,9 @@ from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.result import write_atomically
 from training.config import FROZEN
-from training.curves import draw_curves
-from training.rows import TABLES, Row
-from training.runs import Record, read_records
+from training.tables.curves import draw_curves
+from training.tables.rows import TABLES, Row
+from training.tables.runs import Record, read_records
 
 Records = dict[tuple[str, str], list[Record]]
 

@@ -22,14 +22,12 @@ import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ChmarlError
 from training.encoders import GRAPH_POOLS
-from training.frozen import frozen_encoder
-from training.sb3_config import ALGORITHMS, Config
-from training.sb3_features import FeatureVecEnv
-from training.sb3_policy import load_policy, save_model
-from training.sb3_run import Milestones, Validation, make_logger
-from training.sb3_validation import SPLITS, make_validation, validation_tasks
-
-__all__ = ["load_policy", "run"]
+from training.encoders.frozen import frozen_encoder
+from training.sb3.config import ALGORITHMS, Config
+from training.sb3.features import FeatureVecEnv
+from training.sb3.policy import save_model
+from training.sb3.run import Milestones, Validation, make_logger
+from training.sb3.validation import SPLITS, make_validation, validation_tasks
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
 _VALIDATION_ENVS = 2

@@ -1,0 +1,1 @@
+"""The tables: which rows there are, the runs that fill them, and the page that shows them."""
