@@ -7,10 +7,11 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from chmarl_pb.errors import OptionError, ResultError
+from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.paper import SPLITS
 from training import table
@@ -26,6 +27,7 @@ from training.train import parse as parse_train
 FAKE = """
 import json, os, sys, time
 from pathlib import Path
+from types import SimpleNamespace
 module, arguments = sys.argv[1], sys.argv[2:]
 folder = Path(arguments[arguments.index("--out") + 1])
 def figure(mean): return {"mean": mean, "deviation": None, "low": None, "high": None}
@@ -352,3 +354,22 @@ def change(run: Run, plw: float) -> None:
     for split in SPLITS:
         record["evaluation"]["splits"][split]["summary"]["plw"]["mean"] = plw
     run.result.write_text(json.dumps(record))
+
+
+def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RESNET18", "DETECTOR"):
+        monkeypatch.setenv(f"CHMARL_{name}", str(tmp_path / f"{name}.pt"))
+    (tmp_path / "RESNET18.pt").touch()
+    begun: list[list[str]] = []
+
+    def run(command: list[str]) -> SimpleNamespace:
+        begun.append(command[-3:])
+        return SimpleNamespace(returncode=len(begun) - 1)
+
+    monkeypatch.setattr(table.subprocess, "run", run)
+    rows = [row_of("IQL", "visual"), row_of("Imitation of search, then MAPPO", "visual"), row_of("QMIX")]
+    runs = [Run(row, 0, tmp_path / "out", tmp_path / "results", tmp_path) for row in rows]
+    table.prepare(runs, tmp_path, 1)
+    assert begun == [["training.pretrain", "--network", "detector"]]
+    with pytest.raises(ChmarlError, match=r"training\.pretrain has failed"):
+        table.prepare(runs, tmp_path, 1)
