@@ -126,7 +126,7 @@ def processes(effort: Effort, observation: str, each: int = 16) -> Samples:
         for workers in (1, 2):
             envs = random_vector(workers * each, workers, observation)
             stack.callback(envs.close)
-            per_second(envs.step, 10 * effort.seconds)  # each process loads the views that it comes by
+            per_second(envs.step, 30 * effort.seconds)  # each process gets to know views and layouts by itself
             rates[workers] = partial(per_second, envs.step, effort.seconds, workers * each)
         while True:
             one, two = rates[1](), rates[2]()

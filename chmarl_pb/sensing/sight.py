@@ -22,7 +22,7 @@ from chmarl_pb.world import World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
-_KEPT = 50_000  # views of layouts, 0.4 kB each; pairs of poses of one home, 0.2 kB each
+_KEPT = 100_000  # views of layouts, 0.4 kB each; pairs of poses of one home, 0.2 kB each
 
 #: Layout or None, robot, its pose, the robots that could be in view with their poses -> what it sees.
 Seen = dict[tuple[object, str, int, tuple[tuple[str, int], ...]], tuple[str, ...]]
