@@ -1,9 +1,8 @@
 """Stable-Baselines3 takes the environments as they are."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-import gymnasium
 import pytest
 
 from chmarl_pb.envs.registration import ENV_IDS
@@ -18,20 +17,6 @@ def sb3() -> Any:
 
     torch.set_num_threads(1)  # the networks are small: more threads only wait for each other
     return found
-
-
-@pytest.fixture
-def make() -> Iterator[Callable[..., Any]]:
-    """``gym.make`` that closes what it made."""
-    made = []
-
-    def make(env_id: str, **options: Any) -> Any:
-        made.append(gymnasium.make(env_id, **options))
-        return made[-1]
-
-    yield make
-    for env in made:
-        env.close()
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)

@@ -59,6 +59,10 @@ class Detector(nn.Module):
         """Return what is kept of it."""
         return self.state_dict()
 
+    def features(self, images: Tensor) -> Tensor:
+        """Return what the frozen network gives, in float32."""
+        return torch.stack([detections(logits) for logits in self(images)])
+
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: "Views") -> dict[str, Any]:
         """Return how well classes are recognised from detections, see :func:`training.encoders.skill.skill`."""

@@ -59,6 +59,10 @@ class Labeller(nn.Module):
         """Return what is kept of it."""
         return self.network.state_dict()
 
+    def features(self, images: Tensor) -> Tensor:
+        """Return what the frozen network gives, in float32."""
+        return self.network(images)
+
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
         """Return how well classes are recognised from frozen features, see :func:`training.encoders.skill.skill`."""

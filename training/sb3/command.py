@@ -22,7 +22,7 @@ import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ChmarlError
 from training.encoders import GRAPH_POOLS
-from training.encoders.frozen import frozen_encoder
+from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import FeatureVecEnv
 from training.sb3.policy import save_model
@@ -65,7 +65,7 @@ def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = 
 
 def _wrapped(env: VecEnv, config: Config) -> VecEnv:
     if config.frozen:
-        env = FeatureVecEnv(env, frozen_encoder("resnet18"))
+        env = FeatureVecEnv(env, frozen_encoder(config.image_encoder))
     env = VecMonitor(env)
     space = env.observation_space
     pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
@@ -137,8 +137,8 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)  # these networks are too small for more
     config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        if config.observation == "visual" and config.image_encoder == "resnet18":
-            config = replace(config, frozen=frozen_encoder("resnet18").fingerprint)
+        if config.observation == "visual" and config.image_encoder in ENCODERS:
+            config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
         run(config, folder, workers, quiet=False)
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -170,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--humanoid-only", action="store_true", help="the drone follows the search policy")
     parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
-    parser.add_argument("--image-encoder", choices=("cnn", "resnet18"), default="cnn", help="resnet18 is frozen")
+    parser.add_argument("--image-encoder", choices=("cnn", *ENCODERS), default="cnn", help="all but cnn are frozen")
     texts = {
         "steps": "of all environments", "seed": "of every random stream", "envs": "side by side",
         "image_size": "pixels", "interval": "steps between two validations", "tasks": "of each validation split",

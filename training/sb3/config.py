@@ -67,7 +67,7 @@ class Config:
         messages: whether the robots hear each other.
         feedback: whether they get language feedback.
         image_size: pixels.
-        image_encoder: "cnn" learns from pictures; "resnet18" is frozen, see :mod:`training.encoders.resnet`.
+        image_encoder: "cnn" learns from pictures; others are frozen, see :mod:`training.encoders.frozen`.
         frozen: sha256 of the frozen weights; empty without them.
         features: numbers that an observation is encoded to.
         graph_pool: of scene graphs; see :func:`training.encoders.build.build_encoder`.
