@@ -31,8 +31,8 @@ WEIGHT_DECAY = 0.02
 CHECKED = 2_000  # views of home 6
 RANGED = 256  # views that the ranges are taken from
 
-#: Name of an encoder -> what is trained for it. Beside its ``network``, each has ``loss``, ``weights``, ``features`` and
-#: ``measure``.
+#: Name of an encoder -> what is trained for it; beside its ``network``, each has ``loss``, ``weights``, ``features``
+#: and ``measure``.
 NETWORKS: dict[str, type[Labeller] | type[Detector]] = {"resnet18": Labeller, "detector": Detector}
 
 
