@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
-from chmarl_pb.bench import playing
+from chmarl_pb.bench import playing, vectors
 from chmarl_pb.bench.fresh import samples
 from chmarl_pb.bench.playing import Effort, Samples
 from chmarl_pb.errors import OptionError
@@ -60,8 +60,8 @@ FIGURES = (
     Figure("URDF files loaded after the first reset of each home", _in_process("loads", 25)),
     Figure("memory of one more environment, scene graph", _in_process("memory", "scene_graph")),
     Figure("memory of one more environment, visual", _in_process("memory", "visual")),
-    Figure("vector environment, scene graph", partial(playing.processes, observation="scene_graph")),
-    Figure("vector environment, two 128 px views", partial(playing.processes, observation="visual")),
+    Figure("vector environment, scene graph", partial(vectors.processes, observation="scene_graph")),
+    Figure("vector environment, two 128 px views", partial(vectors.processes, observation="visual")),
     Figure('execution="simulated"', playing.driving),
     Figure("import chmarl_pb", _in_process("importing")),
     Figure("first reset of a home, empty view store", _in_process("first_reset")),

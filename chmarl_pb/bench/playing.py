@@ -3,16 +3,13 @@
 import statistics
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from itertools import cycle
 
 import numpy as np
-from gymnasium.spaces import MultiDiscrete
-from gymnasium.vector import AutoresetMode, VectorEnv
 
-import chmarl_pb
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import make_policy
 from chmarl_pb.planner.policy import Policy
@@ -115,49 +112,6 @@ def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:
         observations, _, _, _, infos = env.step(policy.act(observations, infos))
         snapshots += len(env.snapshots)
     return snapshots * TICKS_PER_FRAME * TIME_STEP
-
-
-def processes(effort: Effort, observation: str, each: int = 16) -> Samples:
-    """Yield joint steps a second of one and of two processes, resets included, each with ``each`` environments."""
-    with closing(HouseholdEnv(observation, split=SPLIT)) as env:
-        warm_up(env, scouted_poses(effort.warm_up))
-    with ExitStack() as stack:
-        rates = {}
-        for workers in (1, 2):
-            envs = random_vector(workers * each, workers, observation)
-            stack.callback(envs.close)
-            per_second(envs.step, 30 * effort.seconds)  # each process gets to know views and layouts by itself
-            rates[workers] = partial(per_second, envs.step, effort.seconds, workers * each)
-        while True:
-            one, two = rates[1](), rates[2]()
-            yield {"joint steps/s, 1 process": one, "joint steps/s, 2 processes": two, "times 1 process": two / one}
-
-
-class RandomVector:
-    """Environments in lockstep with random actions that are drawn beforehand; an ended episode is reset in its step."""
-
-    def __init__(self, envs: VectorEnv, seed: int = 1):
-        """Reset the environments, and draw their actions."""
-        self._envs, space = envs, envs.single_action_space
-        assert isinstance(space, MultiDiscrete)
-        shape = (1000, envs.num_envs, *space.nvec.shape)
-        self._actions = cycle(np.random.default_rng(seed).integers(space.nvec, size=shape))
-        envs.reset(seed=seed)
-
-    def step(self) -> None:
-        """Take one joint step in every environment."""
-        self._envs.step(next(self._actions))
-
-    def close(self) -> None:
-        """Stop the processes."""
-        self._envs.close()
-
-
-def random_vector(count: int, workers: int, observation: str) -> RandomVector:
-    """Return environments on worker processes, see :func:`chmarl_pb.vector_env`."""
-    env_id = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}[observation]
-    mode = AutoresetMode.SAME_STEP
-    return RandomVector(chmarl_pb.vector_env(count, env_id, workers, autoreset_mode=mode, split=SPLIT))
 
 
 @cache
