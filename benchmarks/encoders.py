@@ -1,7 +1,7 @@
-"""``python -m benchmarks.encoders``: what the features of one picture cost by ResNet-18, in several arithmetics.
+"""``python -m benchmarks.encoders``: what the features of a picture cost by ResNet-18, in several arithmetics.
 
 One thread, 128 pixels, processor time, the best of some rounds in which all take turns. The rows of onnxruntime appear
-where it, onnx and onnxscript are installed.
+where it, onnx and onnxscript are installed, that of EfficientNet-Lite0 where its packages are.
 """
 
 import argparse
@@ -15,6 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from training.checkpoint import CheckpointError
+from training.encoders import efficientnet
 from training.encoders.int8 import IntegerResNet18, ranges_of
 from training.encoders.residual import ResNet18, folded
 
@@ -58,7 +60,7 @@ def milliseconds(encode: Encode, images: Tensor) -> float:
 
 
 def encoders(images: Tensor) -> dict[str, Encode]:
-    """Return name -> encoder, all of the same random weights."""
+    """Return name -> encoder; those of ResNet-18 have the same random weights."""
     network = folded(ResNet18().eval().requires_grad_(False)).to(memory_format=torch.channels_last)
 
     def halves(pictures: Tensor) -> Tensor:
@@ -72,6 +74,11 @@ def encoders(images: Tensor) -> dict[str, Encode]:
         rows |= by_onnxruntime(network, images)
     except ImportError as error:
         print(f"without onnxruntime: {error}")
+    try:
+        weights = torch.load(efficientnet.weights_file(), weights_only=True)
+        rows |= {"EfficientNet-Lite0, float32": efficientnet.build(weights)}
+    except CheckpointError as error:
+        print(f"without EfficientNet-Lite0: {error}")
     return rows
 
 

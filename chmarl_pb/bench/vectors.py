@@ -1,5 +1,6 @@
 """The speed of vectors of environments: one process against two, in lockstep and apart."""
 
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from functools import partial
 from itertools import cycle
@@ -24,7 +25,7 @@ def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
     """
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
         warm_up(env, scouted_poses(effort.warm_up))
-    makes = {
+    makes: dict[str, Callable[[], RandomVector | ApartVectors]] = {
         "1 process": partial(RandomVector, count, 1, observation),
         "2 processes": partial(RandomVector, count, 2, observation),
         "2 processes apart": partial(ApartVectors, count, 2, observation),

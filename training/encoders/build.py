@@ -4,7 +4,8 @@
 convolution, tokens through an embedding, a picture through a convolutional network; every other key is flattened.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 
 from training.encoders.detections import SHAPE as DETECTOR_SHAPE
 from training.encoders.detections import DetectionEncoder
+from training.encoders.efficientnet import SHAPE as EFFICIENTNET_SHAPE
 from training.encoders.graphs import GatedGraphEncoder, GraphEncoder
 from training.encoders.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.encoders.pictures import IMAGE_ENCODERS, FeatureEncoder
@@ -23,7 +25,11 @@ _INSTRUCTION, _IMAGE = "instruction", "image"
 _TOKENS = (_INSTRUCTION, "feedback")
 _GRAPH = (_NODE_STATE, _EDGES)
 #: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
-_FROZEN: dict[tuple[int, ...], type[Part]] = {RESNET_SHAPE: FeatureEncoder, DETECTOR_SHAPE: DetectionEncoder}
+_FROZEN: dict[tuple[int, ...], Callable[[], Part]] = {
+    RESNET_SHAPE: FeatureEncoder,
+    EFFICIENTNET_SHAPE: partial(FeatureEncoder, *EFFICIENTNET_SHAPE),
+    DETECTOR_SHAPE: DetectionEncoder,
+}
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
 
 

@@ -1,6 +1,7 @@
 """Frozen networks that encode pictures: they never learn, and what they give can be kept on disk as it is.
 
-Each is a file of weights, made by ``python -m training.pretrain`` or, for ResNet-18, by torchvision.
+Each is a file of weights, made by ``python -m training.pretrain``; those of ImageNet come from torchvision (ResNet-18)
+or with a package (EfficientNet-Lite0).
 """
 
 import hashlib
@@ -15,7 +16,7 @@ import torch
 from torch import Tensor
 
 from training.checkpoint import CheckpointError
-from training.encoders import detections, detector, resnet
+from training.encoders import detections, detector, efficientnet, resnet
 
 IMAGENET = "imagenet"  # name of torchvision's weights
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
@@ -28,6 +29,7 @@ Build = Callable[[dict[str, Tensor]], Callable[[Tensor], Tensor]]
 ENCODERS: dict[str, tuple[Build, tuple[int, ...]]] = {
     "resnet18": (resnet.build, resnet.SHAPE),
     "detector": (detector.build, detections.SHAPE),
+    efficientnet.NAME: (efficientnet.build, efficientnet.SHAPE),
 }
 
 
@@ -81,7 +83,13 @@ class FrozenEncoder:
 
 
 def weights_file(name: str) -> Path:
-    """Return an encoder's default file of weights: ``$CHMARL_NAME``, or one in the user's folder for caches."""
+    """Return an encoder's default file of weights: its package's, ``$CHMARL_NAME``, or one in the folder for caches.
+
+    Raises:
+        CheckpointError: the package is not there.
+    """
+    if name == efficientnet.NAME:
+        return efficientnet.weights_file()
     chosen = os.environ.get(f"CHMARL_{name.upper()}")
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Path(chosen).expanduser() if chosen else caches / "chmarl_pb" / f"{name}.pt"

@@ -43,13 +43,13 @@ class FeatureEncoder(Part):
 
     size = FEATURES
 
-    def __init__(self) -> None:
-        """Make the layer."""
+    def __init__(self, count: int = FEATURES):
+        """Make the layer for a number of features."""
         super().__init__()
-        self.linear = nn.Sequential(nn.Linear(FEATURES, FEATURES), nn.ReLU())
+        self.linear = nn.Sequential(nn.Linear(count, FEATURES), nn.ReLU())
 
     def forward(self, features: Tensor) -> Tensor:
-        """Return (B, 512) from float16 features (B, 512)."""
+        """Return (B, 512) from float16 features (B, count)."""
         return self.linear(features.float())
 
 
