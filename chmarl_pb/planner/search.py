@@ -22,7 +22,10 @@ _SWEEP = (
 
 
 class HumanoidSearch:
-    """Searches, picks and places with the humanoid alone."""
+    """Searches, picks and places with the humanoid alone.
+
+    Asked as a teacher, it does not insist: whoever has done something else than it said is advised as things are now.
+    """
 
     def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
         """Remember the names of actions and rooms, in the order of their numbers."""
@@ -47,7 +50,7 @@ class HumanoidSearch:
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
         here = room_of(observation, self.rooms)
-        failed, self._tried = self._tried == verb, ""  # it is still wanted, so the last attempt failed
+        failed, self._tried = self._tried == verb and not info["action_success"], ""
         if wanted in {catalog.class_of(name) for name in info["visible"]} and not failed:
             self._tried = verb
             return verb
