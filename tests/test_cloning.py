@@ -20,7 +20,7 @@ from training.bc import cloning  # noqa: E402
 from training.bc.clones import NO_ACTION, CloningConfig  # noqa: E402
 from training.bc.cloning import clone, load_policy  # noqa: E402
 from training.bc.demonstrations import read_demonstrations  # noqa: E402
-from training.checkpoint import CheckpointError  # noqa: E402
+from training.checkpoint import CheckpointError, load, save  # noqa: E402
 
 EPISODES = 4
 SMALL = CloningConfig(epochs=2, batch_size=2, features=32, hidden=32, validation_interval=1, validation_tasks=1)
@@ -82,8 +82,11 @@ def test_an_interrupted_run_ends_with_the_same_numbers(data: Path, tmp_path: Pat
         for folder in (whole, cut)
     ]
     assert rows[0] == rows[1] and len(rows[0]) == config.epochs
-    with pytest.raises(CheckpointError, match="other settings"):
+    with pytest.raises(CheckpointError, match=r"other settings \(config\)"):
         clone(replace(config, seed=1), cut, data, quiet)
+    save(cut / "last.pt", "bc-unfinished", load(cut / "last.pt") | {"data": "another"})
+    with pytest.raises(CheckpointError, match=r"other settings \(data\)"):
+        clone(config, cut, data, quiet)
 
 
 def test_clones_repeat_what_they_have_seen(data: Path, tmp_path: Path) -> None:

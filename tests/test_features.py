@@ -1,6 +1,7 @@
 """Frozen features in the place of pictures: the same for a stored episode, in an environment, and in several."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from chmarl_pb.data.read import Dataset  # noqa: E402
 from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.envs.rollout import make_policy  # noqa: E402
+from chmarl_pb.errors import DatasetError  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
 from training.encoders.frozen import FrozenEncoder  # noqa: E402
 from training.encoders.resnet import FEATURES  # noqa: E402
@@ -111,3 +113,24 @@ def test_interrupted_features_end_with_the_same_bytes(data: Dataset, stop: int) 
     kept_features(data, again, quiet=True)
     assert path.read_bytes() == wanted and again.asked == 2 * (data.steps - stop)
     assert not path.with_suffix(".unfinished").exists()
+
+
+def test_several_processes_make_them_once(data: Dataset) -> None:
+    wanted = kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
+    (path,) = data.folder.glob("features-*.f16")
+    whole = path.read_bytes()
+    path.unlink()
+    encoders = [FrozenEncoder("resnet18", WEIGHTS) for _ in range(2)]
+    with ThreadPoolExecutor() as pool:  # each opens the file by itself, as processes do
+        found = list(pool.map(lambda encoder: kept_features(data, encoder, quiet=True), encoders))
+    assert path.read_bytes() == whole and sum(encoder.asked for encoder in encoders) == 2 * data.steps
+    assert all(np.array_equal(one[key], wanted[key]) for one in found for key in wanted)
+
+
+def test_features_of_the_wrong_size_are_refused(data: Dataset) -> None:
+    kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
+    (path,) = data.folder.glob("features-*.f16")
+    path.write_bytes(path.read_bytes() * 2)
+    with pytest.raises(DatasetError, match="remove it"):
+        kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
+    path.unlink()

@@ -11,8 +11,9 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of, make_policy, rollout
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import OptionError, TaskError
-from chmarl_pb.planner.search import SearchPolicy
+from chmarl_pb.planner.search import HumanoidSearch, SearchPolicy
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.language import parse_instruction
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -212,6 +213,18 @@ def test_each_search_depends_on_its_own_robot_alone(env: HouseholdEnv, tasks: li
 def test_search_repeats_with_its_seed(env: HouseholdEnv, tasks: list[Task]) -> None:
     episodes = [rollout(env, make_policy("search", env), seed=5, task=tasks[3]) for _ in range(2)]
     assert episodes[0].actions == episodes[1].actions
+
+
+def test_search_advises_those_who_do_something_else() -> None:
+    """Who has not tried to pick is still told to pick; who has tried in vain is told to look from elsewhere."""
+    rooms = ("kitchen", "bedroom")
+    search = HumanoidSearch(("pick", "stay", "turn_left", "turn_right", "move_forward", "goto_bedroom"), rooms)
+    seen = {"self": np.array([1.0, 0, 0, 0]), "messages": np.zeros((2, 2))}
+    info = {"instruction": "Pick up the mug and put it on the desk.", "visible": ("mug_1",), "action_success": True}
+    assert parse_instruction(info["instruction"]) == ("mug", "desk")
+    pick = search.actions.index("pick")
+    assert [search.act(seen, info) for _ in range(3)] == [pick] * 3
+    assert search.act(seen, info | {"action_success": False}) != pick
 
 
 def test_policies_by_name(env: HouseholdEnv) -> None:

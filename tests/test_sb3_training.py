@@ -93,6 +93,20 @@ def test_trained_model_is_a_policy(algo: str, env_id: str, tmp_path: Path) -> No
     assert result["best"]["plw"] == max(row["plw"] for row in result["validations"]) and result["steps"] >= 8
 
 
+def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
+    run(Config("ppo", HUMANOID, steps=8, interval=8, messages=False, **TINY), tmp_path, workers=0)
+    env = chmarl_pb.parallel_env(split="val-unseen")
+    policy = load_policy(tmp_path / BEST)(env)
+    seen, infos = env.reset(seed=0)
+    told = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
+    chosen = []
+    for observations in (seen, told):
+        policy.reset(0)
+        chosen.append(policy.act(observations, infos))
+    assert chosen[0] == chosen[1] and env.action_names["drone"][chosen[0]["drone"]] != "stay"
+    env.close()
+
+
 def weights(model: Any) -> dict[str, torch.Tensor]:
     return model.policy.state_dict()
 

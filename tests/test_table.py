@@ -230,6 +230,15 @@ def test_failed_run_tells_why_and_lets_the_others_go_on(tmp_path: Path, launch, 
     assert good.result.is_file() and not bad.result.exists()
 
 
+def test_trouble_with_the_page_stops_no_run(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+    def fail(run: Run) -> None:
+        raise ResultError("other.json: damaged")
+
+    runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
+    assert not work(runs, launch, finished=fail).failed
+    assert all(run.next_step() is None for run in runs) and "other.json: damaged" in capsys.readouterr().err
+
+
 def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
     run = run_of(tmp_path)
     lock = run.lock()

@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch")
 
 from gymnasium import spaces  # noqa: E402
 
-from tests.small_runs import IMITATION, MAPPO, TEACHER, Constant  # noqa: E402
+from tests.small_runs import IMITATION, MAPPO, SMALL, TEACHER, Constant  # noqa: E402
 from tests.uneven_env import UnevenEnv  # noqa: E402
 from training import train  # noqa: E402
 from training.algorithms import make_learner  # noqa: E402
@@ -27,7 +27,7 @@ from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame  # noqa: E402
 from training.imitation import draw, imitation_loss, taught  # noqa: E402
 from training.loop import BEST  # noqa: E402
 from training.losses import Batch  # noqa: E402
-from training.mappo import Mappo  # noqa: E402
+from training.mappo import Mappo, check_start  # noqa: E402
 from training.spaces import interface_of  # noqa: E402
 from training.validation import play_greedily  # noqa: E402
 
@@ -122,6 +122,11 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
     with pytest.raises(CheckpointError, match=BEST):
         Mappo(interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
+    with pytest.raises(CheckpointError, match="was trained with messages=None, not True"):
+        check_start(tmp_path / BEST, {"messages": True})
+    train(UnevenEnv, "iql", SMALL, tmp_path / "values")
+    with pytest.raises(CheckpointError, match="iql learns no policy"):
+        Mappo(interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
 
 
 def test_wrong_algorithms_and_settings_are_refused() -> None:
@@ -130,6 +135,8 @@ def test_wrong_algorithms_and_settings_are_refused() -> None:
         make_learner("sarsa", interface, Config())
     with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):
         make_learner("mappo", interface, Config())
+    with pytest.raises(ValueError, match="needs a teacher"):
+        train(TwoStepGame, "imitation", IMITATION)
 
 
 NODES, EDGES, WORDS = 6, 5, 8

@@ -13,12 +13,12 @@ import chmarl_pb  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.evaluation.policies import find_policy, register_loader  # noqa: E402
 from training import Config, train  # noqa: E402
-from training.checkpoint import CheckpointError, save  # noqa: E402
+from training.checkpoint import CheckpointError, load, save  # noqa: E402
 from training.encoders.frozen import frozen_encoder  # noqa: E402
 from training.encoders.residual import ResNet18  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
 from training.loop import BEST, LAST  # noqa: E402
-from training.policy import FROZEN, LearnedPolicy, load_policy, silenced  # noqa: E402
+from training.policy import FROZEN, LearnedPolicy, check_size, load_policy, silenced  # noqa: E402
 from training.train import main  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -102,11 +102,30 @@ def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path
         load_policy(tmp_path / "x.pt")
 
 
+def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:
+    visual = chmarl_pb.parallel_env("visual", split="val-unseen", image_size=32)
+    check_size(visual, {"image_size": 32}, Path("best.pt"))
+    check_size(env, {"image_size": 32}, Path("best.pt"))  # who sees graphs does not mind
+    with pytest.raises(CheckpointError, match=r"best\.pt: was trained with pictures of 64 pixels, not 32"):
+        check_size(visual, {"image_size": 64}, Path("best.pt"))
+    visual.close()
+
+
+@pytest.mark.parametrize("change", [{"algorithm": "sarsa"}, {"config": {"cleverness": 9}}])
+def test_checkpoints_of_another_version_are_refused(
+    folder: Path, env: HouseholdEnv, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    save(tmp_path / "x.pt", "value", load(folder / BEST) | change)
+    with pytest.raises(CheckpointError, match=r"x\.pt: its settings are of another version"):
+        load_policy(tmp_path / "x.pt")(env)
+
+
 def test_command_refuses_what_does_not_fit_together(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--algo", "qmix", "--centralized"]) == 2
     assert "--centralized" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main(["--algo", "dqn"])
+    for wrong in (["--algo", "dqn"], ["--algo"]):
+        with pytest.raises(SystemExit):
+            main(wrong)
 
 
 def test_train_is_the_function_and_the_module_can_be_called() -> None:

@@ -5,13 +5,19 @@ from functools import partial
 from typing import Any
 
 import chmarl_pb
+from chmarl_pb.sensing.sight import SIGHT_SIZE
 from training.config import FROZEN
 from training.encoders.frozen import ENCODERS, FrozenEncoder, frozen_encoder
 from training.features import FeatureEnv
 
 
 def benchmark(
-    observation: str, messages: bool = True, feedback: bool = True, image_encoder: str = "resnet18", **options: Any
+    observation: str,
+    messages: bool = True,
+    feedback: bool = True,
+    image_encoder: str = "resnet18",
+    image_size: int = SIGHT_SIZE,
+    **options: Any,
 ) -> tuple[Callable[[], Any], dict[str, Any]]:
     """Return what makes the ParallelEnv of the training tasks, and the setting of policies that are trained in it.
 
@@ -20,14 +26,16 @@ def benchmark(
         messages: whether the robots hear each other.
         feedback: whether they get language feedback.
         image_encoder: of pictures; if it is frozen, the environment gives its features in their place.
+        image_size: of pictures, in pixels.
         options: more options of the environment.
 
     Raises:
         CheckpointError: there are no weights of a frozen encoder, and pictures need them.
     """
     frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in ENCODERS else None
-    env_fn = partial(_environment, frozen, observation, messages=messages, feedback=feedback, **options)
-    return env_fn, {"messages": messages, "feedback": feedback, FROZEN: frozen.fingerprint if frozen else ""}
+    shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
+    env_fn = partial(_environment, frozen, observation, **shared, **options)
+    return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else ""}
 
 
 def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:

@@ -1,6 +1,5 @@
 """Play episodes side by side in one process, with agents that act in one batch."""
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -64,7 +63,6 @@ class Collector:
         envs: the environments.
         interface: what a learner has to know of them.
         steps: joint steps that were played.
-        seconds: time that they took.
     """
 
     def __init__(self, env_fn: Callable[[], Any], count: int, teacher: Callable[[Any], Teacher] | None = None):
@@ -72,7 +70,7 @@ class Collector:
         self.envs = [env_fn() for _ in range(count)]
         self._teachers = [teacher(env) for env in self.envs] if teacher else []
         self.interface: Interface = interface_of(self.envs[0])
-        self.steps, self.seconds = 0, 0.0
+        self.steps = 0
 
     def play(
         self,
@@ -93,7 +91,6 @@ class Collector:
             options: of the resets.
             taught: whether the teachers, if there are any, say what they would do.
         """
-        start = time.perf_counter()
         envs = self.envs[: len(seeds)]
         starts = reset_all(envs, seeds, options or [None] * len(seeds))
         episodes = [begin(self.interface, env, start) for env, start in zip(envs, starts, strict=True)]
@@ -110,7 +107,6 @@ class Collector:
             for number, step in zip(running, steps, strict=True):
                 advance(self.interface, episodes[number], envs[number], actions[number], step)
             self.steps += len(running)
-        self.seconds += time.perf_counter() - start
         return episodes
 
     def close(self) -> None:

@@ -18,8 +18,8 @@ from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, episode_seed
 from chmarl_pb.evaluation.policies import find_policy
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
-from training.agents import Player
-from training.bc.clones import NO_ACTION, ClonedPolicy
+from training.agents import NO_ACTION, Player
+from training.bc.clones import ClonedPolicy
 from training.encoders.frozen import frozen_encoder
 from training.features import all_with_features
 from training.losses import best_legal

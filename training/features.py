@@ -3,6 +3,7 @@
 Both ways give the same features, bit by bit: a policy that has learned from kept features sees the same when it acts.
 """
 
+import fcntl
 import hashlib
 import math
 import os
@@ -139,8 +140,8 @@ def _together(envs: Sequence[Any], results: list[tuple]) -> list[tuple]:
 def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = False) -> dict[str, NDArray[np.float16]]:
     """Return the features of every state in which the robots of a data set act, from a file beside the data set.
 
-    The file is made at the first call, episode by episode: an interrupted call goes on where it was. Its name has a
-    hash of the weights and of the data set.
+    The file is made at the first call, episode by episode: an interrupted call goes on where it was, and of several
+    processes one makes it while the others wait. Its name has a hash of the weights and of the data set.
 
     Args:
         dataset: with pictures.
@@ -151,7 +152,7 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
         Key of a picture -> (all steps, *shape), memory-mapped, in the order of the episodes.
 
     Raises:
-        DatasetError: the data set cannot be read.
+        DatasetError: the data set cannot be read, or the file beside it is damaged.
     """
     key = hashlib.sha256(f"{encoder.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
     path = dataset.folder / f"features-{key}.f16"
@@ -163,6 +164,8 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
         if not path.is_file():
             with Progress(disable=quiet) as bar:
                 _compute(path, file, names, shape, encoder, bar)
+    if path.stat().st_size != 2 * math.prod(shape):
+        raise DatasetError(f"{path}: not the features of all pictures; remove it, and it is made again")
     rows = np.memmap(path, dtype=np.float16, mode="r", shape=shape)
     return {name: rows[:, number] for number, name in enumerate(names)}
 
@@ -175,6 +178,9 @@ def _compute(
     size = 2 * math.prod(shape[1:])  # bytes of a step
     steps, task = 0, bar.add_task("encode pictures", total=shape[0])
     with open(unfinished, "ab") as out:
+        fcntl.flock(out, fcntl.LOCK_EX)
+        if path.is_file():  # another process has made it meanwhile
+            return
         done = os.fstat(out.fileno()).st_size // size
         out.truncate(done * size)
         for number in range(len(file)):
@@ -187,4 +193,4 @@ def _compute(
                 out.flush()
             steps += length
             bar.update(task, completed=steps)
-    unfinished.replace(path)
+        unfinished.replace(path)

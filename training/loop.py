@@ -65,9 +65,11 @@ def train(
         teacher: makes what is imitated in an environment.
 
     Raises:
-        ValueError: the algorithm or the environment is of another kind.
+        ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.
         CheckpointError: the folder's checkpoint is damaged or of other settings.
     """
+    if algorithm == "imitation" and teacher is None:
+        raise ValueError("imitation needs a teacher")
     config = config or CONFIGS.get(algorithm, RunConfig)()
     collector = Collector(env_fn, config.envs, teacher)
     try:

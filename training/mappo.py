@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
-from training.checkpoint import fill, fill_optimizer, load
+from training.checkpoint import CheckpointError, fill, fill_optimizer, load
 from training.collect import Choose
 from training.config import MappoConfig
 from training.imitation import draw
@@ -54,7 +54,7 @@ class Mappo:
         """Make networks whose first weights depend on ``config.seed`` and ``config.start`` alone.
 
         Raises:
-            CheckpointError: ``config.start`` is damaged or of another architecture.
+            CheckpointError: ``config.start`` is damaged, of another architecture, or has no policies.
         """
         self.config, self.updates, self._learned = config, 0, 0
         with torch.random.fork_rng(devices=[]):
@@ -66,7 +66,7 @@ class Mappo:
                 nn.Linear(units, 1),
             )  # fmt: skip
         if config.start:
-            fill(self.agents, load(Path(config.start), "value")["agents"], Path(config.start))
+            fill(self.agents, _policies(Path(config.start)), Path(config.start))
         self._networks = nn.ModuleDict({"agents": self.agents, "critic": self.critic})
         self._rates = config.learning_rate, config.critic_rate
         groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
@@ -165,3 +165,25 @@ class Mappo:
         fill(self._networks, state["networks"], path)
         fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates, self._learned = state["updates"], state["learned"]
+
+
+def check_start(path: Path, setting: dict[str, Any]) -> None:
+    """Check that the weights to begin with were learned in the same setting: messages, feedback, pictures.
+
+    Raises:
+        CheckpointError: they were not, or the file is damaged.
+    """
+    theirs = load(path, "value")["setting"]
+    for name, own in setting.items():
+        if theirs.get(name) != own:
+            raise CheckpointError(
+                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
+            )
+
+
+def _policies(path: Path) -> dict[str, Tensor]:
+    """Return weights of networks whose values are logits."""
+    content = load(path, "value")
+    if content["algorithm"] not in ("imitation", "mappo"):
+        raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from imitation or mappo")
+    return content["agents"]

@@ -1,5 +1,6 @@
 """Checkpoints as policies, for ``chmarl-pb evaluate --policy CHECKPOINT``: entry point ``chmarl_pb.checkpoints``."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from chmarl_pb.evaluation.policies import Factory
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player, make_agents
 from training.checkpoint import CheckpointError, fill, load
-from training.config import CONFIGS, FROZEN
+from training.config import CONFIGS, FROZEN, RunConfig
 from training.encoders.frozen import FrozenEncoder, trained_with
 from training.features import FeatureEnv, with_features
 from training.losses import best_legal
@@ -84,11 +85,13 @@ class ValuePolicies:
         """Return the policy for an environment.
 
         Raises:
-            CheckpointError: the checkpoint was trained with other observations, actions or frozen weights.
+            CheckpointError: the checkpoint was trained with other observations, actions or frozen weights, or comes
+                from another version.
         """
         content = load(self.path, "value")
+        check_size(env, content["setting"], self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
-        config, frozen = CONFIGS[content["algorithm"]](**content["config"]), content["setting"].get(FROZEN, "")
+        config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)
         seen = {name: str(space) for name, space in observations.items()}
@@ -99,6 +102,32 @@ class ValuePolicies:
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
         return LearnedPolicy(agents, silenced(content["setting"]), encoder)
+
+    def _config(self, content: dict[str, Any]) -> RunConfig:
+        try:
+            return CONFIGS[content["algorithm"]](**content["config"])
+        except (KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"{self.path}: its settings are of another version ({error}); train it again"
+            ) from error
+
+
+def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
+    """Check that pictures are as large as in training; frozen features of others have the same shape.
+
+    Args:
+        env: environment to act in.
+        setting: of the training.
+        path: of the checkpoint, for the error.
+
+    Raises:
+        CheckpointError: they are not.
+    """
+    own = env.options.image_size
+    if env.options.observation == "visual" and (wanted := setting.get("image_size", own)) != own:
+        raise CheckpointError(
+            f"{path}: was trained with pictures of {wanted} pixels, not {own}; give image_size={wanted}"
+        )
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

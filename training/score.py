@@ -14,7 +14,8 @@ from typing import Any
 import torch
 
 import chmarl_pb
-from chmarl_pb.envs.provenance import file_hash, machine, versions
+import training
+from chmarl_pb.envs.provenance import file_hash, machine, source_hash, versions
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
@@ -24,6 +25,7 @@ from training.config import FROZEN
 from training.crowd import play_side_by_side
 
 SCORES = "scores.json"
+STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
 LOADERS = {".pt": "training.policy", ".zip": "training.sb3"}  # ending of checkpoints -> module of ``load_policy``
 
 
@@ -43,15 +45,18 @@ def score(
     Raises:
         ChmarlError: the checkpoint cannot be used.
     """
+    stamp, learners = folder / STAMP, source_hash(training)
+    reuse = stamp.is_file() and stamp.read_text(encoding="utf-8") == learners
+    write_atomically(stamp, learners)
     register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
-            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split), plays=play_side_by_side,
+            out=folder / f"{split}.json", reuse=reuse, progress=partial(_show, split), plays=play_side_by_side,
         )
         for split in splits
     }  # fmt: skip
-    facts = {"sha256": file_hash(checkpoint), **_facts(checkpoint)}
+    facts = {"sha256": file_hash(checkpoint), "learners_sha256": learners, **_facts(checkpoint)}
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
     write_atomically(folder / SCORES, json.dumps(kept))
     return kept

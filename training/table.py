@@ -49,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _work(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> list[str]:
     """Do all runs that are not finished; return the names of those that failed."""
     runs = make_runs(chosen, extra)
+    write_page(chosen.results, page)  # what is wrong with it shows now, not after the first run
     schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page))
     if schedule.waiting:
         prepare(schedule.waiting, chosen.data, chosen.jobs)
@@ -99,15 +100,16 @@ def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
         if not weights_file(name).is_file():
             if subprocess.run(python(["training.pretrain", "--network", name])).returncode != 0:
                 raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
-    for observation in dict.fromkeys(run.row.observation for run in runs if run.row.clones and not _is_trained(run)):
-        _prepare_data(observation, data, workers)
+    cloned = [run.row for run in runs if run.row.clones and not _is_trained(run)]
+    for observation, encoder in dict.fromkeys((row.observation, row.image_encoder) for row in cloned):
+        _prepare_data(observation, encoder, data, workers)
 
 
 def _is_trained(run: Run) -> bool:
     return run.next_step() != "train"
 
 
-def _prepare_data(observation: str, data: Path, workers: int) -> None:
+def _prepare_data(observation: str, image_encoder: str, data: Path, workers: int) -> None:
     from rich.progress import Progress
 
     from chmarl_pb.data.generate import generate
@@ -117,11 +119,11 @@ def _prepare_data(observation: str, data: Path, workers: int) -> None:
     with Progress() as bar:
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
         dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
-    if observation == "visual":  # here, as two runs would write the same file
+    if observation == "visual":  # here, as one run would wait for the other
         from training.encoders.frozen import frozen_encoder
         from training.features import kept_features
 
-        kept_features(dataset, frozen_encoder("resnet18"))
+        kept_features(dataset, frozen_encoder(image_encoder))
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -15,11 +15,12 @@ from chmarl_pb.envs.rollout import make_policy
 from chmarl_pb.errors import ChmarlError
 from training.bc.clones import CloningConfig
 from training.benchmark import benchmark
-from training.config import CONFIGS
+from training.config import CONFIGS, MappoConfig
 from training.encoders.frozen import ENCODERS
 from training.encoders.pictures import IMAGE_ENCODERS
 from training.flags import add_flags
 from training.loop import BEST, train
+from training.mappo import check_start
 from training.validation import by_tasks
 
 #: Settings that all learners share or that the command fixes; all others are flags of their own.
@@ -53,6 +54,8 @@ def _learn(options: argparse.Namespace, settings: dict[str, Any], folder: Path) 
     env_fn, setting = benchmark(
         options.observation, options.messages, options.feedback, encoder, image_size=options.image_size
     )
+    if isinstance(config, MappoConfig) and config.start:
+        check_start(Path(config.start), setting)
     teacher = partial(make_policy, "search") if options.algo == "imitation" else None
     train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher)
 
@@ -69,7 +72,10 @@ def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]
     """Return the options of the command, and the learner's own settings among them."""
     early = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     early.add_argument("--algo")
-    algo = early.parse_known_args(arguments)[0].algo
+    try:
+        algo = early.parse_known_args(arguments)[0].algo
+    except argparse.ArgumentError:  # the parser of all options says what is wrong
+        algo = None
     parser = _parser()
     kind: type[Any] | None = CloningConfig if algo == "bc" else CONFIGS.get(algo)
     names = add_flags(parser, kind, _SHARED) if kind else []

@@ -42,7 +42,7 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
     """
     if any(split.startswith("test") for split in splits):
         raise ValueError(f"splits={list(splits)}: checkpoints are not chosen on a test split")
-    tasks = {split: _spread(load_tasks(split), most) for split in splits}
+    tasks = {split: spread_tasks(split, most) for split in splits}
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
         figures: dict[str, float] = {}
@@ -73,7 +73,8 @@ def play_greedily(
     return played
 
 
-def _spread(tasks: Sequence[Task], most: int) -> list[Task]:
-    """Return at most some of the tasks, at equal distances, so that every home has its share."""
+def spread_tasks(split: str, most: int) -> list[Task]:
+    """Return at most some of a split's tasks, at equal distances, so that every home has its share."""
+    tasks = load_tasks(split)
     places = np.linspace(0, len(tasks), min(most, len(tasks)), endpoint=False).astype(int)
     return [tasks[place] for place in places]

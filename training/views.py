@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.envs.provenance import home_hash
 from chmarl_pb.envs.stage import Stage
+from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.sight import SIGHT_SIZE, VISIBLE_PIXELS
@@ -80,11 +82,17 @@ def random_views(split: str, count: int, seed: int, folder: Path, workers: int, 
     tasks = np.random.default_rng([seed, total]).permutation(np.resize(np.arange(total), max(total, layouts)))[:layouts]
     jobs = [Job(split, int(task), seed + number) for number, task in enumerate(sorted(tasks.tolist()))]
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{job.split}-{job.task}-{job.seed}.npz" for job in jobs]
+    files = [folder / f"{job.split}-{job.task}-{job.seed}-{_content(job)}.npz" for job in jobs]
     missing = [(job, file) for job, file in zip(jobs, files, strict=True) if not file.is_file()]
     for number, _ in enumerate(in_processes(_draw, missing, workers), start=1):
         progress(layouts - len(missing) + number, layouts)
     return _read(files)
+
+
+def _content(job: Job) -> str:
+    """Return a hash of what the views show."""
+    task = load_tasks(job.split)[job.task]
+    return sha256_of([home_hash(task.home).encode(), repr(task).encode()])[:12]
 
 
 def _draw(work: tuple[Job, Path]) -> None:

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import ModuleType
 
 import chmarl_pb
 from chmarl_pb.homes.content import content_hash, sha256_of
@@ -38,9 +39,9 @@ def tasks_hash(tasks: Iterable[Task]) -> str:
 
 
 @cache
-def source_hash() -> str:
-    """Return the sha256 of this package's Python files: it tells versions apart between releases."""
-    folder = Path(chmarl_pb.__file__).parent
+def source_hash(module: ModuleType = chmarl_pb) -> str:
+    """Return the sha256 of a package's Python files, of this one's if none is named: it tells versions apart."""
+    folder = Path(str(module.__file__)).parent
     return sha256_of(path.read_bytes() for path in sorted(folder.rglob("*.py")))
 
 

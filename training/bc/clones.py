@@ -8,12 +8,12 @@ from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.planner.policy import Actions, Infos, Observations
+from training.agents import NO_ACTION
 from training.encoders import build_encoder
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.features import feature_space, with_features
 
 KIND = "bc"  # of checkpoints
-NO_ACTION = -1  # last action at the first step
 
 
 @dataclass(frozen=True)

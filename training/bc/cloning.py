@@ -21,13 +21,12 @@ from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.play import episode_seed
-from chmarl_pb.tasks.splits import load_tasks
-from chmarl_pb.tasks.task import Task
 from training import checkpoint
 from training.bc.clones import KIND, ClonedPolicy, CloningConfig, make_minds
 from training.bc.demonstrations import Batch, Demonstrations, read_demonstrations
 from training.config import FROZEN
 from training.encoders.frozen import frozen_encoder, trained_with
+from training.validation import spread_tasks
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
@@ -130,8 +129,13 @@ class _Run:
         rows.write_text("\n".join([*before, json.dumps(figures)]) + "\n", encoding="utf-8")
         parts = {"minds": self.minds, "optimizer": self.optimizer, "schedule": self.schedule}
         state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
-        facts = {"config": asdict(self.config), "epoch": self.epoch, "best": self.best}
-        checkpoint.save(self.folder / LAST, UNFINISHED, {**facts, **state})
+        checkpoint.save(
+            self.folder / LAST, UNFINISHED, {**self._settings(), "epoch": self.epoch, "best": self.best, **state}
+        )
+
+    def _settings(self) -> dict[str, Any]:
+        """Return what fixes the run's numbers."""
+        return {"config": asdict(self.config), "data": self.data.sha256, FROZEN: weights_of(self.config)}
 
     def restore(self) -> None:
         """Go on from ``last.pt``, if there is one."""
@@ -139,8 +143,11 @@ class _Run:
         if not path.is_file():
             return
         content = checkpoint.load(path, UNFINISHED)
-        if content["config"] != asdict(self.config):
-            raise checkpoint.CheckpointError(f"{path}: a run with other settings; use another folder, or remove it")
+        for name, own in self._settings().items():
+            if content.get(name) != own:
+                raise checkpoint.CheckpointError(
+                    f"{path}: a run with other settings ({name}); use another folder, or remove it"
+                )
         checkpoint.fill(self.minds, content["minds"], path)
         self.optimizer.load_state_dict(content["optimizer"])
         self.schedule.load_state_dict(content["schedule"])
@@ -167,7 +174,7 @@ class Examiner:
             observation=config.observation, split="train", messages=config.messages, feedback=config.feedback
         )
         self.config = config
-        self.tasks = {split: _spread(load_tasks(split), config.validation_tasks) for split in VALIDATION}
+        self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION}
 
     def examine(self, minds: nn.ModuleList) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``."""
@@ -186,11 +193,6 @@ class Examiner:
         self.env.close()
 
 
-def _spread(tasks: list[Task], most: int) -> list[Task]:
-    places = np.linspace(0, len(tasks), min(most, len(tasks)), endpoint=False).astype(int)
-    return [tasks[place] for place in places]
-
-
 class ClonedPolicies:
     """Makes the policies of a checkpoint of clones; can be sent to other processes."""
 
@@ -201,7 +203,12 @@ class ClonedPolicies:
             CheckpointError: it is missing, damaged or of another kind.
         """
         self.path = path
-        self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
+        try:
+            self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
+        except TypeError as error:
+            raise checkpoint.CheckpointError(
+                f"{path}: its settings are of another version ({error}); train it again"
+            ) from error
         self.deterministic = self.config.temperature == 0
 
     def __call__(self, env: HouseholdEnv) -> ClonedPolicy:

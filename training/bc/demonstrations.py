@@ -11,7 +11,8 @@ from torch import Tensor
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.store import dataset_folder
-from training.bc.clones import NO_ACTION, CloningConfig
+from training.agents import NO_ACTION
+from training.bc.clones import CloningConfig
 from training.encoders.frozen import frozen_encoder
 from training.features import kept_features
 
@@ -43,6 +44,7 @@ class Demonstrations:
         labels: (S + 1, robots) what the planner would do.
         starts: (episodes) number of each episode's first step.
         lengths: (episodes) in steps.
+        sha256: of the data set.
     """
 
     observations: dict[str, Tensor]
@@ -50,6 +52,7 @@ class Demonstrations:
     labels: Tensor
     starts: Tensor
     lengths: Tensor
+    sha256: str
 
     def batch(self, episodes: Tensor) -> Batch:
         """Return some episodes, by their numbers."""
@@ -105,6 +108,7 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
         observations={name: _cut(name, tensors[name]) for name in sorted(tensors)},
         starts=torch.cumsum(lengths, 0) - lengths,
         lengths=lengths,
+        sha256=dataset.sha256,
     )
 
 

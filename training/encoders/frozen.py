@@ -124,8 +124,8 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     encoder = frozen_encoder(name)
     if encoder.fingerprint != fingerprint:
         raise CheckpointError(
-            f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); name their file by "
-            f"CHMARL_{name.upper()}"
+            f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); "
+            + ("its package has changed" if name == efficientnet.NAME else f"name their file by CHMARL_{name.upper()}")
         )
     return encoder
 
@@ -146,6 +146,8 @@ def _read(path: Path, name: str) -> dict[str, Tensor]:
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
+        if name == efficientnet.NAME:
+            raise efficientnet.missing() from error
         raise CheckpointError(
             f"{path}: no weights of {name}; make them by `python -m training.pretrain --network {name}`, name another "
             f"file by CHMARL_{name.upper()}, or use image_encoder='cnn', which needs none"

@@ -28,8 +28,8 @@ with warnings.catch_warnings():
 class GraphEncoder(Part):
     """Class and state embeddings -> two graph convolutions -> mean over the nodes.
 
-    A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2),
-    ReLU(D^-1/2 (A + I) D^-1/2 H W + b): A counts the relations between two nodes, whatever their kind and direction,
+    A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2) with the bias inside,
+    ReLU(D^-1/2 (A + I) D^-1/2 (H W + b)): A counts the relations between two nodes, whatever their kind and direction,
     and D is the degree with the self loop. An empty graph has the features 0.
     """
 

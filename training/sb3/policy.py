@@ -21,7 +21,7 @@ from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, fill
 from training.encoders.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.features import feature_space
-from training.policy import silenced
+from training.policy import check_size, silenced
 from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import encoded
 from training.spaces import stack
@@ -65,6 +65,7 @@ class Sb3Policies:
             CheckpointError: the model was trained with other observations, actions or frozen weights.
         """
         config, weights = read_model(self.path)
+        check_size(env, asdict(config), self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         network = _network(config, env)
         fill(network, weights, self.path)
@@ -122,13 +123,17 @@ class Sb3Crowd:
         pairs: Iterable[Sequence[int]] = numbers
         if self._config.alone:
             drones = [
-                self._drones[place].act(one["drone"], info["drone"])
+                self._drones[place].act(self._heard(one["drone"]), info["drone"])
                 for place, one, info in zip(places, seen, told, strict=True)
             ]
             pairs = zip(numbers, drones, strict=True)
         elif self._config.algo == "dqn":
             pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
         return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
+
+    def _heard(self, seen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return what a robot observes, without what it did not hear in training."""
+        return seen | {key: np.zeros_like(seen[key]) for key in self._silenced}
 
     @property
     def _recurrent(self) -> bool:

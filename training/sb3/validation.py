@@ -8,8 +8,8 @@ import gymnasium
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.play import episode_seed
-from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
+from training.validation import spread_tasks
 
 SPLITS = ("val-seen", "val-unseen")
 
@@ -46,8 +46,7 @@ class PathWeighted(gymnasium.Wrapper):
 
 def validation_tasks(most: int) -> list[Task]:
     """Return at most some tasks of each validation split, at equal distances."""
-    splits = [load_tasks(split) for split in SPLITS]
-    return [task for tasks in splits for task in tasks[:: max(len(tasks) // most, 1)][:most]]
+    return [task for split in SPLITS for task in spread_tasks(split, most)]
 
 
 def make_validation(env_id: str, tasks: Sequence[Task], stride: int, options: dict[str, Any]) -> gymnasium.Env:

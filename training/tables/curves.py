@@ -1,5 +1,6 @@
 """Learning curves of the runs of a table, as a picture beside the page of results."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,7 +65,7 @@ def draw_curves(
         _add_legend(figure)
         path = folder / f"curves_{table.replace('-', '_')}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp")
+        temporary = path.with_suffix(f".{os.getpid()}.tmp")
         figure.savefig(temporary, format="png", metadata={"Software": None})
         temporary.replace(path)
     text = "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages."

@@ -165,7 +165,9 @@ def _seeds(row: Row, same: Sequence[Record]) -> str:
 def _settings(record: Record) -> dict[str, object]:
     """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
     own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
-    return {name: value for name, value in record["checkpoint"].get("config", {}).items() if name not in own}
+    checkpoint = record["checkpoint"]
+    settings = {name: value for name, value in checkpoint.get("config", {}).items() if name not in own}
+    return {**settings, FROZEN: checkpoint.get(FROZEN, "")}
 
 
 def _of(row: Row, records: Records) -> list[Record]:
@@ -209,8 +211,8 @@ def _runs(records: Records) -> list[str]:
         return []
     text = (
         "One line for each run. *Best after*: where its best weights are from; *train, score*: minutes, with another "
-        "run beside it; *source*: sha256 of the package's code. The commands, all settings and all hashes are in "
-        "`results/TABLE/ROW-seedK.json`."
+        "run beside it; *source*: sha256 of the code of `chmarl_pb` and, in later runs, of `training`. The commands, "
+        "all settings and all hashes are in `results/TABLE/ROW-seedK.json`."
     )
     return ["## The runs", text, "\n".join(lines)]
 
@@ -224,7 +226,7 @@ def _run_line(record: Record) -> str:
     cells = (
         f"{record['table']}/{record['row']}", record["seed"], encoder_of(record),
         f"{config[unit]:,} {unit}" if unit in config else "", f"{best[0]:,}" if best else "", minutes,
-        record["evaluation"]["source_sha256"][:8],
+        " ".join(sha[:8] for sha in (record["evaluation"]["source_sha256"], checkpoint.get("learners_sha256", ""))),
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"
 

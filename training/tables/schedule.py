@@ -66,7 +66,7 @@ class Schedule:
             runs: in the order in which they are started.
             jobs: number of processes side by side.
             budget: minutes after which no more runs are started; None: no limit.
-            finished: called after a run's result is written.
+            finished: called after a run's result is written; an error in it is shown.
             launch: makes the command line of a step's command.
             poll: seconds between two looks at the processes.
         """
@@ -146,7 +146,10 @@ class Schedule:
         self._screen.console.print(
             f"{run.name}: finished after {_duration(_spent(run))}, {run.result}", highlight=False
         )
-        self._finished(run)
+        try:
+            self._finished(run)
+        except (OSError, ValueError) as error:  # the result is kept: no reason to stop the others
+            self._screen.console.print(f"{run.name}: {error}", style="red", highlight=False)
 
     def _leave(self, worker: Worker) -> None:
         worker.lock.close()
