@@ -22,6 +22,7 @@ Records = dict[tuple[str, str], list[Record]]
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 METRICS = {"PLW": "plw", "Success rate": "success_rate"}
 NOT_RUN = "not run yet"
+POOL = "mean"  # of graphs, in runs from before this was a setting
 
 INTRO = f"""# Results of the learners
 
@@ -166,8 +167,8 @@ def _settings(record: Record) -> dict[str, object]:
     """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
     own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
     checkpoint = record["checkpoint"]
-    settings = {name: value for name, value in checkpoint.get("config", {}).items() if name not in own}
-    return {**settings, FROZEN: checkpoint.get(FROZEN, "")}
+    settings = {"graph_pool": POOL, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
+    return {name: value for name, value in settings.items() if name not in own}
 
 
 def _of(row: Row, records: Records) -> list[Record]:
@@ -234,8 +235,8 @@ def _run_line(record: Record) -> str:
 def encoder_of(record: Record) -> str:
     """Return what encodes the observations of a run."""
     if record["observation"] == "scene_graph":
-        pool = record["checkpoint"].get("config", {}).get("graph_pool", "mean")
-        return "graph convolution" if pool == "mean" else f"graph convolution, {pool}"
+        pool = record["checkpoint"].get("config", {}).get("graph_pool", POOL)
+        return "graph convolution" if pool == POOL else f"graph convolution, {pool}"
     weights = record["checkpoint"].get(FROZEN, "")
     encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
     return f"{encoder}, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"
