@@ -11,15 +11,17 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 class Logbook:
     """Writes ``metrics.jsonl`` and TensorBoard events into a run's folder; without a folder it only shows progress."""
 
-    def __init__(self, folder: Path | None, total: int, rows: int = 0, quiet: bool = False):
+    def __init__(self, folder: Path | None, total: int, rows: int = 0, quiet: bool = False, unit: str = "episodes"):
         """Open a logbook.
 
         Args:
             folder: of the run.
-            total: number of episodes.
+            total: number of episodes, or of what the unit says.
             rows: rows of an interrupted run to keep; those after its last checkpoint are dropped.
             quiet: whether no progress is shown.
+            unit: of progress, and the key of its number in a row.
         """
+        self._unit = unit
         self._path = None if folder is None else folder / "metrics.jsonl"
         self._board = None if folder is None else _tensorboard(folder)
         self.rows = rows
@@ -29,12 +31,12 @@ class Logbook:
             self._path.write_text("".join(kept))
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
-        self._task = self._progress.add_task("episodes", total=total)
+        self._task = self._progress.add_task(unit, total=total)
         self._progress.start()
 
-    def advance(self, episodes: int) -> None:
-        """Show how many episodes are over."""
-        self._progress.update(self._task, completed=episodes)
+    def advance(self, done: int) -> None:
+        """Show how many episodes are over, or what else is counted."""
+        self._progress.update(self._task, completed=done)
 
     def write(self, row: dict[str, Any]) -> None:
         """Add a row of metrics; nested groups are allowed."""
@@ -44,7 +46,7 @@ class Logbook:
                 file.write(json.dumps(row) + "\n")
         if self._board is not None:
             for name, value in _flat(row):
-                self._board.add_scalar(name, value, row["episodes"])
+                self._board.add_scalar(name, value, row[self._unit])
         if not self._progress.disable:
             self._progress.console.print(_line(row), highlight=False)
 

@@ -65,7 +65,7 @@ def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) 
 
     names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
     shared = {name: getattr(options, name) for name in names}
-    clone(CloningConfig(**shared, **settings), folder, options.data)
+    clone(CloningConfig(**shared, **settings), folder, options.data, quiet=False)
 
 
 def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]:

@@ -4,9 +4,7 @@ Three forms, as in the paper: decentralized (each robot has its own network and 
 messages, and centralized (one network sees and drives both robots). All are recurrent over the episode.
 """
 
-import json
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,26 +24,24 @@ from training.bc.clones import KIND, ClonedPolicy, CloningConfig, make_minds
 from training.bc.demonstrations import Batch, Demonstrations, read_demonstrations
 from training.config import FROZEN
 from training.encoders.frozen import frozen_encoder, trained_with
+from training.logbook import Logbook
 from training.validation import spread_tasks
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
 VALIDATION = ("val-seen", "val-unseen")
 
-#: Called after each epoch with its figures.
-Report = Callable[[dict[str, Any]], None]
 
-
-def clone(config: CloningConfig, folder: Path, data: Path | None = None, report: Report = print) -> dict[str, Any]:
+def clone(config: CloningConfig, folder: Path, data: Path | None = None, quiet: bool = True) -> dict[str, Any]:
     """Train clones and keep the best; killed, the same call goes on from the last epoch and ends with the same numbers.
 
     The best are those of the epoch with the highest mean of the two validation splits' PLW.
 
     Args:
         config: of the run.
-        folder: gets ``best.pt``, ``last.pt`` (what an interrupted run goes on from) and ``metrics.jsonl``.
+        folder: gets ``best.pt``, ``last.pt`` (what an interrupted run goes on from), and metrics as other runs do.
         data: folder of Minari data sets; None: Minari's own.
-        report: called after each epoch.
+        quiet: whether no progress is shown.
 
     Returns:
         The figures of the best epoch.
@@ -58,8 +54,12 @@ def clone(config: CloningConfig, folder: Path, data: Path | None = None, report:
     run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder)
     try:
         run.restore()
-        while run.epoch < config.epochs:
-            report(run.next_epoch())
+        logbook = Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")
+        try:
+            while run.epoch < config.epochs:
+                run.next_epoch(logbook)
+        finally:
+            logbook.close()
     finally:
         run.examiner.close()
     return run.best
@@ -88,8 +88,8 @@ class _Run:
         self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimizer, config.epochs * batches)
         self.epoch, self.best = 0, {"score": -1.0}
 
-    def next_epoch(self) -> dict[str, Any]:
-        """Go through the data once; return the figures."""
+    def next_epoch(self, logbook: Logbook) -> None:
+        """Go through the data once, and do what is due after it."""
         start = time.perf_counter()
         losses = self._learn()
         self.epoch += 1
@@ -100,8 +100,9 @@ class _Run:
             if figures["score"] > self.best["score"]:
                 self.best = figures
                 self._save_best()
-        self._save(figures)
-        return figures
+        logbook.write(figures)
+        logbook.advance(self.epoch)
+        self._save()
 
     def _learn(self) -> Tensor:
         self.minds.train()
@@ -122,11 +123,7 @@ class _Run:
         facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
         checkpoint.save(self.folder / BEST, KIND, {**facts, "minds": self.minds.state_dict()})
 
-    def _save(self, figures: dict[str, Any]) -> None:
-        rows = self.folder / "metrics.jsonl"
-        before = rows.read_text(encoding="utf-8").splitlines()[: self.epoch - 1] if self.epoch > 1 else []
-        self.folder.mkdir(parents=True, exist_ok=True)
-        rows.write_text("\n".join([*before, json.dumps(figures)]) + "\n", encoding="utf-8")
+    def _save(self) -> None:
         parts = {"minds": self.minds, "optimizer": self.optimizer, "schedule": self.schedule}
         state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
         checkpoint.save(
