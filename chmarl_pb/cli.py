@@ -261,7 +261,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     return run_evaluation(
         options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
-        options.feedback, options.max_steps or MAX_STEPS, options.task, options.out,
+        options.feedback, MAX_STEPS if options.max_steps is None else options.max_steps, options.task, options.out,
         options.label,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch")
 from tests.small_runs import CONFIGS, SMALL, TEACHER  # noqa: E402
 from tests.uneven_env import UnevenEnv  # noqa: E402
 from training import train  # noqa: E402
-from training.checkpoint import CheckpointError, load, save  # noqa: E402
+from training.checkpoint import FORMAT, CheckpointError, load, save  # noqa: E402
 from training.collect import Collector, epsilon_greedy  # noqa: E402
 from training.config import ALGORITHMS  # noqa: E402
 from training.games import MATRIX_GAMES, MatrixGame  # noqa: E402
@@ -128,6 +128,23 @@ def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, m
     assert rows[0] == rows[1] and len(rows[0]) == 6
     best = [load(tmp_path / name / BEST)["agents"] for name in ("whole", "killed")]
     assert all(torch.equal(best[0][key], best[1][key]) for key in best[0])
+
+
+@pytest.mark.parametrize("change", [{"envs": 0}, {"episodes": -5}, {"seed": -1}, {"validation_interval": 0}])
+def test_settings_that_cannot_be_are_refused(change: dict[str, int]) -> None:
+    (name,) = change
+    with pytest.raises(ValueError, match=f"{name}=.*must be at least"):
+        replace(SMALL, **change)
+
+
+def test_text_is_no_checkpoint(tmp_path: Path) -> None:
+    for text in ("hello", "RRR"):
+        (tmp_path / "text.pt").write_text(text)
+        with pytest.raises(CheckpointError, match=r"text\.pt: not a whole checkpoint"):
+            load(tmp_path / "text.pt")
+    torch.save({"format": FORMAT}, tmp_path / "text.pt")
+    with pytest.raises(CheckpointError, match="kind None"):
+        load(tmp_path / "text.pt")
 
 
 def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:

@@ -48,14 +48,14 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise CheckpointError(f"{path}: no such checkpoint; `python -m training.train` writes checkpoints") from error
-    except (RuntimeError, EOFError, ValueError, OSError, pickle.UnpicklingError) as error:
+    except (RuntimeError, EOFError, ValueError, OSError, LookupError, pickle.UnpicklingError) as error:
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise CheckpointError(f"{path}: not a whole checkpoint ({first}); copy or train it again") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else None
         raise CheckpointError(f"{path}: its format is {found!r}, this version reads {FORMAT!r}; train it again")
-    if kind is not None and content["kind"] != kind:
-        raise CheckpointError(f"{path}: holds a checkpoint of kind {content['kind']!r}, not {kind!r}")
+    if kind not in (None, content.get("kind")) or "kind" not in content:
+        raise CheckpointError(f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}")
     return content
 
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 
+_FROM_ZERO = ("seed", "critic_starts", "learning_starts", "updates")  # whole numbers that may be 0
+
 ALGORITHMS = ("iql", "vdn", "qmix", "qtran")
 
 
@@ -50,6 +52,17 @@ class RunConfig:
     validation_interval: int = 1_000
     checkpoint_interval: int = 1_000
     log_interval: int = 200
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be made of.
+
+        Raises:
+            ValueError: a number of things is less than 1, or a rate or the seed negative.
+        """
+        for name, value in vars(self).items():
+            least = 1 if isinstance(value, int) and name not in _FROM_ZERO else 0
+            if isinstance(value, int | float) and value < least:
+                raise ValueError(f"{name}={value}: must be at least {least}")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """`python -m training.ours`: our strongest learner. Imitation of the search policy, then MAPPO from there on.
 
 The search policy (chmarl_pb.planner.search) knows no more than the robots see; to imitate it gives a learner that looks
-around and goes on, which the privileged planner, who never searches, cannot teach. MAPPO then shortens the search by
+around and goes on, which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by
 the reward. Both steps see graphs pooled by the instruction, and of pictures what a frozen detector finds in them
 (:mod:`training.encoders`).
 """

@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
             return 2
         else:
             _learn(options, settings, folder)
-    except ChmarlError as error:
+    except (ChmarlError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")

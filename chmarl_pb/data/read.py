@@ -38,9 +38,13 @@ class Dataset:
             self.recipe: dict[str, Any] = self.metadata["recipe"]
             self.sha256 = str(self.metadata["sha256"])
         except FileNotFoundError as error:
-            raise DatasetError(f"{path}: missing; generate the data set again") from error
+            raise DatasetError(
+                f"{path}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
+            ) from error
         except (ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"{path}: damaged ({error!r}); generate the data set again") from error
+            raise DatasetError(
+                f"{path}: damaged ({error!r}); remove its folder, and run `chmarl-pb dataset generate`"
+            ) from error
 
     @property
     def dataset_id(self) -> str:
@@ -59,9 +63,14 @@ class Dataset:
             DatasetError: it is missing, cut or changed.
         """
         if not self.main.is_file():
-            raise DatasetError(f"{self.main}: missing; generate the data set again")
+            raise DatasetError(
+                f"{self.main}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
+            )
         if file_sha256(self.main) != self.sha256:
-            raise DatasetError(f"{self.main}: corrupted or cut, its sha256 has changed; generate the data set again")
+            raise DatasetError(
+                f"{self.main}: corrupted or cut, its sha256 has changed; remove its folder, and run "
+                "`chmarl-pb dataset generate`"
+            )
 
     @contextmanager
     def open(self) -> Iterator["h5py.File"]:
@@ -74,7 +83,9 @@ class Dataset:
             with h5py.File(self.main, "r") as file:
                 yield file
         except (OSError, KeyError) as error:
-            raise DatasetError(f"{self.main}: cannot be read ({error}); generate the data set again") from error
+            raise DatasetError(
+                f"{self.main}: cannot be read ({error}); remove its folder, and run `chmarl-pb dataset generate`"
+            ) from error
 
     def episode(self, number: int) -> tuple[Arrays, dict[str, Any]]:
         """Return arrays and metadata of an episode, as :class:`chmarl_pb.data.record.Recording` has them.

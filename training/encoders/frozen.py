@@ -152,7 +152,7 @@ def _read(path: Path, name: str) -> dict[str, Tensor]:
             f"{path}: no weights of {name}; make them by `python -m training.pretrain --network {name}`, name another "
             f"file by CHMARL_{name.upper()}, or use image_encoder='cnn', which needs none"
         ) from error
-    except (RuntimeError, EOFError, OSError, ValueError, pickle.UnpicklingError) as error:
+    except (RuntimeError, EOFError, OSError, ValueError, LookupError, pickle.UnpicklingError) as error:
         raise CheckpointError(f"{path}: not a whole file of weights; copy or make it again") from error
     if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
         raise CheckpointError(f"{path}: not a file of weights: a dict of tensors is needed")

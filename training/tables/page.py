@@ -35,9 +35,9 @@ over training seeds, whose number is in the column *seeds* ("1 of 3": two are st
 is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
 weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
 are a little too good; nothing was chosen on a test split. The headline number is PLW on test-unseen. Rows in
-*italics* are not in the paper: baselines of Stable-Baselines3, whose one network drives both robots, or the humanoid
-beside a drone that follows the search policy. *search* is the built-in policy that learns nothing
-([benchmark.md](benchmark.md#baselines-and-difficulty)).
+*italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
+robots, or the humanoid beside a drone that follows the search policy. *search* is the built-in policy that learns
+nothing ([benchmark.md](benchmark.md#baselines-and-difficulty)).
 """
 
 #: Where an episode ends -> the potentials that say so.
