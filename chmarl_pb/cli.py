@@ -202,8 +202,10 @@ def _homes_list(options: argparse.Namespace) -> int:
 
 def _homes_check(options: argparse.Namespace) -> int:
     from chmarl_pb.homes.check import check_home
+    from chmarl_pb.world import World
 
     report = check_home(options.file)
+    World(report.home).close()  # says so if PyBullet cannot load it
     for problem in report.problems:
         print(f"{report.home.path}: {problem}", file=sys.stderr)
     if report.problems:

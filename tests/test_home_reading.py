@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from conftest import SMALL_HOME, box, home_text
 
+from chmarl_pb.cli import main
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import HomeError, TaskError
 from chmarl_pb.homes.check import check_home
@@ -45,6 +46,15 @@ def test_small_home_is_read(write_home: Write) -> None:
     assert home.goto_rooms == ("livingroom",) and list(home.receptacles) == ["livingroom/desk_1", "livingroom/sofa_1"]
     assert home.rooms["livingroom"].area == pytest.approx(16)
     assert check_home(home.path).problems == ()
+
+
+def test_check_lets_pybullet_load_the_home(write_home: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["homes", "check", str(write_home(GOOD))]) == 0
+    nameless = re.sub(r"<robot name=\"[^\"]*\"", "<robot", GOOD)
+    assert nameless != GOOD
+    path = write_home(nameless)
+    assert main(["homes", "check", str(path)]) != 0
+    assert f"{path}: PyBullet cannot load this URDF" in capsys.readouterr().err
 
 
 def test_unchanged_file_is_read_once_and_a_changed_one_anew(write_home: Write) -> None:

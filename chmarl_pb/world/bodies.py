@@ -67,7 +67,10 @@ def load_home_body(client: int, home: Home) -> int:
     try:
         return int(pybullet.loadURDF(str(home.path), useFixedBase=True, physicsClientId=client))
     except pybullet.error as error:
-        raise HomeError(f"{home.path}: PyBullet cannot load this URDF; open it in `chmarl-pb homes check`") from error
+        raise HomeError(
+            f"{home.path}: PyBullet cannot load this URDF; it needs a name of the robot, and mass and inertia in every "
+            "<inertial>"
+        ) from error
 
 
 def load_graspable(client: int, class_name: str) -> Graspable:
