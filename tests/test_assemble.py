@@ -11,7 +11,7 @@ import pytest
 
 from chmarl_pb.assets import SCENES_DIR, URDF_DIR
 from chmarl_pb.catalog import RECEPTACLES, ROOM_KINDS, class_of, room_kind, room_of
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import load_layout
@@ -228,6 +228,16 @@ def test_preview_draws_the_plan_and_the_dolls_house(tmp_path):
     assert picture.shape == (160, 320, 3)
     for half in (picture[:, :160], picture[:, 160:]):
         assert 0.3 < (half < 240).any(axis=2).mean() < 0.95
+
+
+def test_preview_refuses_what_it_cannot_read_or_write(tmp_path):
+    with pytest.raises(OptionError, match=r"home\.txt.*\.png"):
+        preview(SCENES_DIR / "home_1.urdf", tmp_path / "home.txt")
+    cut = tmp_path / "cut.urdf"
+    cut.write_text((SCENES_DIR / "home_1.urdf").read_text()[:5000])
+    with pytest.raises(HomeError, match=r"cut\.urdf: not XML"):
+        preview(cut, tmp_path / "home.png")
+    assert not list(tmp_path.glob("home.*"))
 
 
 def test_preview_of_a_missing_home_is_refused(tmp_path):

@@ -60,6 +60,25 @@ def test_unknown_option_names(make: Callable[..., Any]) -> None:
         make("CHMARL/SceneGraph-v0", flat_actions="yes")
 
 
+@pytest.mark.parametrize("seed", [-1, 1.5, "7", True])
+def test_bad_seeds(make: Callable[..., Any], env: HouseholdEnv, seed: Any) -> None:
+    with pytest.raises(OptionError, match="seed="):
+        env.reset(seed=seed)
+    for env_id in ("CHMARL/SceneGraph-v0", "CHMARL/SceneGraphHumanoid-v0"):
+        with pytest.raises(OptionError, match="seed="):
+            make(env_id).unwrapped.reset(seed=seed)
+
+
+def test_options_that_are_no_dict(env: HouseholdEnv) -> None:
+    with pytest.raises(OptionError, match="not a dict"):
+        env.reset(options="train-0001")  # type: ignore[arg-type]
+
+
+def test_rollout_plays_in_nothing_else(make: Callable[..., Any]) -> None:
+    with pytest.raises(OptionError, match="parallel_env"):
+        chmarl_pb.rollout(make("CHMARL/SceneGraph-v0"), policy=None)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("home", ["home_99", "/nowhere/home.urdf", 7])
 def test_unknown_home(home: Any) -> None:
     with pytest.raises(HomeError, match="no such home"):

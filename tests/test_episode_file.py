@@ -1,5 +1,7 @@
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -76,6 +78,8 @@ def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, pa
         lambda data: {**data, "actions": data["actions"][:-1]},
         lambda data: {**data, "actions": [[1]] * len(data["actions"])},
         lambda data: {**data, "options": {}},
+        lambda data: {**data, "seed": -1},
+        lambda data: {**data, "seed": "0"},
         lambda data: {**data, "more": 1},
         lambda data: {**data, "task": {"id": "x"}},
         lambda data: [],
@@ -109,3 +113,23 @@ def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["episode", "replay", str(path)]) == 1
     assert "after step 1 " in capsys.readouterr().err
     assert main(["episode", "replay", str(tmp_path / "none.json")]) == 2
+    assert main(["episode", "save", "--task", TASK.id, "--seed", "-1", "--out", str(tmp_path / "other.json")]) == 2
+    assert not (tmp_path / "other.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"home_sha256": "0" * 64}, "not the one"),
+        ({"success": "other"}, "another way"),
+        ({"actions": "cut"}, "another"),
+    ],
+    ids=["home", "ending", "length"],
+)
+def test_what_a_file_does_not_say_is_not_shown(episode: EpisodeFile, change: dict[str, Any], words: str) -> None:
+    if change == {"actions": "cut"}:
+        change = {"actions": episode.actions[:-1], "rewards": episode.rewards[:-1], "states": episode.states[:-1]}
+    elif change == {"success": "other"}:
+        change = {"success": not episode.success}
+    with pytest.raises(ResultError, match=words):
+        record_file(replace(episode, **change))

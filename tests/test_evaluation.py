@@ -233,7 +233,8 @@ def test_a_policy_that_stays_gets_nothing() -> None:
         ({"seeds": ()}, OptionError), ({"seeds": (0, 0)}, OptionError), ({"seeds": (-1,)}, OptionError),
         ({"workers": 0}, OptionError), ({"split": "test"}, OptionError), ({"tasks": []}, TaskError),
         ({"tasks": ["test-unseen-xyz"]}, TaskError), ({"tasks": [TASKS[0], TASKS[0]]}, TaskError),
-        ({"observation": "smell"}, OptionError), ({"max_steps": 0}, OptionError),
+        ({"observation": "smell"}, OptionError), ({"max_steps": 0}, OptionError), ({"seeds": 3}, OptionError),
+        ({"seeds": (0.5,)}, OptionError), ({"out": "/tmp"}, OptionError), ({"tasks": ["val-seen-000"]}, TaskError),
     ],
 )  # fmt: skip
 def test_bad_options_are_refused(options: dict, error: type[Exception]) -> None:
@@ -364,3 +365,28 @@ def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert load_result(out).settings["options"]["messages"] is False
     assert main(["evaluate", "--policy", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["evaluate", "--policy", "random", "--out", "{folder}"], "is a folder; name a file in it"),
+        (["evaluate", "--policy", "random", "--out", "{file}/result.json"], "is a file; name a folder"),
+        (["report", "--out", "{folder}"], "is a folder"),
+        (["episode", "save", "--task", TASKS[0].id, "--out", "{folder}"], "is a folder"),
+        (["homes", "preview", "home_1", "--out", "{folder}"], "is a folder"),
+        (["bench", "--json", "{folder}"], "is a folder"),
+        (["demo", "--out", "{file}"], "is a file; name a folder"),
+        (["baselines", "--out", "{file}"], "is a file; name a folder"),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_at_once(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, file = tmp_path / "folder", tmp_path / "file"
+    folder.mkdir()
+    file.write_text("kept")
+    with pytest.raises(SystemExit):
+        main([word.format(folder=folder, file=file) for word in arguments])
+    assert words in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == [file, folder] and file.read_text() == "kept"

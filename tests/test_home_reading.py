@@ -41,6 +41,15 @@ def refused(path: Path, *words: str) -> None:
         assert re.search(word, message), f"{word!r} is not in {message!r}"
 
 
+def test_a_home_in_millimetres_is_refused(write_home: Write) -> None:
+    def larger(size: re.Match[str]) -> str:
+        return f'size="{" ".join(str(1000 * float(word)) for word in size[1].split())}"'
+
+    sizes = re.sub(r'size="([^"]*)"', larger, GOOD)
+    assert sizes != GOOD
+    refused(write_home(sizes), "metre")
+
+
 def test_small_home_is_read(write_home: Write) -> None:
     home = load_home(write_home(GOOD))
     assert home.goto_rooms == ("livingroom",) and list(home.receptacles) == ["livingroom/desk_1", "livingroom/sofa_1"]
@@ -145,12 +154,13 @@ def test_links_and_joints(write_home: Write, extra: str, words: list[str]) -> No
     [
         ('<box size="nan 1 1"/>', ["finite|number"]),
         ('<box size="inf 1 1"/>', ["finite|number"]),
-        ('<box size="0 1 1"/>', ["volume"]),
+        ('<box size="0 1 1"/>', ["above 0"]),
+        ('<box size="1 -1 1"/>', ["above 0"]),
         ('<box size="1 1"/>', []),
         ('<box size="a b c"/>', []),
         ("<box/>", []),
         ('<cylinder radius="0.1"/>', []),
-        ('<cylinder radius="0" length="1"/>', []),
+        ('<cylinder radius="0" length="1"/>', ["above 0"]),
         ('<sphere radius="nan"/>', ["finite|number"]),
         ("", []),
         ('<capsule radius="1" length="1"/>', []),

@@ -8,6 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
     ("errors",),
+    ("files",),
     ("assets",),
     ("catalog",),
     ("homes",),
@@ -21,6 +22,7 @@ ROWS = (
     ("data", "evaluation"),
     ("demo",),
     ("bench",),
+    ("commands",),
     ("cli",),
 )
 ROW_OF = {name: number for number, names in enumerate(ROWS) for name in names}

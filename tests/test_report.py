@@ -1,4 +1,6 @@
+import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -8,11 +10,13 @@ pytest.importorskip("matplotlib")
 
 from chmarl_pb.cli import main
 from chmarl_pb.envs.episode_file import load_episode, replay_episode
+from chmarl_pb.envs.provenance import tasks_hash
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.report import write_report
-from chmarl_pb.evaluation.tables import paper_table
+from chmarl_pb.evaluation.result import load_result
+from chmarl_pb.evaluation.tables import paper_table, title_of
 from chmarl_pb.tasks.splits import load_tasks
 
 TASKS = load_tasks("test-unseen")[:2]
@@ -53,11 +57,41 @@ def test_every_number_of_the_paper_is_there(page: str) -> None:
 
 
 def test_a_label_puts_a_result_beside_the_papers(results: Path) -> None:
-    report = evaluate("planner", tasks=TASKS[:1], workers=1, label="qmix + messages")
+    one = evaluate("planner", tasks=TASKS[:1], workers=1, label="qmix + messages")
+    assert "1 chosen tasks" in title_of(one)
+    report = replace(one, settings=one.settings | {"tasks_sha256": tasks_hash(load_tasks("test-unseen"))})
     html = paper_table(paper.SCENE_GRAPH, [report], others=True)
     beside = html[html.index("QMIX + messages") :]
     assert "100.00" in beside[: beside.index("QTRAN")]
     assert "100.00" not in paper_table(paper.VISUAL, [report], others=True)
+
+
+def test_what_is_no_result_of_the_benchmark_stands_beside_nothing(results: Path) -> None:
+    reports = [load_result(results / f"{name}.json") for name in ("planner", "qmix")]
+    html = paper_table(paper.SCENE_GRAPH, reports, others=True)
+    assert "planner (2 chosen tasks)" in html and "QMIX + messages (2 chosen tasks, at most 8 steps)" in html
+    beside = html[html.index("QMIX + messages") :]
+    assert "<td>100.00" not in beside[: beside.index("QTRAN")]
+    assert "100.00" not in paper_table(paper.SCENE_GRAPH, reports, others=False)
+
+
+@pytest.mark.parametrize("part", ["settings", "run", "episodes"])
+def test_damaged_results_are_refused(results: Path, tmp_path: Path, part: str) -> None:
+    data, path = json.loads((results / "planner.json").read_text()), tmp_path / "damaged.json"
+    damaged = [data | {part: content} for content in (None, [], {}, "text", 3)]
+    if part == "episodes":
+        first, *others = data["episodes"]
+        damaged += [
+            data | {part: [first | change, *others]} for change in ({"steps": "5"}, {"task": 1}, {"actions": 7})
+        ]
+        damaged.append(data | {part: others})
+    else:
+        damaged += [data | {part: {key: value for key, value in data[part].items() if key != name}}
+                    for name in data[part] if name not in ("label", "homes_sha256", "policy_sha256")]  # fmt: skip
+    for content in damaged:
+        path.write_text(json.dumps(content))
+        with pytest.raises(ResultError, match=r"damaged\.json: not a whole result"):
+            load_result(path)
 
 
 def test_replays_lie_beside_the_page(results: Path, page: str) -> None:

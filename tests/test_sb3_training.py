@@ -225,3 +225,7 @@ def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["--algo", "ppo", "--env", "CartPole-v1"])
     assert "CHMARL/SceneGraph-v0" in capsys.readouterr().err
+    for other in (["--humanoid-only"], ["--observation", "visual"]):
+        with pytest.raises(SystemExit):
+            main(["--algo", "ppo", "--env", JOINT, *other])
+        assert "--env names" in capsys.readouterr().err

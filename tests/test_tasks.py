@@ -109,6 +109,13 @@ def test_damaged_file(tmp_path: Path, text: str, words: str) -> None:
         read_tasks(path)
 
 
+def test_a_file_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.csv"
+    path.write_bytes(HEADER.encode() + b"\n\xff\xfe\n")
+    with pytest.raises(TaskError, match=r"tasks\.csv: not a text in UTF-8"):
+        read_tasks(path)
+
+
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(TaskError, match="no such task file"):
         read_tasks(tmp_path / "tasks.csv")

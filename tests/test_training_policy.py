@@ -19,6 +19,7 @@ from training.encoders.residual import ResNet18  # noqa: E402
 from training.features import FeatureEnv  # noqa: E402
 from training.loop import BEST, LAST  # noqa: E402
 from training.policy import FROZEN, LearnedPolicy, check_size, load_policy, silenced  # noqa: E402
+from training.score import score  # noqa: E402
 from training.train import main  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -123,9 +124,15 @@ def test_checkpoints_of_another_version_are_refused(
 def test_command_refuses_what_does_not_fit_together(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--algo", "qmix", "--centralized"]) == 2
     assert "--centralized" in capsys.readouterr().err
-    for wrong in (["--algo", "dqn"], ["--algo"]):
+    for wrong in (["--algo", "dqn"], ["--algo"], ["--algo", "qmix", "--threads", "0"]):
         with pytest.raises(SystemExit):
             main(wrong)
+
+
+def test_scores_are_of_weights(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"\.pt or \.zip"):
+        score(tmp_path / "weights.bin", "scene_graph", True, True, tmp_path / "scores")
+    assert not (tmp_path / "scores").exists()
 
 
 def test_train_is_the_function_and_the_module_can_be_called() -> None:

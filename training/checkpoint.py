@@ -1,6 +1,5 @@
 """Checkpoint files: written whole or not at all, read without running code, refused with a clear reason."""
 
-import os
 import pickle
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import torch
 from torch import nn
 
 from chmarl_pb.errors import ChmarlError
+from chmarl_pb.files import replacing
 
 FORMAT = "chmarl_pb checkpoint 1"
 
@@ -25,13 +25,8 @@ def save(path: Path, kind: str, content: dict[str, Any]) -> None:
         kind: what it holds, e.g. "value" or "bc"; says who can read it.
         content: tensors, numbers, texts, and lists and dicts of these.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(path) as temporary:
         torch.save({"format": FORMAT, "kind": kind, **content}, temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def load(path: Path, kind: str | None = None) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
+from chmarl_pb.files import replacing, write_atomically
 from training import checkpoint
 from training.encoders.detector import Detector
 from training.encoders.frozen import FrozenEncoder, weights_file
@@ -81,9 +82,8 @@ def pretrain(name: str, out: Path, views: Views, checked: Views, epochs: int, se
         checkpoint.save(kept, KIND, {"facts": facts, "epoch": epoch + 1, **state})
     pupil.eval()
     weights = with_ranges(pupil, views.images)
-    temporary = out.with_suffix(".tmp")
-    torch.save(weights, temporary)
-    temporary.replace(out)
+    with replacing(out) as temporary:
+        torch.save(weights, temporary)
     frozen = FrozenEncoder(name, weights)
     measured, exact = pupil.measure(frozen, checked), pupil.measure(pupil.features, checked)
     measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]
@@ -138,7 +138,7 @@ def main(arguments: list[str] | None = None) -> None:
     figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
     text = json.dumps(figures, indent=2)
     if chosen.figures:
-        chosen.figures.write_text(text + "\n", encoding="utf-8")
+        write_atomically(chosen.figures, text + "\n")
     print(text, f"weights: {out}", sep="\n")
 
 

@@ -19,8 +19,9 @@ from chmarl_pb.envs.provenance import file_hash, machine, source_hash, versions
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
-from chmarl_pb.evaluation.result import Report, write_atomically
-from training.checkpoint import load
+from chmarl_pb.evaluation.result import Report
+from chmarl_pb.files import write_atomically
+from training.checkpoint import CheckpointError, load
 from training.config import FROZEN
 from training.crowd import play_side_by_side
 
@@ -45,6 +46,8 @@ def score(
     Raises:
         ChmarlError: the checkpoint cannot be used.
     """
+    if checkpoint.suffix not in LOADERS:
+        raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
     stamp, learners = folder / STAMP, source_hash(training)
     reuse = stamp.is_file() and stamp.read_text(encoding="utf-8") == learners
     write_atomically(stamp, learners)

@@ -80,6 +80,8 @@ def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]
     kind: type[Any] | None = CloningConfig if algo == "bc" else CONFIGS.get(algo)
     names = add_flags(parser, kind, _SHARED) if kind else []
     options = parser.parse_args(arguments)
+    if options.threads < 1:
+        parser.error(f"--threads {options.threads}: use at least 1")
     return options, {name: getattr(options, name) for name in names}
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.envs.provenance import home_hash
 from chmarl_pb.envs.stage import Stage
+from chmarl_pb.files import replacing
 from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.homes.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
@@ -98,9 +99,8 @@ def _content(job: Job) -> str:
 def _draw(work: tuple[Job, Path]) -> None:
     job, file = work
     views = layout_views(job)
-    temporary = file.with_suffix(".tmp.npz")
-    np.savez(temporary, **vars(views))
-    temporary.replace(file)
+    with replacing(file) as temporary, temporary.open("wb") as out:
+        np.savez(out, **vars(views))
 
 
 def _read(files: list[Path]) -> Views:

@@ -16,6 +16,7 @@ from chmarl_pb import __version__
 from chmarl_pb.bench.figures import Row, chosen, measure
 from chmarl_pb.bench.playing import Effort
 from chmarl_pb.errors import OptionError
+from chmarl_pb.files import write_atomically
 
 
 def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, warm_up: int = Effort.warm_up) -> int:
@@ -76,7 +77,5 @@ def readable(value: float) -> str:
 
 
 def _write(rows: Sequence[Row], out: Path) -> None:
-    temporary = out.with_suffix(f".{os.getpid()}.tmp")
     content = {"version": __version__, "machine": _machine(), "figures": [asdict(row) for row in rows]}
-    temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(out)
+    write_atomically(out, json.dumps(content, indent=1) + "\n")

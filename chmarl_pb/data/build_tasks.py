@@ -5,7 +5,6 @@ on the number of processes that make them.
 """
 
 import csv
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cache, partial
@@ -17,6 +16,7 @@ from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.files import replacing
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
@@ -89,12 +89,10 @@ def _kind(task: Task) -> Kind:
 
 def write_tasks(path: Path, tasks: list[Task]) -> None:
     """Write a task file, whole or not at all."""
-    temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    with temporary.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(asdict(task) for task in tasks)
-    temporary.replace(path)
 
 
 def _solved(slots: list[Slot], workers: int) -> Iterator[tuple[int, Task]]:

@@ -16,6 +16,7 @@ from chmarl_pb.data.recipe import NAMESPACE, Recipe
 from chmarl_pb.data.record import Arrays, Recording, make_env
 from chmarl_pb.envs.provenance import versions
 from chmarl_pb.errors import DatasetError
+from chmarl_pb.files import replacing
 
 try:
     import h5py
@@ -50,12 +51,10 @@ def parts_folder(root: Path, recipe: Recipe) -> Path:
 
 def write_part(path: Path, recording: Recording) -> None:
     """Write one episode, whole or not at all."""
-    temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    with h5py.File(temporary, "w", libver=_LIBVER) as file:
+    with replacing(path) as temporary, h5py.File(temporary, "w", libver=_LIBVER) as file:
         group = file.create_group("episode")
         _write(group, recording.arrays)
         group.attrs.update(recording.metadata)
-    temporary.replace(path)
 
 
 def _write(group: "h5py.Group", arrays: Arrays) -> None:

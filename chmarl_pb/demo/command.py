@@ -7,7 +7,6 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from chmarl_pb.demo.files import open_folder
 from chmarl_pb.demo.film import Shot, storyboard
 from chmarl_pb.demo.frame import Image, compose
 from chmarl_pb.demo.page import write_page
@@ -18,6 +17,7 @@ from chmarl_pb.demo.table import print_table
 from chmarl_pb.demo.video import write_video
 from chmarl_pb.envs.episode_file import EpisodeFile
 from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.files import open_folder
 from chmarl_pb.tasks.splits import find_task
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from chmarl_pb.demo import wording
 from chmarl_pb.demo.canvas import ITEM, ROBOTS, TARGET, Colour
-from chmarl_pb.demo.files import replacing
 from chmarl_pb.demo.page_figures import curve, plan_overlay
 from chmarl_pb.demo.record import Moment, Recording
+from chmarl_pb.files import replacing
 from chmarl_pb.sensing.plan_view import draw_plan
 
 Image = NDArray[np.uint8]

@@ -7,7 +7,9 @@ import numpy as np
 
 from chmarl_pb.envs.episode_file import EpisodeFile, Replayed
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.provenance import home_hash
 from chmarl_pb.envs.rollout import Episode, make_policy, rollout
+from chmarl_pb.errors import ResultError
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.sensing.replay import Scene, scene_during, scene_of
@@ -121,10 +123,19 @@ def record(
 
 
 def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -> Recording:
-    """Play the actions of an episode file with driven motions and note every step; see :func:`record`."""
+    """Play the actions of an episode file with driven motions and note every step; see :func:`record`.
+
+    Raises:
+        ResultError: the episode was played in another home, or goes another way than the file says.
+    """
+    if home_hash(file.task.home) != file.home_sha256:
+        raise ResultError(f"the home {file.task.home} is not the one that the episode was played in; save it again")
     options = file.options | {"execution": "simulated"}
     env = HouseholdEnv(home=file.task.home, **options)
-    return _recorded(env, file.task, lambda: Replayed(file.actions, env), file.policy, on_step)
+    recording = _recorded(env, file.task, lambda: Replayed(file.actions, env), file.policy, on_step)
+    if (recording.steps, recording.success) != (len(file.actions), file.success):
+        raise ResultError("the episode goes another way than its file says; `chmarl-pb episode replay` says where")
+    return recording
 
 
 def _recorded(

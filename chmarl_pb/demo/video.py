@@ -7,8 +7,8 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.demo.files import replacing
 from chmarl_pb.demo.film import FRAME_RATE
+from chmarl_pb.files import replacing
 
 _QUALITY = "20"  # constant rate factor of libx264; 18 is hardly told from the original
 
@@ -24,8 +24,8 @@ def write_video(path: Path, frames: Iterable[tuple[NDArray[np.uint8], int]], siz
     with replacing(path) as temporary:
         writer = imageio_ffmpeg.write_frames(
             str(temporary), size, fps=FRAME_RATE, codec="libx264", pix_fmt_in="rgb24", pix_fmt_out="yuv420p",
-            macro_block_size=2, output_params=["-crf", _QUALITY, "-preset", "veryfast", "-movflags", "+faststart"],
-            ffmpeg_log_level="error",
+            macro_block_size=2, ffmpeg_log_level="error",
+            output_params=["-crf", _QUALITY, "-preset", "veryfast", "-movflags", "+faststart", "-f", "mp4"],
         )  # fmt: skip
         writer.send(None)
         try:

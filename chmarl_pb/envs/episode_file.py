@@ -1,7 +1,6 @@
 """Episode files: one played episode as a small JSON file that another machine can replay and check."""
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from chmarl_pb.envs.provenance import home_hash
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.envs.state_hash import state_hash
 from chmarl_pb.errors import ResultError
+from chmarl_pb.files import write_atomically
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.tasks.task import Task
 
@@ -140,25 +140,22 @@ def _first_difference(file: EpisodeFile, again: EpisodeFile, names: dict[str, tu
     return None
 
 
-def save_episode(file: EpisodeFile, path: Path) -> None:
+def save_episode(file: EpisodeFile, path: Path | str) -> None:
     """Write an episode file, one line for each part, whole or not at all."""
     parts = asdict(file)
     order = ("format", "library", *(name for name in parts if name not in ("format", "library")))
     lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(parts[name])}" for name in order)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
-    temporary.replace(path)
+    write_atomically(Path(path), f"{{\n{lines}\n}}\n")
 
 
-def load_episode(path: Path) -> EpisodeFile:
+def load_episode(path: Path | str) -> EpisodeFile:
     """Read an episode file.
 
     Raises:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        return _parse(json.loads(path.read_text(encoding="utf-8")))
+        return _parse(json.loads(Path(path).read_text(encoding="utf-8")))
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb episode save` writes episodes") from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -182,6 +179,8 @@ def _parse(data: dict[str, Any]) -> EpisodeFile:
         raise ValueError(f"{steps} actions, {len(file.rewards)} rewards and {len(file.states)} states do not fit")
     if any(len(numbers) != len(AGENTS) for numbers in file.actions):
         raise ValueError(f"an action is not {len(AGENTS)} numbers")
+    if not (file.seed is None or (isinstance(file.seed, int) and file.seed >= 0)):
+        raise ValueError(f"its seed {file.seed!r} is not a whole number from 0 on")
     if set(file.options) != set(_OPTIONS):
         raise ValueError(f"its options are {sorted(file.options)}, not {sorted(_OPTIONS)}")
     return file

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.planner.search import DroneSearch
@@ -56,7 +57,7 @@ class JointEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], Info]:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else checked_seed(seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
         return _joined(observations), _info(infos)
 
@@ -120,7 +121,7 @@ class HumanoidEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], Info]:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else checked_seed(seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
         self._drone.reset(seed)
         self._drone_action = self._drone.act(observations["drone"], infos["drone"])

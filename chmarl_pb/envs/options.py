@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from chmarl_pb.errors import OptionError
 from chmarl_pb.tasks.feedback import STYLES
 from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
@@ -65,6 +67,17 @@ class Options:
     def homes(self) -> tuple[str, ...]:
         """The homes that episodes are played in."""
         return SPLIT_HOMES[self.split] if self.home is None else (str(self.home),)
+
+
+def checked_seed(seed: int) -> int:
+    """Return a seed that random generators take.
+
+    Raises:
+        OptionError: it is not a whole number from 0 on.
+    """
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise OptionError(f"seed={seed!r} is not a whole number from 0 on")
+    return int(seed)
 
 
 def _one_of(name: str, value: object, known: tuple[object, ...]) -> None:

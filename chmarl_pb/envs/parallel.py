@@ -10,7 +10,7 @@ from pettingzoo import ParallelEnv
 
 from chmarl_pb.envs.advice import ADVISERS, Adviser
 from chmarl_pb.envs.observations import Observation, observation_space, observe
-from chmarl_pb.envs.options import MAX_STEPS, Options
+from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.task_source import TaskSource
@@ -122,10 +122,11 @@ class HouseholdEnv(ParallelEnv):
             options: ``{"task": Task or its id}`` plays that task.
 
         Raises:
+            OptionError: the seed is not a whole number from 0 on, or ``options`` is not a dict.
             TaskError: the task is unknown or cannot be set up.
         """
         if seed is not None:
-            self._rng = np.random.default_rng(seed)
+            self._rng = np.random.default_rng(checked_seed(seed))
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
@@ -204,6 +205,8 @@ class HouseholdEnv(ParallelEnv):
         self.agents = []
 
     def _choose_task(self, options: dict[str, Any]) -> Task:
+        if not isinstance(options, dict):
+            raise OptionError(f"reset(options={options!r}) is not a dict; give one, e.g. {{'task': 'test-unseen-007'}}")
         unknown = sorted(set(options) - {"task"})
         if unknown:  # a warning, not an error: PettingZoo's own API test passes an option of its making
             warnings.warn(f"reset(options=...) ignores {unknown}; it knows 'task'", stacklevel=3)

@@ -98,7 +98,12 @@ def rollout(env: HouseholdEnv, policy: Policy, seed: int | None = None, task: Ta
         policy: drives both robots.
         seed: of the environment's reset and of the policy.
         task: the task to play, or its id; drawn by the environment if None.
+
+    Raises:
+        OptionError: the environment is not one of this package's, or a view of it.
     """
+    if not isinstance(env, HouseholdEnv):
+        raise OptionError(f"rollout() plays in what parallel_env() makes, not in {type(env).__name__}")
     observations, infos = env.reset(seed=seed, options=None if task is None else {"task": task})
     policy.reset(seed)
     seen, told, actions, rewards = [observations], [infos], [], []

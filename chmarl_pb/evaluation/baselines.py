@@ -12,7 +12,8 @@ from chmarl_pb.evaluation.cooperation import VARIANTS, reference_json
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.policies import BUILT_IN
 from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.result import Report, write_atomically
+from chmarl_pb.evaluation.result import Report
+from chmarl_pb.files import write_atomically
 
 _CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
 

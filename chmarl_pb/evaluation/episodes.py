@@ -5,6 +5,7 @@ from pathlib import Path
 
 import chmarl_pb
 from chmarl_pb.envs.episode_file import load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.policies import find_policy
@@ -13,7 +14,7 @@ from chmarl_pb.tasks.splits import find_task
 
 def save(policy: str, task_id: str, observation: str, seed: int, out: Path) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
-    task, source = find_task(task_id), find_policy(policy)
+    task, source, seed = find_task(task_id), find_policy(policy), checked_seed(seed)
     env = HouseholdEnv(observation, home=task.home)
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)

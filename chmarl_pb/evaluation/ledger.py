@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.evaluation.metrics import Played
-from chmarl_pb.evaluation.result import episode_json, episode_of, write_atomically
+from chmarl_pb.evaluation.result import episode_json, episode_of
+from chmarl_pb.files import write_atomically
 
 
 class Ledger:

@@ -3,14 +3,14 @@
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.options import MAX_STEPS, Options
+from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
 from chmarl_pb.envs.provenance import home_hash, machine, source_hash, tasks_hash, versions
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
@@ -19,7 +19,7 @@ from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.policies import Factory, Source, find_policy
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
-from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.task import Task
 
 SEEDS = (0, 1, 2)
@@ -42,7 +42,7 @@ def evaluate(
     max_steps: int = MAX_STEPS,
     image_size: int = 128,
     tasks: Sequence[Task | str] | None = None,
-    out: Path | None = None,
+    out: Path | str | None = None,
     label: str | None = None,
     reuse: bool = False,
     progress: Progress = lambda finished, total: None,
@@ -70,8 +70,8 @@ def evaluate(
         plays: how episodes are played, e.g. several at once; None: each by itself, in ``workers`` processes.
 
     Raises:
-        OptionError: the policy or an option is unknown.
-        TaskError: a task is unknown or has no L*.
+        OptionError: the policy or an option is unknown, or ``out`` is a folder.
+        TaskError: a task is unknown, of another split, or has no L*.
     """
     options = Options(observation, split, None, messages, feedback, max_steps, image_size)
     source = find_policy(policy)
@@ -79,16 +79,19 @@ def evaluate(
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
     if workers < 1:
         raise OptionError(f"workers={workers}: use at least 1")
+    file = None if out is None else Path(out)
+    if file is not None and file.is_dir():
+        raise OptionError(f"{out} is a folder; name a file in it for the result")
     settings = _settings(source, options, chosen, seeds)
-    if out is not None and reuse and out.is_file() and (kept := load_result(out)).settings == settings:
+    if file is not None and reuse and file.is_file() and (kept := load_result(file)).settings == settings:
         return kept
-    ledger = None if out is None else Ledger(out, settings)
+    ledger = None if file is None else Ledger(file, settings)
     start = time.perf_counter()
     jobs = [(task, seed) for seed in seeds for task in chosen]
     episodes = _played(Setup(policy, options), jobs, plays or partial(play, workers=workers), ledger, progress)
     report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
-    if out is not None and ledger is not None:
-        report.save(out)
+    if file is not None and ledger is not None:
+        report.save(file)
         ledger.remove()
     return report
 
@@ -99,13 +102,19 @@ def _chosen(split: str, tasks: Sequence[Task | str] | None) -> list[Task]:
     chosen = [find_task(task) if isinstance(task, str) else task for task in tasks]
     if len(set(chosen)) < len(chosen) or not chosen:
         raise TaskError("tasks: name at least one task, and none twice")
+    for task in chosen:
+        if (own := task.id.rpartition("-")[0]) in SPLITS and own != split:
+            raise TaskError(f"task {task.id!r} is of the split {own!r}, not {split!r}; evaluate it there")
     return chosen
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:
-    if not seeds or len(set(seeds)) < len(seeds) or min(seeds) < 0:
-        raise OptionError(f"seeds={list(seeds)}: give one or more different whole numbers from 0 on")
-    return [int(seed) for seed in seeds]
+    if not isinstance(seeds, Iterable):
+        raise OptionError(f"seeds={seeds!r}: give several in a row, e.g. range({seeds!r})")
+    checked = [checked_seed(seed) for seed in seeds]
+    if not checked or len(set(checked)) < len(checked):
+        raise OptionError(f"seeds={checked}: give one or more different whole numbers from 0 on")
+    return checked
 
 
 def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | None, progress: Progress) -> list[Played]:

@@ -1,7 +1,6 @@
 """The result of an evaluation and its JSON file, which holds all that is needed to repeat it."""
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -11,6 +10,8 @@ from typing import Any
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
+from chmarl_pb.files import write_atomically
+from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.task import Task
 
 FORMAT = "chmarl-pb result 1"
@@ -81,22 +82,39 @@ class Report:
         write_atomically(path, f'{text},\n "episodes": [\n{rows}\n]}}\n')
 
 
-def load_result(path: Path) -> Report:
+def load_result(path: Path | str) -> Report:
     """Read a result; its metrics are computed anew from its episodes.
 
     Raises:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
-        episodes = tuple(episode_of(row) for row in data["episodes"])
-        return Report(data["settings"], data["run"], episodes)
+        report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
+        _check(report)
+        return report
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ResultError(f"{path}: not a whole result of an evaluation: {error!r}; evaluate again") from error
+
+
+def _check(report: Report) -> None:
+    """Raise an error if parts that reports show are missing or of another kind."""
+    for name in ("policy", "split", "observation", "seeds", "tasks", "tasks_sha256", "source_sha256"):
+        report.settings[name]
+    for name in ("messages", "feedback", "max_steps"):
+        report.settings["options"][name]
+    for name in ("command", "date", "seconds", "workers"):
+        report.run[name]
+    report.run["versions"].items()
+    report.run["machine"]["processor"]
+    if report.settings["split"] not in SPLITS:
+        raise ValueError(f"unknown split {report.settings['split']!r}")
+    if not report.episodes or report.summary.episodes != report.settings["tasks"] * len(report.settings["seeds"]):
+        raise ValueError(f"it holds {len(report.episodes)} episodes, not one for each task and seed")
 
 
 def episode_json(episode: Played) -> str:
@@ -108,14 +126,6 @@ def episode_of(row: dict[str, Any]) -> Played:
     """Return the episode of a row that ``episode_json`` wrote."""
     actions = tuple(tuple(pair) for pair in row["actions"])
     return replace(Played(**row), task=Task(**row["task"]), actions=actions)
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all; its folder is made if it is missing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
 
 
 def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:

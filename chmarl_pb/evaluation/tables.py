@@ -5,9 +5,12 @@ from html import escape
 
 import numpy as np
 
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.provenance import tasks_hash
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.evaluation.sample import evaluated_tasks
 
 _NONE = "-"
 
@@ -44,7 +47,8 @@ def _paper_row(table: PaperTable, row: Row, reports: Sequence[Report]) -> str:
 def _stands_beside(row: Row, report: Report) -> bool:
     settings = report.settings
     return (
-        label_of(report).casefold() == row.name.casefold()
+        not _limits(report)
+        and label_of(report).casefold() == row.name.casefold()
         and settings["observation"] == row.observation
         and bool(settings["options"]["feedback"]) == row.feedback
     )
@@ -116,9 +120,19 @@ def label_of(report: Report) -> str:
 
 
 def title_of(report: Report) -> str:
-    """Return a result's label and what was switched off."""
-    off = [name for name in ("messages", "feedback") if not report.settings["options"][name]]
-    return label_of(report) + (f" (no {', no '.join(off)})" if off else "")
+    """Return a result's label, what was switched off, and why it is no result of the whole benchmark."""
+    off = [f"no {name}" for name in ("messages", "feedback") if not report.settings["options"][name]]
+    notes = [*off, *_limits(report)]
+    return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
+
+
+def _limits(report: Report) -> list[str]:
+    """Return why a result cannot stand beside the paper's: it is of chosen tasks, or of another limit of steps."""
+    settings = report.settings
+    whole = settings["tasks_sha256"] == tasks_hash(evaluated_tasks(settings["split"]))
+    steps = settings["options"]["max_steps"]
+    limits = [] if whole else [f"{settings['tasks']} chosen tasks"]
+    return limits + ([] if steps == MAX_STEPS else [f"at most {steps} steps"])
 
 
 def _table(head: str, rows: Iterable[str]) -> str:

@@ -1,8 +1,6 @@
 """Build a home's URDF from its layout: floors, walls and furniture as links fixed to the root link ``home``."""
 
 import math
-import os
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from copy import deepcopy
@@ -13,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import yourdfpy
 
+from chmarl_pb.files import replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
 from chmarl_pb.homes.layout import Colour, Furniture, Layout, load_layout
 from chmarl_pb.homes.walls import Rect, Wall, pieces
@@ -190,13 +189,5 @@ def _write(path: Path, content: bytes) -> None:
     """Write a file whole or not at all; leave it alone where it is already so."""
     if path.is_file() and path.read_bytes() == content:
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)

@@ -13,6 +13,9 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.solids import Points, Solid, inside
 from chmarl_pb.homes.urdf import Link, read_links
 
+#: Metres that a home may measure from one end of its floors to the other: its lattice must fit into memory.
+WIDEST = 60
+
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
 
 
@@ -183,7 +186,11 @@ def _rooms(path: Path, things: list[Thing]) -> dict[str, Room]:
             raise HomeError(
                 f"{path}: link {thing.name!r}: room {thing.room!r} has no floor; add a link {thing.room}/floor_1"
             )
-    return {name: Room(name, tuple(polygons)) for name, polygons in floors.items()}
+    rooms = {name: Room(name, tuple(polygons)) for name, polygons in floors.items()}
+    width = float(np.ptp(np.concatenate([polygon for room in rooms.values() for polygon in room.floors]), axis=0).max())
+    if width > WIDEST:
+        raise HomeError(f"{path}: {width:,.0f} m wide, at most {WIDEST} m can be played; a URDF's unit is the metre")
+    return rooms
 
 
 def _area(polygon: Points) -> float:

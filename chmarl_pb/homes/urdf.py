@@ -33,6 +33,7 @@ _CYLINDER = np.array(
     [(np.cos(angle), np.sin(angle), z) for angle in np.linspace(0, 2 * np.pi, 25)[:-1] for z in (-0.5, 0.5)]
 )
 _OPTIONAL = {"xyz", "rpy", "scale"}
+_SIZES = {"size", "radius", "length"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +162,8 @@ def _check_shapes(path: Path, root: ElementTree.Element) -> None:
                 text = element.get(name)
                 if not (_are_numbers(text, count) if text is not None else name in _OPTIONAL):
                     raise HomeError(f"{label}: <{element.tag} {name}={text!r}> is not {count} finite numbers; mend it")
+                if name in _SIZES and not (_numbers(element, name) > 0).all():
+                    raise HomeError(f"{label}: <{element.tag} {name}={text!r}> is not above 0; mend it")
 
 
 def _are_numbers(text: str, count: int) -> bool:

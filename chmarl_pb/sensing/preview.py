@@ -13,7 +13,8 @@ import numpy.typing as npt
 import pybullet
 
 from chmarl_pb.catalog import class_of, room_of
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import HomeError, OptionError
+from chmarl_pb.homes.urdf import read_links
 
 Array = npt.NDArray[Any]
 
@@ -56,7 +57,11 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
 
     Raises:
         HomeError: the home cannot be loaded or the picture cannot be written.
+        OptionError: the picture's name does not end in .png.
     """
+    if Path(out_png).suffix.lower() != ".png":
+        raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
+    read_links(Path(urdf_path))  # says what PyBullet could not read
     with _loaded(Path(urdf_path)) as (client, home):
         low, high = _bounds(client, home)
         half = size[0] // 2

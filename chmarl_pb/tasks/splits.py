@@ -61,11 +61,13 @@ def read_tasks(path: Path) -> list[Task]:
     """
     if not path.is_file():
         raise TaskError(f"{path}: no such task file; `chmarl-pb tasks build` makes those of the benchmark")
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        if tuple(reader.fieldnames or ()) != FIELDS:
-            raise TaskError(f"{path}: its first line is not {','.join(FIELDS)}; restore the file")
-        return [_task(path, number, row) for number, row in enumerate(reader, start=2)]
+    try:
+        reader = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
+    except UnicodeDecodeError as error:
+        raise TaskError(f"{path}: not a text in UTF-8 ({error}); restore the file") from error
+    if tuple(reader.fieldnames or ()) != FIELDS:
+        raise TaskError(f"{path}: its first line is not {','.join(FIELDS)}; restore the file")
+    return [_task(path, number, row) for number, row in enumerate(reader, start=2)]
 
 
 def _task(path: Path, number: int, row: dict[str, str]) -> Task:

@@ -153,10 +153,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None]:
     """Return the settings that a command names, the folder of the run, and the number of processes."""
-    options = vars(_parser().parse_args(arguments))
+    parser = _parser()
+    options = vars(parser.parse_args(arguments))
     workers, out = options.pop("workers"), options.pop("out")
     observation, humanoid_only = options.pop("observation"), options.pop("humanoid_only")
-    options["env_id"] = options["env_id"] or _env_id(observation, humanoid_only)
+    if options["env_id"] and (observation or humanoid_only):
+        parser.error("--env names observation and robots already; leave out --observation and --humanoid-only")
+    options["env_id"] = options["env_id"] or _env_id(observation or "scene_graph", humanoid_only)
     return Config(**options), out or Path("out/sb3") / _name(options), workers
 
 
@@ -166,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
     switch = argparse.BooleanOptionalAction
     parser.add_argument("--algo", choices=tuple(ALGORITHMS), required=True)
     parser.add_argument("--env", choices=ENV_IDS, dest="env_id", help="or --observation, as the tables name it")
-    parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    parser.add_argument("--observation", choices=("scene_graph", "visual"), help="default: scene_graph")
     parser.add_argument("--humanoid-only", action="store_true", help="the drone follows the search policy")
     parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")

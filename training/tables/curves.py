@@ -1,6 +1,5 @@
 """Learning curves of the runs of a table, as a picture beside the page of results."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.files import replacing
 from training.tables.rows import Row
 from training.tables.runs import Record
 
@@ -64,10 +64,8 @@ def draw_curves(
             _draw(axes, table == "feedback", known, *panel)
         _add_legend(figure)
         path = folder / f"curves_{table.replace('-', '_')}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        figure.savefig(temporary, format="png", metadata={"Software": None})
-        temporary.replace(path)
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format="png", metadata={"Software": None})
     text = "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages."
     if any(panel[2] == "success" for panel in panels):
         text += f" Success in training is a running mean of {_WIDTH} points."

@@ -11,7 +11,7 @@ from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.evaluation.result import write_atomically
+from chmarl_pb.files import write_atomically
 from training.config import FROZEN
 from training.tables.curves import draw_curves
 from training.tables.rows import TABLES, Row

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.errors import ResultError
-from chmarl_pb.evaluation.result import write_atomically
+from chmarl_pb.files import write_atomically
 from training.tables.rows import Row
 
 FORMAT = "chmarl-pb table run 1"
