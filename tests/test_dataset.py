@@ -193,6 +193,11 @@ def test_verify_passes(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "2 of 3 episodes replayed" in capsys.readouterr().out
 
 
+def test_verify_knows_no_other_splits(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["dataset", "verify", "--out", str(root), "--split", "foo"]) == 2
+    assert "unknown split 'foo'" in capsys.readouterr().err
+
+
 def test_changed_byte_is_found(dataset: Dataset) -> None:
     content = bytearray(dataset.main.read_bytes())
     content[len(content) // 2] ^= 1

@@ -62,8 +62,11 @@ def run_verify(splits: Sequence[str], share: float, workers: int, root: Path | N
         root: folder of Minari data sets; Minari's own if None.
 
     Raises:
+        TaskError: there is no such split.
         DatasetError: there is none, or one is damaged or differs from its replay.
     """
+    for split in splits:
+        load_tasks(split)  # says so if there is no such split
     root = root or default_root()
     datasets = [dataset for dataset in find_datasets(root) if not splits or dataset.recipe["split"] in splits]
     if not datasets:
