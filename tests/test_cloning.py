@@ -132,3 +132,7 @@ def test_a_checkpoint_of_something_else_is_refused(data: Path, tmp_path: Path) -
     with pytest.raises((CheckpointError, KeyError)):
         load_policy(tmp_path / "best.pt")(env)
     env.close()
+    env = HouseholdEnv(observation="visual", image_size=64)
+    with pytest.raises(CheckpointError, match="pictures of 128 pixels, not 64"):
+        load_policy(tmp_path / "best.pt")(env)
+    env.close()

@@ -358,6 +358,44 @@ def test_damaged_result_is_named(tmp_path: Path, launch) -> None:
         read_records(run.results, TABLES)
 
 
+@pytest.mark.parametrize("missing", ["seed", "evaluation", "checkpoint", "curve", "test-unseen"])
+def test_result_that_lacks_something_is_named(tmp_path: Path, launch, missing: str) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    record.pop(missing, None)
+    record.get("evaluation", {}).get("splits", {}).pop(missing, None)
+    run.result.write_text(json.dumps(record))
+    with pytest.raises(ResultError, match=r"qmix-seed0\.json"):
+        write_page(run.results, tmp_path / "results.md")
+
+
+def test_damaged_scores_and_states_are_named(tmp_path: Path, launch) -> None:
+    run, other = run_of(tmp_path), run_of(tmp_path, "IQL")
+    work([run], launch)
+    (run.folder / "scores.json").write_text("{}")
+    with pytest.raises(ResultError, match=r"scores\.json"):
+        run.finish("score")
+    other.folder.mkdir(parents=True)
+    (other.folder / "state.json").write_text('{"seconds": 3')
+    with pytest.raises(ResultError, match=r"state\.json: damaged"):
+        work([other], launch)
+
+
+def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    record["checkpoint"]["begun_with"] = {"config": {"episodes": 3}}
+    for metric, low in (("plw", 0.125), ("success_rate", 0.375)):
+        record["evaluation"]["splits"]["test-unseen"]["summary"][metric] |= {"low": low, "high": 0.625}
+    run.result.write_text(json.dumps(record))
+    write_page(run.results, tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    assert "3 + 4 episodes" in text
+    assert "PLW **25.0** (12 to 62), success **50.0** (38 to 62)" in text
+
+
 def change(run: Run, plw: float) -> None:
     record = json.loads(run.result.read_text())
     for split in SPLITS:

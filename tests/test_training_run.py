@@ -9,21 +9,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 
 torch = pytest.importorskip("torch")
 
 from tests.small_runs import CONFIGS, SMALL, TEACHER  # noqa: E402
 from tests.uneven_env import UnevenEnv  # noqa: E402
 from training import train  # noqa: E402
+from training.bc.clones import CloningConfig  # noqa: E402
 from training.checkpoint import FORMAT, CheckpointError, load, save  # noqa: E402
 from training.collect import Collector, epsilon_greedy  # noqa: E402
-from training.config import ALGORITHMS  # noqa: E402
+from training.config import ALGORITHMS, ImitationConfig, MappoConfig  # noqa: E402
+from training.encoders.parts import FlatEncoder  # noqa: E402
 from training.games import MATRIX_GAMES, MatrixGame  # noqa: E402
+from training.held import held  # noqa: E402
 from training.learner import Learner  # noqa: E402
 from training.logbook import read_metrics  # noqa: E402
 from training.loop import BEST, LAST, Run  # noqa: E402
 from training.replay import Replay  # noqa: E402
-from training.spaces import interface_of  # noqa: E402
+from training.spaces import interface_of, spaces_of  # noqa: E402
 from training.validation import by_tasks  # noqa: E402
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -133,8 +137,45 @@ def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, m
 @pytest.mark.parametrize("change", [{"envs": 0}, {"episodes": -5}, {"seed": -1}, {"validation_interval": 0}])
 def test_settings_that_cannot_be_are_refused(change: dict[str, int]) -> None:
     (name,) = change
-    with pytest.raises(ValueError, match=f"{name}=.*must be at least"):
+    with pytest.raises(ValueError, match=f"{name}=.*must be"):
         replace(SMALL, **change)
+
+
+def test_zeros_are_settings_and_shares_have_bounds() -> None:
+    replace(SMALL, epsilon_end=0)
+    MappoConfig(entropy=0)
+    ImitationConfig(teacher_share=0)
+    for name, value in (("gamma", 5.0), ("learning_rate", float("nan")), ("gradient_clip", float("inf"))):
+        with pytest.raises(ValueError, match=name):
+            replace(SMALL, **{name: value})
+    with pytest.raises(ValueError, match="batch_size=0"):
+        CloningConfig(batch_size=0)
+
+
+def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:
+    with held(tmp_path), pytest.raises(CheckpointError, match="another process trains here"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert not (tmp_path / LAST).exists()
+    train(UnevenEnv, "vdn", SMALL, tmp_path)
+
+
+def test_an_endless_episode_is_cut_with_a_word() -> None:
+    with pytest.raises(ValueError, match="horizon=5"):
+        train(partial(UnevenEnv, 10**9), "vdn", SMALL)
+
+
+@pytest.mark.parametrize("name", ["agent.0", "values", "type"])
+def test_names_that_torch_keeps_for_itself_are_refused(name: str) -> None:
+    env = UnevenEnv()
+    env.possible_agents = [name]
+    env.action_space = env.observation_space = lambda agent: Discrete(2)  # type: ignore[method-assign, assignment]
+    with pytest.raises(ValueError, match=f"named '{name}'"):
+        spaces_of(env)
+
+
+def test_a_discrete_observation_may_start_anywhere() -> None:
+    encoder = FlatEncoder(Discrete(3, start=5))
+    assert encoder(torch.tensor([5, 7, 0])).tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]  # 0: the agent is gone
 
 
 def test_text_is_no_checkpoint(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from training.config import Config  # noqa: E402
 from training.games import TwoStepGame  # noqa: E402
 from training.losses import Batch, Unrolled, best_legal, mean_square, qtran_loss, td_loss  # noqa: E402
 from training.mixers import Independent, QMixer, QtranNetworks, Sum, make_mixer  # noqa: E402
-from training.spaces import interface_of  # noqa: E402
+from training.spaces import Interface, interface_of  # noqa: E402
 from training.theory import additive_fit, monotonic_fit  # noqa: E402
 
 NUMBERS = st.floats(-20, 20, width=32)
@@ -112,6 +112,32 @@ def test_padding_and_absent_agents_do_not_count() -> None:
     assert float(loss) == pytest.approx((2 - (2.0 + 0.5 * 4)) ** 2)
     alone = td_loss(values(), values(), Sum(), Sum(), batch_of(True, [[True, False], [True, False]]), gamma=0.0)["loss"]
     assert float(alone) == pytest.approx(((1 - 1) ** 2 + (3 - 2) ** 2) / 2)
+
+
+def test_an_agent_that_is_cut_off_before_the_others_has_no_next_value() -> None:
+    cut = batch_of(False, [[True, True], [True, False]])
+    loss = td_loss(values(), values(), Sum(), Sum(), cut, gamma=0.5)["loss"]
+    first, last = 2 - (2 + 0.5 * 3), 3 - (2 + 0.5 * 5)  # b is not there in the second step
+    assert float(loss) == pytest.approx((first**2 + last**2) / 2)
+
+
+@pytest.mark.parametrize("algorithm", ["vdn", "qmix", "qtran"])
+@pytest.mark.parametrize("cut", [True, False])
+def test_what_a_gone_agent_would_do_changes_nothing(algorithm: str, cut: bool) -> None:
+    batch = batch_of(True, [[True, True], [True, False]])
+    if not cut:
+        batch.terminated[:, 0, 1] = True
+    torch.manual_seed(0)
+    mixer = make_mixer(algorithm, Interface({}, {"a": 2, "b": 2}, 1, True), Config(hidden=3))
+    histories = {name: torch.randn(1, 3, 3) for name in "ab"}
+
+    def loss_with(b_when_gone: list[float]) -> float:
+        seen = values().values | {"b": torch.tensor([[VALUES["b"][0], b_when_gone, b_when_gone]])}
+        unrolled = Unrolled(seen, histories)
+        find = qtran_loss if isinstance(mixer, QtranNetworks) else td_loss
+        return float(find(unrolled, unrolled, mixer, mixer, batch, 0.9)["loss"].detach())
+
+    assert loss_with([0.0, 1.0]) == pytest.approx(loss_with([50.0, -9.0]))
 
 
 def test_wrong_shapes_are_refused() -> None:

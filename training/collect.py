@@ -65,8 +65,22 @@ class Collector:
         steps: joint steps that were played.
     """
 
-    def __init__(self, env_fn: Callable[[], Any], count: int, teacher: Callable[[Any], Teacher] | None = None):
-        """Make the environments, and a teacher for each of them, if wanted."""
+    def __init__(
+        self,
+        env_fn: Callable[[], Any],
+        count: int,
+        teacher: Callable[[Any], Teacher] | None = None,
+        horizon: int | None = None,
+    ):
+        """Make the environments.
+
+        Args:
+            env_fn: makes one.
+            count: how many.
+            teacher: makes a teacher in each of them, if wanted.
+            horizon: most steps of an episode; None: any number.
+        """
+        self._horizon = horizon
         self.envs = [env_fn() for _ in range(count)]
         self._teachers = [teacher(env) for env in self.envs] if teacher else []
         self.interface: Interface = interface_of(self.envs[0])
@@ -90,6 +104,9 @@ class Collector:
             seeds: of the resets, one for each episode, at most as many as there are environments.
             options: of the resets.
             taught: whether the teachers, if there are any, say what they would do.
+
+        Raises:
+            ValueError: an episode goes on after ``horizon`` steps.
         """
         envs = self.envs[: len(seeds)]
         starts = reset_all(envs, seeds, options or [None] * len(seeds))
@@ -106,6 +123,8 @@ class Collector:
             steps = step_all([envs[number] for number in running], [actions[number] for number in running])
             for number, step in zip(running, steps, strict=True):
                 advance(self.interface, episodes[number], envs[number], actions[number], step)
+                if len(episodes[number]) == self._horizon and envs[number].agents:
+                    raise ValueError(f"an episode goes on after horizon={self._horizon} steps; give a longer horizon")
             self.steps += len(running)
         return episodes
 

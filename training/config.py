@@ -1,12 +1,34 @@
 """The settings of a training run: what all algorithms share, and what each family adds."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+from typing import Any
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 
-_FROM_ZERO = ("seed", "critic_starts", "learning_starts", "updates")  # whole numbers that may be 0
-
 ALGORITHMS = ("iql", "vdn", "qmix", "qtran")
+
+_FROM_ZERO = ("seed", "critic_starts", "learning_starts", "updates")  # whole numbers that may be 0
+_SHARES = (
+    "gamma", "gae_lambda", "epsilon_start", "epsilon_end", "exploration_fraction", "teacher_share", "dropout", "noise",
+)  # fmt: skip
+
+
+def check(settings: Any) -> None:
+    """Refuse settings, a dataclass, that nothing can be made of.
+
+    Raises:
+        ValueError: a number of things is less than 1, a share not from 0 to 1, another number negative or infinite.
+    """
+    for field in fields(settings):
+        value, kind = getattr(settings, field.name), type(field.default)
+        if kind not in (int, float):
+            continue
+        least = 1 if kind is int and field.name not in _FROM_ZERO else 0
+        most = 1 if field.name in _SHARES else math.inf
+        if not least <= value <= most or value == math.inf or (kind is int and value != int(value)):
+            bounds = f"from {least} to {most}" if most == 1 else f"at least {least}"
+            raise ValueError(f"{field.name}={value}: must be {bounds}")
 
 
 @dataclass(frozen=True)
@@ -54,15 +76,8 @@ class RunConfig:
     log_interval: int = 200
 
     def __post_init__(self) -> None:
-        """Refuse numbers that nothing can be made of.
-
-        Raises:
-            ValueError: a number of things is less than 1, or a rate or the seed negative.
-        """
-        for name, value in vars(self).items():
-            least = 1 if isinstance(value, int) and name not in _FROM_ZERO else 0
-            if isinstance(value, int | float) and value < least:
-                raise ValueError(f"{name}={value}: must be at least {least}")
+        """Refuse numbers that nothing can be made of; see :func:`check`."""
+        check(self)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from chmarl_pb.files import write_atomically
+
 
 class Logbook:
     """Writes ``metrics.jsonl`` and TensorBoard events into a run's folder; without a folder it only shows progress."""
@@ -26,9 +28,8 @@ class Logbook:
         self._board = None if folder is None else _tensorboard(folder)
         self.rows = rows
         if self._path is not None:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
             kept = self._path.read_text().splitlines(keepends=True)[:rows] if self._path.exists() and rows else []
-            self._path.write_text("".join(kept))
+            write_atomically(self._path, "".join(kept))
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
         self._task = self._progress.add_task(unit, total=total)

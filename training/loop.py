@@ -4,6 +4,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from training.algorithms import Learning, make_learner
 from training.checkpoint import CheckpointError, load, save
 from training.collect import Collector, Teacher
 from training.config import CONFIGS, RunConfig
+from training.held import held
 from training.logbook import Logbook
 from training.replay import Episode, Replay
 from training.validation import Validate, by_return
@@ -66,26 +68,20 @@ def train(
 
     Raises:
         ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.
-        CheckpointError: the folder's checkpoint is damaged or of other settings.
+        CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     if algorithm == "imitation" and teacher is None:
         raise ValueError("imitation needs a teacher")
     config = config or CONFIGS.get(algorithm, RunConfig)()
-    collector = Collector(env_fn, config.envs, teacher)
-    try:
+    with held(folder), closing(Collector(env_fn, config.envs, teacher, config.horizon)) as collector:
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
         last = None if folder is None else folder / LAST
         if last is not None and last.exists():
             run.restore(load(last, "run"), last)
-        logbook = Logbook(folder, config.episodes, run.rows, quiet)
-        try:
+        with closing(Logbook(folder, config.episodes, run.rows, quiet)) as logbook:
             while run.episodes < config.episodes:
                 run.advance(logbook)
-        finally:
-            logbook.close()
         return Result(run.learner, run.learner.agents, run.best_score)
-    finally:
-        collector.close()
 
 
 class Run:

@@ -43,6 +43,15 @@ class Batch:
         """(B, T, N) bool: whether the next observation's value counts for the agent."""
         return self.acted & ~self.terminated
 
+    @property
+    def counts_next(self) -> Tensor:
+        """(B, T, N) bool: whose next values make up the team's next value.
+
+        Of those who act in the next step; after an episode's last, of those who were cut off in it.
+        """
+        follows = nn.functional.pad(self.acted[:, 1:], (0, 0, 0, 1))
+        return torch.where(follows.any(dim=-1, keepdim=True), follows, self.goes_on)
+
     def rows(self, rows: Tensor) -> "Batch":
         """Return some of the episodes, by their numbers."""
 
@@ -59,7 +68,7 @@ class Batch:
         """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""
         acting = self.acted.sum(dim=-1, keepdim=True)
         reward = (self.rewards * self.acted).sum(dim=-1, keepdim=True) / acting.clamp(min=1)
-        return reward, self.goes_on.any(dim=-1, keepdim=True), acting > 0
+        return reward, self.counts_next.any(dim=-1, keepdim=True), acting > 0
 
 
 @dataclass(frozen=True)
@@ -113,10 +122,11 @@ def td_loss(
     best = {name: action[:, 1:] for name, action in greedy(online.values, batch).items()}
     taken = chosen(_before(online.values), batch.actions) * batch.acted
     q = mixer(taken, batch.states[:, :-1])
+    alone = q.shape[-1] > 1
     with torch.no_grad():
-        q_next = target_mixer(chosen(_after(target.values), best) * batch.goes_on, batch.states[:, 1:])
-        own = batch.rewards, batch.goes_on, batch.acted
-        reward, goes_on, counts = own if q.shape[-1] > 1 else batch.team()
+        counts_next = batch.goes_on if alone else batch.counts_next
+        q_next = target_mixer(chosen(_after(target.values), best) * counts_next, batch.states[:, 1:])
+        reward, goes_on, counts = (batch.rewards, batch.goes_on, batch.acted) if alone else batch.team()
         y = reward + gamma * goes_on * q_next
     return {"loss": mean_square(q - y, counts), "q": _mean(q.detach(), counts)}
 
@@ -141,6 +151,8 @@ def qtran_loss(
         L_td   = (Q_jt(tau, u) - y)^2,  y = r + gamma Q_jt^-(tau', u'*)
         L_opt  = (Q'(tau, u*) - Q_jt(tau, u*) + V_jt(tau))^2               with Q_jt held fixed
         L_nopt = min(Q'(tau, u) - Q_jt(tau, u) + V_jt(tau), 0)^2           with Q_jt held fixed
+
+    An agent that does not act has no action (zeros instead of a one-hot) in Q_jt, and none of its values in Q'.
     """
     reward, goes_on, counts = batch.team()
     best = greedy(online.values, batch)
@@ -148,12 +160,12 @@ def qtran_loss(
     best_next = {name: action[:, 1:] for name, action in best.items()}
     histories, state = _listed(online.histories, slice(None, -1)), batch.states[:, :-1]
 
-    q_joint = networks.q_joint(histories, _one_hot(online, batch.actions), state)
+    q_joint = networks.q_joint(histories, _one_hot(online, batch.actions, batch.acted), state)
     with torch.no_grad():
         after = _listed(target.histories, slice(1, None))
-        q_next = target_networks.q_joint(after, _one_hot(online, best_next), batch.states[:, 1:])
+        q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.counts_next), batch.states[:, 1:])
         y = reward + gamma * goes_on * q_next
-        q_joint_best = networks.q_joint(histories, _one_hot(online, best_now), state)
+        q_joint_best = networks.q_joint(histories, _one_hot(online, best_now, batch.acted), state)
     v_joint = networks.v_joint(histories, state)
 
     now = _before(online.values)
@@ -189,5 +201,8 @@ def _listed(histories: dict[str, Tensor], steps: slice) -> list[Tensor]:
     return [history[:, steps] for history in histories.values()]
 
 
-def _one_hot(unrolled: Unrolled, actions: dict[str, Tensor]) -> list[Tensor]:
-    return [nn.functional.one_hot(actions[name], value.shape[-1]).float() for name, value in unrolled.values.items()]
+def _one_hot(unrolled: Unrolled, actions: dict[str, Tensor], acts: Tensor) -> list[Tensor]:
+    """Return each agent's actions (B, T, A) as one-hot; zeros where it does not act, as ``acts`` (B, T, N) says."""
+    sizes = [value.shape[-1] for value in unrolled.values.values()]
+    rows = zip(actions.values(), sizes, acts.unbind(dim=-1), strict=True)
+    return [nn.functional.one_hot(action, size) * acting.unsqueeze(-1).float() for action, size, acting in rows]

@@ -7,6 +7,7 @@ unseen tests nor any layout of a validation or test task of homes 1 to 5 is used
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Iterator
 from copy import deepcopy
@@ -18,7 +19,8 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
-from chmarl_pb.files import replacing, write_atomically
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.files import open_folder, replacing, write_atomically
 from training import checkpoint
 from training.encoders.detector import Detector
 from training.encoders.frozen import FrozenEncoder, weights_file
@@ -112,8 +114,8 @@ def _restore(kept: Path, facts: dict[str, Any], parts: dict[str, Any]) -> int:
     return int(content["epoch"])
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the command."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m training.pretrain", description="Train a frozen encoder on views of the homes of training."
     )
@@ -125,16 +127,30 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="file of the weights; default: where they are looked for")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     chosen = parser.parse_args(arguments)
-    pupil, out = NETWORKS[chosen.network], chosen.out or weights_file(chosen.network)
-    count, epochs = chosen.views or pupil.views, chosen.epochs or pupil.epochs
-    out.parent.mkdir(parents=True, exist_ok=True)
+    pupil = NETWORKS[chosen.network]
+    chosen.views = pupil.views if chosen.views is None else chosen.views
+    chosen.epochs = pupil.epochs if chosen.epochs is None else chosen.epochs
+    for name, least in (("views", pupil.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
+        if (value := getattr(chosen, name)) < least:
+            parser.error(f"--{name} {value}: use at least {least}")
+    try:
+        _make(chosen)
+    except (ChmarlError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _make(chosen: argparse.Namespace) -> None:
+    """Draw the views, learn from them, and print the figures."""
+    out = chosen.out or weights_file(chosen.network)
+    folder = open_folder(out.parent) / "labelled_views"
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()
     with Progress(*columns) as bar:
-        folder = out.parent / "labelled_views"
-        views = _drawn(bar, "train", count, chosen.seed, folder, chosen.workers)
-        checked = _drawn(bar, "val-unseen", min(CHECKED, count), chosen.seed, folder, chosen.workers)
-        figures = pretrain(chosen.network, out, views, checked, epochs, chosen.seed, bar)
+        views = _drawn(bar, "train", chosen.views, chosen.seed, folder, chosen.workers)
+        checked = _drawn(bar, "val-unseen", min(CHECKED, chosen.views), chosen.seed, folder, chosen.workers)
+        figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar)
     figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
     text = json.dumps(figures, indent=2)
     if chosen.figures:
@@ -150,4 +166,4 @@ def _drawn(bar: Progress, split: str, count: int, seed: int, folder: Path, worke
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

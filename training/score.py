@@ -48,14 +48,13 @@ def score(
     """
     if checkpoint.suffix not in LOADERS:
         raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
-    stamp, learners = folder / STAMP, source_hash(training)
-    reuse = stamp.is_file() and stamp.read_text(encoding="utf-8") == learners
-    write_atomically(stamp, learners)
+    learners = source_hash(training)
+    _forget_other_code(folder, learners)
     register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
-            out=folder / f"{split}.json", reuse=reuse, progress=partial(_show, split), plays=play_side_by_side,
+            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split), plays=play_side_by_side,
         )
         for split in splits
     }  # fmt: skip
@@ -63,6 +62,16 @@ def score(
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
     write_atomically(folder / SCORES, json.dumps(kept))
     return kept
+
+
+def _forget_other_code(folder: Path, learners: str) -> None:
+    """Remove what was played with other code of the learners, also episodes of an interrupted evaluation."""
+    stamp = folder / STAMP
+    if not stamp.is_file() or stamp.read_text(encoding="utf-8") != learners:
+        for split in SPLITS:
+            for name in (f"{split}.json", f"{split}.json.partial"):
+                (folder / name).unlink(missing_ok=True)
+        write_atomically(stamp, learners)
 
 
 def _facts(checkpoint: Path) -> dict[str, Any]:
@@ -73,14 +82,22 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
         config = asdict(read_model(checkpoint)[0])
         return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}
     content = load(checkpoint)
-    setting = content.get("setting", {})
+    setting, start = content.get("setting", {}), Path(content["config"].get("start") or ".")
     return {
         "kind": content["kind"],
         "config": content["config"],
         "validation": content.get("validation") or content.get("figures"),
         "episodes": content.get("episodes"),
         FROZEN: content.get(FROZEN) or setting.get(FROZEN) or "",
+        **({"begun_with": first_step(start)} if start.is_file() else {}),
     }
+
+
+def first_step(checkpoint: Path) -> dict[str, Any]:
+    """Return what is kept of the learner whose weights another one began with."""
+    content = load(checkpoint, "value")
+    kept = {key: content.get(key) for key in ("algorithm", "config", "episodes", "validation")}
+    return {"sha256": file_hash(checkpoint), **kept}
 
 
 def _kept(reports: dict[str, Report]) -> dict[str, Any]:
@@ -130,7 +147,7 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)  # these networks are too small for more
     try:
         score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
-    except ChmarlError as error:
+    except (ChmarlError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0

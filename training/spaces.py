@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
+from torch import nn
 
 Tree = Any  # an array or tensor, or a dict of them, as the space says
 
@@ -58,9 +59,13 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space], dict[str, int]]:
     """Return agent -> observation space, and agent -> number of actions.
 
     Raises:
-        ValueError: an action space is not Discrete, or an observation space is neither Box, Discrete nor Dict of them.
+        ValueError: an action space is not Discrete, an observation space neither Box, Discrete nor Dict of them, or an
+            agent has a name that torch keeps for itself.
     """
     names = list(env.possible_agents)
+    for name in names:
+        if "." in name or hasattr(nn.ModuleDict(), name):
+            raise ValueError(f"an agent named {name!r} cannot have a network of its own in torch; give it another name")
     actions = {name: env.action_space(name) for name in names}
     for name, space in actions.items():
         if not isinstance(space, spaces.Discrete) or space.start != 0:

@@ -28,6 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     cut = given.index("--") if "--" in given else len(given)
     parser = _parser()
     chosen, extra = parser.parse_args(given[:cut]), tuple(given[cut + 1 :])
+    for flag in ("jobs", "seeds"):
+        if (value := getattr(chosen, flag)) is not None and value < 1:
+            parser.error(f"--{flag} {value}: use at least 1")
     if extra and chosen.results == RESULTS:
         parser.error("options after -- make other results: name another folder for them by --results")
     page = PAGE if chosen.results == RESULTS else chosen.results / PAGE.name
@@ -39,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted: the same command goes on", file=sys.stderr)
         return 130
-    except ChmarlError as error:
+    except (ChmarlError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(page)

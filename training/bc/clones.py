@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.planner.policy import Actions, Infos, Observations
 from training.agents import NO_ACTION
+from training.config import check
 from training.encoders import build_encoder
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.features import feature_space, with_features
@@ -59,6 +60,10 @@ class CloningConfig:
     temperature: float = 0.0
     validation_interval: int = 2
     validation_tasks: int = 50
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be made of; see :func:`training.config.check`."""
+        check(self)
 
     @property
     def left_out(self) -> tuple[str, ...]:

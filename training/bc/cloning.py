@@ -5,6 +5,7 @@ messages, and centralized (one network sees and drives both robots). All are rec
 """
 
 import time
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,12 +25,15 @@ from training.bc.clones import KIND, ClonedPolicy, CloningConfig, make_minds
 from training.bc.demonstrations import Batch, Demonstrations, read_demonstrations
 from training.config import FROZEN
 from training.encoders.frozen import frozen_encoder, trained_with
+from training.held import held
 from training.logbook import Logbook
+from training.policy import check_size
 from training.validation import spread_tasks
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
 VALIDATION = ("val-seen", "val-unseen")
+IMAGE_SIZE = 128  # pixels of the pictures in data sets
 
 
 def clone(config: CloningConfig, folder: Path, data: Path | None = None, quiet: bool = True) -> dict[str, Any]:
@@ -48,20 +52,15 @@ def clone(config: CloningConfig, folder: Path, data: Path | None = None, quiet: 
 
     Raises:
         DatasetError: the data set is missing or damaged.
-        CheckpointError: ``last.pt`` is damaged or of other settings.
+        CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
     """
     recipe = Recipe(observation=config.observation, noise=config.noise)
     run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder)
-    try:
+    with held(folder), closing(run.examiner):
         run.restore()
-        logbook = Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")
-        try:
+        with closing(Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logbook:
             while run.epoch < config.epochs:
                 run.next_epoch(logbook)
-        finally:
-            logbook.close()
-    finally:
-        run.examiner.close()
     return run.best
 
 
@@ -215,6 +214,7 @@ class ClonedPolicies:
             CheckpointError: the checkpoint was trained with other observations.
         """
         content = checkpoint.load(self.path, KIND)
+        check_size(env, {"image_size": IMAGE_SIZE}, self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         if self.config.uses_features:
             trained_with(self.config.image_encoder, content[FROZEN], self.path)

@@ -45,13 +45,15 @@ class FlatEncoder(Part):
         super().__init__()
         self.shape = space.shape or ()
         self.count = int(space.n) if isinstance(space, spaces.Discrete) else None
+        self.start = int(space.start) if isinstance(space, spaces.Discrete) else 0
         self.size = self.count or math.prod(self.shape)
 
     def forward(self, values: Tensor) -> Tensor:
         """Return (B, size)."""
         flat = flattened(values, self.shape)
         if self.count is not None:
-            return nn.functional.one_hot(flat.long(), self.count).float()
+            counted = flat.long() - self.start
+            return nn.functional.one_hot(counted.clamp(min=0), self.count).float() * (counted >= 0).unsqueeze(-1)
         return flat.flatten(start_dim=1).float() if self.shape else flat.unsqueeze(1).float()
 
 

@@ -5,6 +5,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
@@ -21,8 +22,10 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeIma
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ChmarlError
+from chmarl_pb.files import write_atomically
 from training.encoders import GRAPH_POOLS
 from training.encoders.frozen import ENCODERS, frozen_encoder
+from training.held import held
 from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import FeatureVecEnv
 from training.sb3.policy import save_model
@@ -46,21 +49,18 @@ def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = 
         The model with the last weights.
 
     Raises:
-        CheckpointError: the folder's checkpoint is damaged or of other settings.
+        CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     tasks = validation_tasks(config.tasks)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
-    env = _wrapped(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options), config)
-    try:
+    with ExitStack() as stack:
+        stack.enter_context(held(folder))
+        env = _wrapped(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options), config)
+        stack.callback(env.close)
         validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
+        stack.callback(validation_env.close)
         validation = Validation(validation_env, len(tasks), config.sampled, folder, _Best(config, folder))
-        try:
-            return _learn(config, folder, env, validation, quiet)
-        finally:
-            validation_env.close()
-    finally:
-        env.close()
+        return _learn(config, folder, env, validation, quiet)
 
 
 def _wrapped(env: VecEnv, config: Config) -> VecEnv:
@@ -91,7 +91,7 @@ def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, qu
         "config": asdict(config), "splits": SPLITS, "best": best, "validations": rows, "steps": model.num_timesteps,
         "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
     }  # fmt: skip
-    (folder / RESULT).write_text(json.dumps(result, indent=1) + "\n")
+    write_atomically(folder / RESULT, json.dumps(result, indent=1) + "\n")
     return model
 
 
@@ -135,12 +135,12 @@ class _Bar(BaseCallback):
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     torch.set_num_threads(1)  # these networks are too small for more
-    config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
     try:
+        config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
         if config.observation == "visual" and config.image_encoder in ENCODERS:
             config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
         run(config, folder, workers, quiet=False)
-    except ChmarlError as error:
+    except (ChmarlError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     best = json.loads((folder / RESULT).read_text())["best"]

@@ -10,6 +10,7 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from training.config import check
 from training.sb3.features import HouseholdFeatures
 
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
@@ -93,6 +94,10 @@ class Config:
     interval: int = 25_000
     tasks: int = 50
     max_steps: int = 28
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be made of; see :func:`training.config.check`."""
+        check(self)
 
     @property
     def alone(self) -> bool:

@@ -16,6 +16,7 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecTransposeImage
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.files import replacing
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, fill
@@ -31,11 +32,11 @@ _SETTINGS = "chmarl_pb.json"  # member of the zip
 
 def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
     """Write a model, whole or not at all, so that SB3 and :func:`load_policy` can read it."""
-    temporary = path.with_name(f"{path.stem}.unfinished.zip")
-    model.save(temporary)
-    with zipfile.ZipFile(temporary, "a") as archive:
-        archive.writestr(_SETTINGS, json.dumps(asdict(config)))
-    temporary.replace(path)
+    with replacing(path) as temporary:
+        with temporary.open("wb") as file:
+            model.save(file)
+        with zipfile.ZipFile(temporary, "a") as archive:
+            archive.writestr(_SETTINGS, json.dumps(asdict(config)))
 
 
 def load_policy(path: Path) -> "Sb3Policies":

@@ -11,6 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 
+from chmarl_pb.files import write_atomically
 from training.checkpoint import CheckpointError, load, save
 
 KIND = "sb3"
@@ -138,9 +139,8 @@ class Log(KVWriter):
         """Open the log of a run that goes on from a number of steps."""
         self._path = folder / "metrics.jsonl"
         lines = self._path.read_text().splitlines(keepends=True) if self._path.exists() else []
-        self._path.write_text(
-            "".join(line for line in lines if line.endswith("\n") and json.loads(line)["steps"] <= steps)
-        )
+        kept = (line for line in lines if line.endswith("\n") and json.loads(line)["steps"] <= steps)
+        write_atomically(self._path, "".join(kept))
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
         """Append a row."""

@@ -66,19 +66,29 @@ def draw_curves(
         path = folder / f"curves_{table.replace('-', '_')}.png"
         with replacing(path) as temporary:
             figure.savefig(temporary, format="png", metadata={"Software": None})
-    text = "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages."
+    text = (
+        "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages. The curve "
+        "of a learner that began as another (ours: imitation) starts after the other's episodes."
+    )
     if any(panel[2] == "success" for panel in panels):
         text += f" Success in training is a running mean of {_WIDTH} points."
     return [f"![Learning curves]({path.name})", text]
 
 
 def _curves(same: Sequence[Record], unit: str, name: str) -> list[NDArray[np.float64]]:
-    """Return the curve of each run, (points, 2), as far as they have one."""
+    """Return the curve of each run, (points, 2), as far as they have one.
+
+    That of a learner which began with another's weights starts after the other's budget.
+    """
     return [
-        np.array(record["curve"][name], dtype=float)
+        np.array(record["curve"][name], dtype=float) + np.array([_before(record, unit), 0])
         for record in same
         if record["curve"]["unit"] == unit and record["curve"][name]
     ]
+
+
+def _before(record: Record, unit: str) -> int:
+    return int(record["checkpoint"].get("begun_with", {}).get("config", {}).get(unit, 0))
 
 
 def _add_legend(figure: "Figure") -> None:

@@ -12,6 +12,7 @@ from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import write_atomically
+from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.config import FROZEN
 from training.tables.curves import draw_curves
 from training.tables.rows import TABLES, Row
@@ -34,7 +35,11 @@ so the columns tell which way things go and not which program is better. *Ours*:
 over training seeds, whose number is in the column *seeds* ("1 of 3": two are still to be run); every task of a split
 is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
 weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
-are a little too good; nothing was chosen on a test split. The headline number is PLW on test-unseen. Rows in
+are a little too good; nothing was chosen on a test split, but for the {MAX_STEPS} steps of an episode, which keep the
+random policy below 3 % of test-unseen. The headline number is PLW on test-unseen. Its {TASKS[SPLITS[-1]]} tasks are a
+small sample: ± is the spread of trainings on the same tasks, and the intervals of the headlines (95 %, bootstrap over
+tasks, one for each seed) tell how far other tasks might lie. Budgets differ: ours plays more episodes than the paper's
+learners do here, see [the runs](#the-runs). Rows in
 *italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
 robots, or the humanoid beside a drone that follows the search policy. *search* is the built-in policy that learns
 nothing ([benchmark.md](benchmark.md#baselines-and-difficulty)).
@@ -93,10 +98,17 @@ def _headlines(records: Records) -> list[str]:
         share = f", {fmean(plw) / search:.0%} of the PLW of search" if search else ""
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
-            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**, success "
-            f"**{_cell(success)}**{share} ({told})."
+            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}** "
+            f"({_intervals(best, records, 'plw')}), success **{_cell(success)}** "
+            f"({_intervals(best, records, 'success_rate')}){share} ({told})."
         )
     return ["\n".join(lines)]
+
+
+def _intervals(row: Row, records: Records, metric: str) -> str:
+    """Return the intervals over the tasks of test-unseen, one for each seed."""
+    summaries = [record["evaluation"]["splits"][SPLITS[-1]]["summary"][metric] for record in _of(row, records)]
+    return "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in summaries if one.get("low"))
 
 
 def _valid(row: Row, records: Records) -> float:
@@ -211,25 +223,32 @@ def _runs(records: Records) -> list[str]:
     if len(lines) == 2:
         return []
     text = (
-        "One line for each run. *Best after*: where its best weights are from; *train, score*: minutes, with another "
-        "run beside it; *source*: sha256 of the code of `chmarl_pb` and, in later runs, of `training`. The commands, "
-        "all settings and all hashes are in `results/TABLE/ROW-seedK.json`."
+        "One line for each run. *Budget*: of ours, imitation + MAPPO; *best after*: where its best weights are from; "
+        "*train, score*: minutes, with another run beside it; *source*: sha256 of the code of `chmarl_pb` and, in "
+        "later runs, of `training`, that the run was scored with; seeds of a row may come from different versions. "
+        "The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`."
     )
     return ["## The runs", text, "\n".join(lines)]
 
 
 def _run_line(record: Record) -> str:
     checkpoint, curve = record["checkpoint"], record["curve"]
-    config = checkpoint.get("config", {})
-    unit = curve["unit"]
     best = max(curve["validation"], key=lambda point: point[1], default=None)
     minutes = ", ".join(f"{seconds / 60:.0f}" for seconds in record["seconds"].values())
     cells = (
         f"{record['table']}/{record['row']}", record["seed"], encoder_of(record),
-        f"{config[unit]:,} {unit}" if unit in config else "", f"{best[0]:,}" if best else "", minutes,
+        _budget(record), f"{best[0]:,}" if best else "", minutes,
         " ".join(sha[:8] for sha in (record["evaluation"]["source_sha256"], checkpoint.get("learners_sha256", ""))),
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"
+
+
+def _budget(record: Record) -> str:
+    """Return the length of the training, e.g. "3,000 + 12,000 episodes"."""
+    unit, checkpoint = record["curve"]["unit"], record["checkpoint"]
+    configs = [checkpoint.get("begun_with", {}).get("config", {}), checkpoint.get("config", {})]
+    parts = [f"{config[unit]:,}" for config in configs if unit in config]
+    return f"{' + '.join(parts)} {unit}" if parts else ""
 
 
 def encoder_of(record: Record) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import write_atomically
 from training.tables.rows import Row
 
@@ -77,10 +78,19 @@ class Run:
         return "score" if self.state()["trained"] == self.command("train") else "train"
 
     def state(self) -> dict[str, Any]:
-        """Return how far the run is: seconds of each step, and the command of a finished training."""
+        """Return how far the run is: seconds of each step, and the command of a finished training.
+
+        Raises:
+            ResultError: the file that tells it is damaged.
+        """
         path = self.folder / STATE
-        empty = {"seconds": dict.fromkeys(STEPS, 0.0), "trained": None}
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else empty
+        if not path.is_file():
+            return {"seconds": dict.fromkeys(STEPS, 0.0), "trained": None}
+        try:
+            state = json.loads(path.read_text(encoding="utf-8"))
+            return {"seconds": {step: float(state["seconds"][step]) for step in STEPS}, "trained": state["trained"]}
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"{path}: damaged ({error!r}); remove it, and the run goes on") from error
 
     def spend(self, step: str, seconds: float) -> None:
         """Add to the time of a step."""
@@ -104,14 +114,23 @@ class Run:
             write_atomically(self.result, _lines(self.record()))
 
     def record(self) -> Record:
-        """Return what is kept of the run."""
-        row = self.row
+        """Return what is kept of the run.
+
+        Raises:
+            ResultError: its scores are damaged.
+        """
+        row, scores = self.row, self.folder / SCORES
+        try:
+            kept = json.loads(scores.read_text(encoding="utf-8"))
+            _check_scores(kept)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"{scores}: not the scores of all splits: {error!r}; remove it") from error
         return {
             "format": FORMAT, "table": row.table, "row": row.slug, "name": row.name, "seed": self.seed,
             "observation": row.observation, "messages": row.messages, "feedback": row.feedback,
             "commands": {step: " ".join(["python -m", *self.command(step)]) for step in STEPS},
             "seconds": self.state()["seconds"],
-            **json.loads((self.folder / SCORES).read_text(encoding="utf-8")),
+            **kept,
             "curve": curve(self.folder / "metrics.jsonl"),
         }  # fmt: skip
 
@@ -168,7 +187,7 @@ def curve(metrics: Path) -> dict[str, Any]:
         for name in ("success", "loss"):
             if name in row.get("train", {}):
                 curves[name].append([x, round(row["train"][name], 4)])
-        if "validation" in row:
+        if "score" in row.get("validation", {}):
             curves["validation"].append([x, round(row["validation"]["score"], 4)])
     return curves
 
@@ -206,6 +225,14 @@ def _lines(record: Record) -> str:
     return "{\n" + ",\n".join(f" {json.dumps(key)}: {text}" for key, text in texts.items()) + "\n}\n"
 
 
+def _check_scores(kept: dict[str, Any]) -> None:
+    """Raise an error if what a page shows of a run's scores is missing."""
+    kept["checkpoint"]["sha256"], kept["evaluation"]["source_sha256"]
+    for split in SPLITS:
+        summary = kept["evaluation"]["splits"][split]["summary"]
+        float(summary["plw"]["mean"]), float(summary["success_rate"]["mean"])
+
+
 def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], list[Record]]:
     """Return (table, row) -> its runs by seed.
 
@@ -218,6 +245,9 @@ def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], 
             record = json.loads(path.read_text(encoding="utf-8"))
             if record["format"] != FORMAT:
                 raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
+            _check_scores(record)
+            for key in ("name", "seed", "observation", "seconds", "curve"):
+                record[key]
             found.setdefault((record["table"], record["row"]), []).append(record)
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{path}: not the result of a run: {error!r}; remove it and run the table") from error
