@@ -193,6 +193,17 @@ def test_killed_training_goes_on(tmp_path: Path, launch, monkeypatch: pytest.Mon
     assert run.state()["seconds"]["train"] > 0
 
 
+def test_versions_of_the_code_that_trained_a_run_are_kept(
+    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = run_of(tmp_path)
+    for version, stop in (("old", "2"), ("new", "0")):
+        monkeypatch.setenv("STOP", stop)
+        monkeypatch.setattr("training.tables.runs.source_hash", lambda _, version=version: version)
+        work([run], launch)
+    assert json.loads(run.result.read_text())["trained_by"] == ["old", "new"]
+
+
 def test_interrupt_stops_the_processes_and_keeps_all(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
     runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
     monkeypatch.setenv("HANG", "3")

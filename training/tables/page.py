@@ -226,7 +226,8 @@ def _runs(records: Records) -> list[str]:
         "One line for each run. *Budget*: of ours, imitation + MAPPO; *best after*: where its best weights are from; "
         "*train, score*: minutes, with another run beside it; *source*: sha256 of the code of `chmarl_pb` and, in "
         "later runs, of `training`, that the run was scored with; seeds of a row may come from different versions. "
-        "The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`."
+        "The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`, in later runs also those of "
+        "every version of `training` that trained it (`trained_by`)."
     )
     return ["## The runs", text, "\n".join(lines)]
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import training
+from chmarl_pb.envs.provenance import source_hash
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import write_atomically
@@ -78,19 +80,30 @@ class Run:
         return "score" if self.state()["trained"] == self.command("train") else "train"
 
     def state(self) -> dict[str, Any]:
-        """Return how far the run is: seconds of each step, and the command of a finished training.
+        """Return how far the run is.
+
+        It has the seconds of each step, the sha256 of all versions of ``training`` that took part in the training, and
+        the command of a finished training.
 
         Raises:
             ResultError: the file that tells it is damaged.
         """
         path = self.folder / STATE
         if not path.is_file():
-            return {"seconds": dict.fromkeys(STEPS, 0.0), "trained": None}
+            return {"seconds": dict.fromkeys(STEPS, 0.0), "code": [], "trained": None}
         try:
             state = json.loads(path.read_text(encoding="utf-8"))
-            return {"seconds": {step: float(state["seconds"][step]) for step in STEPS}, "trained": state["trained"]}
+            seconds = {step: float(state["seconds"][step]) for step in STEPS}
+            return {"seconds": seconds, "code": list(state.get("code", [])), "trained": state["trained"]}
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{path}: damaged ({error!r}); remove it, and the run goes on") from error
+
+    def begin(self, step: str) -> None:
+        """Write down the version of the code, if a training begins with it or goes on with it."""
+        state, code = self.state(), source_hash(training)
+        if step == "train" and code not in state["code"]:
+            state["code"].append(code)
+            write_atomically(self.folder / STATE, json.dumps(state))
 
     def spend(self, step: str, seconds: float) -> None:
         """Add to the time of a step."""
@@ -129,7 +142,7 @@ class Run:
             "format": FORMAT, "table": row.table, "row": row.slug, "name": row.name, "seed": self.seed,
             "observation": row.observation, "messages": row.messages, "feedback": row.feedback,
             "commands": {step: " ".join(["python -m", *self.command(step)]) for step in STEPS},
-            "seconds": self.state()["seconds"],
+            "seconds": self.state()["seconds"], "trained_by": self.state()["code"],
             **kept,
             "curve": curve(self.folder / "metrics.jsonl"),
         }  # fmt: skip

@@ -115,6 +115,7 @@ class Schedule:
         return bool(self._workers)
 
     def _start(self, run: Run, step: str, lock: Any) -> subprocess.Popen:
+        run.begin(step)
         with (run.folder / LOG).open("a") as log:
             return subprocess.Popen(
                 self._launch(run.command(step)), stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
