@@ -28,6 +28,7 @@ _STYLE: Any = {
     "grid.color": "#e6e6e6", "savefig.dpi": 110, "axes.titlesize": 10, "axes.titlelocation": "left",
 }  # fmt: skip
 _WIDTH = 5  # points of a running mean
+_LEGEND_LINE = 0.2  # inches
 
 #: Panels: title, unit of x, curve.
 _PANELS = (
@@ -94,6 +95,7 @@ def _before(record: Record, unit: str) -> int:
 def _add_legend(figure: "Figure") -> None:
     """Name every line once, at the right of all panels."""
     lines = {str(line.get_label()): line for axes in figure.axes for line in axes.get_lines()}
+    figure.set_figheight(max(figure.get_figheight(), _LEGEND_LINE * (len(lines) + 1)))
     figure.legend(list(lines.values()), list(lines), loc="outside right center", frameon=False, fontsize=8)
 
 
