@@ -69,6 +69,23 @@ def test_bad_seeds(make: Callable[..., Any], env: HouseholdEnv, seed: Any) -> No
             make(env_id).unwrapped.reset(seed=seed)
 
 
+@pytest.mark.parametrize("first", [True, False], ids=["first robot", "second robot"])
+def test_a_wrong_action_of_the_aec_view_is_refused_at_its_turn(first: bool) -> None:
+    aec = chmarl_pb.env(split="val-unseen")
+    aec.reset(seed=0)
+    if not first:
+        aec.step(STAY["humanoid"])
+    robot = aec.agent_selection
+    for wrong in (99, None, "stay"):
+        with pytest.raises(ActionError, match=robot):
+            aec.step(wrong)
+        assert aec.agent_selection == robot and aec.unwrapped.steps == 0
+    for name in (["humanoid"] if first else []) + ["drone"]:
+        aec.step(STAY[name])
+    assert aec.unwrapped.steps == 1
+    aec.close()
+
+
 def test_options_that_are_no_dict(env: HouseholdEnv) -> None:
     with pytest.raises(OptionError, match="not a dict"):
         env.reset(options="train-0001")  # type: ignore[arg-type]

@@ -3,11 +3,27 @@
 from typing import Any
 
 from pettingzoo import AECEnv
-from pettingzoo.utils import parallel_to_aec
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 
 
+class TurnEnv(parallel_to_aec_wrapper):
+    """PettingZoo's view, but a wrong action is refused at its own turn, and another can be given."""
+
+    def step(self, action: int | None) -> None:
+        """Note the action of the robot whose turn it is; after the second, let both act.
+
+        Raises:
+            ActionError: it is not a whole number, or out of range.
+        """
+        robot = self.agent_selection
+        if not (self.terminations[robot] or self.truncations[robot]):
+            self.unwrapped.action_name(robot, action)
+        super().step(action)
+
+
 def aec_env(observation: str = "scene_graph", **options: Any) -> AECEnv:
     """Return the AEC view of a new core environment, which is its ``unwrapped``; see :class:`HouseholdEnv`."""
-    return parallel_to_aec(HouseholdEnv(observation, **options))
+    return OrderEnforcingWrapper(TurnEnv(HouseholdEnv(observation, **options)))

@@ -174,6 +174,20 @@ class HouseholdEnv(ParallelEnv):
             self._infos(told, succeeded),
         )
 
+    def action_name(self, robot: str, action: Any) -> str:
+        """Return the name of a robot's action.
+
+        Raises:
+            ActionError: it is not a whole number, or out of range.
+        """
+        names = self.action_names[robot]
+        if type(action) is int and 0 <= action < len(names):
+            return names[action]
+        number = np.asarray(action)
+        if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < len(names):
+            raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {len(names) - 1}")
+        return names[int(number.item())]
+
     def state(self) -> np.ndarray:
         """Return the global state for centralized training, see :func:`chmarl_pb.envs.state.global_state`.
 
@@ -234,16 +248,7 @@ class HouseholdEnv(ParallelEnv):
             raise NotResetError("step() without a running episode; call reset() first")
         if not isinstance(actions, dict) or actions.keys() != set(AGENTS):
             raise ActionError(f"actions {actions!r} are not a dict with one action for each of {list(AGENTS)}")
-        return {name: self._action_name(name, actions[name]) for name in AGENTS}
-
-    def _action_name(self, robot: str, action: Any) -> str:
-        names = self.action_names[robot]
-        if type(action) is int and 0 <= action < len(names):
-            return names[action]
-        number = np.asarray(action)
-        if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < len(names):
-            raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {len(names) - 1}")
-        return names[int(number.item())]
+        return {name: self.action_name(name, actions[name]) for name in AGENTS}
 
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
         seen = self.outcome.seen["humanoid"]
