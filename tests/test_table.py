@@ -132,6 +132,8 @@ def test_rows_have_their_own_number_of_seeds() -> None:
     for row in {run.row for run in runs}:
         seeds = [run.seed for run in runs if run.row == row]
         assert seeds == ([0, 1, 2] if row.observation == "scene_graph" else [0])
+    ablated = [row for row in TABLES["feedback"] if row.messages]
+    assert len(ablated) == len(paper.FEEDBACK.rows) and all(row.seeds == 3 for row in ablated)
 
 
 def test_row_of_ones_own_is_run_and_shown_below_those_of_the_paper(
