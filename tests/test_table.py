@@ -337,7 +337,7 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     text = (tmp_path / "docs" / "results.md").read_text()
     assert "| QMIX | 2 of 3 | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
     assert "| QMIX | 1 | 14.09 | 25.0 |" in text
-    assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**" in text
+    assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**, success" in text  # without intervals
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text
     assert "| QMIX | 25 | 0 | 25 | 50 |" in text
@@ -400,13 +400,13 @@ def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch)
     work([run], launch)
     record = json.loads(run.result.read_text())
     record["checkpoint"]["begun_with"] = {"config": {"episodes": 3}}
-    for metric, low in (("plw", 0.125), ("success_rate", 0.375)):
+    for metric, low in (("plw", 0.0), ("success_rate", 0.375)):
         record["evaluation"]["splits"]["test-unseen"]["summary"][metric] |= {"low": low, "high": 0.625}
     run.result.write_text(json.dumps(record))
     write_page(run.results, tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
     assert "3 + 4 episodes" in text
-    assert "PLW **25.0** (12 to 62), success **50.0** (38 to 62)" in text
+    assert "PLW **25.0** (0 to 62), success **50.0** (38 to 62)" in text
 
 
 def change(run: Run, plw: float) -> None:

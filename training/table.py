@@ -144,11 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rows", "--only", dest="only", nargs="+", metavar="ROW", help="names, e.g. qmix-messages or 'bc-*'"
     )
-    parser.add_argument(
-        "--seeds",
-        type=int,
-        help="trainings of each row (default: 3, on pictures mostly 1)",
-    )
+    parser.add_argument("--seeds", type=int, help="trainings of each row (default: 3, on pictures mostly 1)")
     parser.add_argument("--jobs", type=int, default=2, help="processes side by side (default 2)")
     parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")
     parser.add_argument("--show", action="store_true", help="train nothing, write the page")

@@ -56,7 +56,7 @@ def clone(config: CloningConfig, folder: Path, data: Path | None = None, quiet: 
     """
     recipe = Recipe(observation=config.observation, noise=config.noise)
     run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder)
-    with held(folder), closing(run.examiner):
+    with closing(run.examiner), held(folder):
         run.restore()
         with closing(Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logbook:
             while run.epoch < config.epochs:

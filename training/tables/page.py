@@ -98,17 +98,19 @@ def _headlines(records: Records) -> list[str]:
         share = f", {fmean(plw) / search:.0%} of the PLW of search" if search else ""
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
-            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}** "
-            f"({_intervals(best, records, 'plw')}), success **{_cell(success)}** "
-            f"({_intervals(best, records, 'success_rate')}){share} ({told})."
+            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
+            f"{_intervals(best, records, 'plw')}, success **{_cell(success)}**"
+            f"{_intervals(best, records, 'success_rate')}{share} ({told})."
         )
     return ["\n".join(lines)]
 
 
 def _intervals(row: Row, records: Records, metric: str) -> str:
-    """Return the intervals over the tasks of test-unseen, one for each seed."""
+    """Return the intervals over the tasks of test-unseen, one for each seed that has one, in brackets."""
     summaries = [record["evaluation"]["splits"][SPLITS[-1]]["summary"][metric] for record in _of(row, records)]
-    return "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in summaries if one.get("low"))
+    known = [one for one in summaries if one.get("low") is not None]
+    told = "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in known)
+    return f" ({told})" if told else ""
 
 
 def _valid(row: Row, records: Records) -> float:
