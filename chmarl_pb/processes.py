@@ -11,7 +11,6 @@ from threading import Thread
 from typing import TypeVar
 
 from chmarl_pb.errors import OptionError, WorkerError
-from chmarl_pb.world import quiet
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -36,8 +35,7 @@ def in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: in
     # Forked children would share PyBullet's clients; spawned ones have their own.
     pool = ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), _begin)
     try:
-        with quiet(2):  # workers inherit it: PyBullet greets on stderr when it is imported
-            futures = [pool.submit(work, job) for job in jobs]
+        futures = [pool.submit(work, job) for job in jobs]
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:

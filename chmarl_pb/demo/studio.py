@@ -15,7 +15,6 @@ from chmarl_pb.demo.film import Shot
 from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.sensing.replay import Replay
-from chmarl_pb.world import quiet
 
 Image = NDArray[np.uint8]
 
@@ -39,9 +38,7 @@ def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
         yield from map(_draw, jobs)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        with quiet(2):  # workers inherit it: PyBullet greets on stderr when it is imported
-            views = pool.map(_draw, jobs, chunksize=_CHUNK)
-        yield from views
+        yield from pool.map(_draw, jobs, chunksize=_CHUNK)
 
 
 def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:

@@ -17,7 +17,7 @@ from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.tasks.task import Task
 
-_PACKAGES = ("pybullet", "numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
+_PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
 
 
 @cache
@@ -52,7 +52,10 @@ def file_hash(path: Path) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, this package and what its results depend on."""
-    found = {"python": platform.python_version(), "chmarl-pb": chmarl_pb.__version__}
+    from chmarl_pb.world.bullet import distribution  # here: it starts PyBullet
+
+    bullet, number = distribution()
+    found = {"python": platform.python_version(), "chmarl-pb": chmarl_pb.__version__, bullet: number}
     for package in _PACKAGES:
         try:
             found[package] = version(package)

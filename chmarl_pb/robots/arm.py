@@ -9,11 +9,11 @@ no iteration, no randomness, no trace in the simulation. Lengths are metres, ang
 from typing import ClassVar, TypeAlias
 
 import numpy as np
-import pybullet as p
 from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.homes.reach import REACH
 from chmarl_pb.world import Pose
+from chmarl_pb.world.bullet import pybullet as p
 
 __all__ = ["JOINTS", "REACH", "Arm", "Configuration"]
 

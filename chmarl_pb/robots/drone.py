@@ -1,12 +1,11 @@
 """The drone: kinematic, on its own lattice 3.5 m above the floor, looking straight down."""
 
-import pybullet
-
 from chmarl_pb import catalog
 from chmarl_pb.homes.lattice import DRONE_HEADING, DRONE_HEIGHT
 from chmarl_pb.homes.space import Space
 from chmarl_pb.robots.motion import Motion
 from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
+from chmarl_pb.world.bullet import pybullet
 
 _MOVES = ("move_forward", "move_backward", "move_left", "move_right")
 

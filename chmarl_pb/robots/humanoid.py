@@ -3,7 +3,6 @@
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pybullet
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.lattice import HEADINGS
@@ -12,6 +11,7 @@ from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement
 from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
+from chmarl_pb.world.bullet import pybullet
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up

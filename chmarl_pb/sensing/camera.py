@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb.sensing.placing import lens_of
 from chmarl_pb.sensing.triangles import Lens, Light
 from chmarl_pb.world import Pose, Vector
+from chmarl_pb.world.bullet import pybullet
 
 _FLAGS = pybullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX
 _SUN = (1.5, -2.0, 4.0)  # direction towards the light

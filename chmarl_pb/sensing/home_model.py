@@ -1,13 +1,13 @@
 """Draws the empty home: all its things at rest, with the rasteriser that draws what moves."""
 
 import numpy as np
-import pybullet
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.sensing import bounds, placing, raster
 from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.meshes import models_of, parts_of
 from chmarl_pb.sensing.triangles import Lens, clean_canvas, depth_of
+from chmarl_pb.world.bullet import pybullet
 
 _WHITE = 255
 

@@ -10,13 +10,11 @@ import sys
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import AssetError, HomeError
@@ -31,6 +29,7 @@ from chmarl_pb.sensing.home_model import HomeModel
 from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
 from chmarl_pb.world import bodies, load_home_body, quiet
+from chmarl_pb.world.bullet import distribution, pybullet
 
 CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
 
@@ -242,7 +241,7 @@ def _poses(space: Space, robot: str) -> int:
 def _library() -> tuple[object, ...]:
     """Return what is known of the machine code that draws."""
     binary = Path(pybullet.__file__).stat().st_size
-    return version("pybullet"), binary, sys.platform, platform.machine(), platform.libc_ver()
+    return *distribution(), binary, sys.platform, platform.machine(), platform.libc_ver()
 
 
 @cache

@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.sensing.placing import Models
+from chmarl_pb.world.bullet import pybullet
 
 Floats = NDArray[np.float32]
 

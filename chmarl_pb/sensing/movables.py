@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
@@ -21,6 +20,7 @@ from chmarl_pb.sensing.home_views import HomeView
 from chmarl_pb.sensing.meshes import Part, models_of, parts_of
 from chmarl_pb.sensing.triangles import Canvas, clean_canvas, compiled
 from chmarl_pb.world import UPRIGHT, Pose, load_graspable, quiet
+from chmarl_pb.world.bullet import pybullet
 
 _KEPT = 8192  # poses of robots
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb.homes.home import Home
 from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.world.bullet import pybullet
 
 _HEIGHT = 200.0  # metres of the camera over the floor: so far that walls show no sides
 _MARGIN = 0.25  # metres around the floors

@@ -10,11 +10,11 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import pybullet
 
 from chmarl_pb.catalog import class_of, room_of
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes.urdf import read_links
+from chmarl_pb.world.bullet import pybullet
 
 Array = npt.NDArray[Any]
 

@@ -7,9 +7,9 @@ from chmarl_pb.world.bodies import (
     Vector,
     load_graspable,
     load_home_body,
-    quiet,
     yaw_quaternion,
 )
+from chmarl_pb.world.bullet import quiet
 from chmarl_pb.world.world import TIME_STEP, Support, World
 
 __all__ = [

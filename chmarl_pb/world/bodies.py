@@ -1,25 +1,16 @@
 """Bodies in a PyBullet client: poses, loading a home and graspable objects."""
 
-import os
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import pybullet
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.space import Size
-
-if not pybullet.isNumpyEnabled():  # happens when pip builds PyBullet itself, as on Python 3.12 and newer
-    raise ImportError(
-        "this PyBullet was built without NumPy, so pictures would be slow tuples; run `pip install numpy setuptools "
-        "wheel`, then `pip install --force-reinstall --no-cache-dir --no-build-isolation pybullet`"
-    )
+from chmarl_pb.world.bullet import pybullet
 
 Vector = tuple[float, ...]
 Pose = tuple[Vector, Vector]  # position in metres, orientation (x, y, z, w)
@@ -97,22 +88,3 @@ def link_names(client: int, body: int) -> Iterator[str]:
     """Yield the child link's name of every joint, in PyBullet's order of link indices."""
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
         yield pybullet.getJointInfo(body, joint, physicsClientId=client)[12].decode()
-
-
-@contextmanager
-def quiet(descriptor: int = 1) -> Iterator[None]:
-    """Silence what the Bullet library, or a process that starts meanwhile, prints from C.
-
-    Args:
-        descriptor: 1 for standard output, 2 for standard error.
-    """
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved, sink = os.dup(descriptor), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, descriptor)
-    try:
-        yield
-    finally:
-        os.dup2(saved, descriptor)
-        os.close(saved)
-        os.close(sink)

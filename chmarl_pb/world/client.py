@@ -1,8 +1,7 @@
 """A PyBullet client that is told where bodies are only when somebody asks it: most steps of an episode never do."""
 
-import pybullet
-
 from chmarl_pb.world.bodies import UPRIGHT, Vector
+from chmarl_pb.world.bullet import pybullet
 
 
 class Client:

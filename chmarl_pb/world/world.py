@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
@@ -22,9 +21,9 @@ from chmarl_pb.world.bodies import (
     link_names,
     load_graspable,
     load_home_body,
-    quiet,
     yaw_quaternion,
 )
+from chmarl_pb.world.bullet import pybullet, quiet
 from chmarl_pb.world.client import Client
 from chmarl_pb.world.touch import touching
 

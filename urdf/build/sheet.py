@@ -9,9 +9,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pybullet as p
 from numpy.typing import NDArray
 from yourdfpy import URDF
+
+from chmarl_pb.world.bullet import pybullet as p
 
 URDF_DIR = Path(__file__).parents[1]
 GROUPS = ("graspables", "furniture", "robots")

@@ -1,0 +1,111 @@
+"""PyBullet as it comes: with its greeting, from one of two distributions, with and without NumPy."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+
+from chmarl_pb.envs.provenance import versions
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.homes.space import space_of
+from chmarl_pb.sensing import camera
+from chmarl_pb.sensing.eyes import CAMERAS, eye
+from chmarl_pb.sensing.home_views import home_views
+from chmarl_pb.sensing.plan_view import draw_plan
+from chmarl_pb.sensing.preview import preview
+from chmarl_pb.world import bullet
+
+START = "import chmarl_pb; chmarl_pb.parallel_env().close()"
+
+
+def test_it_does_not_greet() -> None:
+    done = subprocess.run([sys.executable, "-c", START], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
+def test_it_starts_where_there_is_no_console(closed: str) -> None:
+    assert subprocess.run(["sh", "-c", f'"$0" -c "{START}" {closed}', sys.executable], timeout=120).returncode == 0
+
+
+def test_it_needs_no_numpy_of_its_own() -> None:
+    code = f"import pybullet; pybullet.isNumpyEnabled = lambda: 0; {START}"
+    subprocess.run([sys.executable, "-c", code], check=True, stderr=subprocess.DEVNULL)
+
+
+def test_threads_that_silence_one_descriptor_give_it_back(tmp_path) -> None:
+    entered, second_leaves = Event(), Event()
+
+    def silence() -> None:
+        with bullet.quiet(file.fileno()):
+            entered.set()
+            second_leaves.wait(60)
+
+    with (tmp_path / "out").open("wb", buffering=0) as file:
+        second = Thread(target=silence)
+        with bullet.quiet(file.fileno()):
+            second.start()
+            entered.wait(0.5)  # it has to wait for this thread
+        second_leaves.set()
+        second.join()
+        os.write(file.fileno(), b"seen")
+    assert (tmp_path / "out").read_bytes() == b"seen"
+
+
+def test_silence_survives_a_closed_stream(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    with (tmp_path / "out").open("w") as stream:
+        pass
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", None)
+    with bullet.quiet(2), bullet.quiet(1):
+        pass
+
+
+@pytest.mark.parametrize("name", ["pybullet", "pybullet-arm64"])
+def test_results_name_the_distribution(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Whichever it is: results and stored pictures say so."""
+
+    def version(asked: str) -> str:
+        if asked != name:
+            raise PackageNotFoundError(asked)
+        return "3.2.99"
+
+    monkeypatch.setattr(bullet, "version", version)
+    recorded = {package: number for package, number in versions().items() if package.startswith("pybullet")}
+    assert recorded == {name: "3.2.99"}
+    assert bullet.distribution() == (name, "3.2.99")
+
+
+def test_results_say_that_nothing_is_known_of_a_pybullet_without_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(asked: str) -> str:
+        raise PackageNotFoundError(asked)
+
+    monkeypatch.setattr(bullet, "version", version)
+    assert versions()["pybullet"] == "unknown"
+
+
+def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    """A PyBullet that was built without NumPy gives tuples."""
+    home, draw = load_home("home_1"), bullet.pybullet.getCameraImage
+    view = camera.view_matrix(eye(space_of(home), "drone", 0))
+    views = home_views(home).client
+
+    def pictures() -> list[np.ndarray]:
+        seen = camera.render(views, CAMERAS["drone"], view, 24)
+        house = preview(home.path, tmp_path / "house.png", size=(80, 40))
+        parts = seen.colour, seen.depth, seen.segmentation, draw_plan(home, 40, 40).rgb
+        return [*parts, np.frombuffer(house.read_bytes(), np.uint8)]
+
+    def as_tuples(*args, **options):
+        width, height, *parts = draw(*args, **options)
+        return width, height, *(tuple(np.ravel(part).tolist()) for part in parts)
+
+    arrays = pictures()
+    monkeypatch.setattr(bullet.pybullet, "getCameraImage", as_tuples)
+    for expected, found in zip(arrays, pictures(), strict=True):
+        assert expected.dtype == found.dtype
+        np.testing.assert_array_equal(expected, found)
