@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 torch = pytest.importorskip("torch")
 
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
-from training.encoders import build_encoder  # noqa: E402
+from training.encoders import DictEncoder, build_encoder  # noqa: E402
 from training.encoders.graphs import GraphEncoder  # noqa: E402
+from training.encoders.parts import FlatEncoder, Part, TokenEncoder  # noqa: E402
 
 NODES, EDGES, CLASSES, STATES = 12, 20, 9, 4
 IDS = spaces.Box(0, CLASSES, (NODES,), np.int16), spaces.Box(0, STATES, (NODES,), np.int16)
@@ -138,7 +139,7 @@ def test_leading_dimensions_are_flattened_and_graphs_may_be_cut(space: spaces.Di
 
 
 def test_keys_of_several_robots_and_unknown_keys_are_encoded(space: spaces.Dict) -> None:
-    parts = {f"{name}_{key}": part for name in ("one", "other") for key, part in space.spaces.items()}
+    parts = {f"{name}_{key}": part for name in ("humanoid", "drone") for key, part in space.spaces.items()}
     joint = spaces.Dict({**parts, "clock": spaces.Discrete(5)})
     encode = build_encoder(joint, 8)
     sample = joint.sample()
@@ -148,6 +149,46 @@ def test_keys_of_several_robots_and_unknown_keys_are_encoded(space: spaces.Dict)
     assert not torch.equal(
         features, encode({key: torch.from_numpy(np.asarray(value)[None]) for key, value in sample.items()})
     )
+
+
+def test_only_the_benchmarks_own_keys_and_spaces_are_words_and_graphs(space: spaces.Dict) -> None:
+    """Other environments may use the same words in the names of their keys, or our names for other things."""
+    tokens, graph = space["feedback"], {key: space[key] for key in ("node_class", "node_state", "edges")}
+    flat = {
+        "force_feedback": spaces.Box(0, 1, (3,), np.float32), "my_instruction": tokens, "feedback": tokens,
+        "my_node_class": graph["node_class"], "edges": graph["edges"], "bent_edges": spaces.Box(0, 1, (4, 3), np.int16),
+    }  # fmt: skip
+    kinds = {key: type(part) for key, part in parts_of(spaces.Dict(flat)).items()}
+    assert kinds == dict.fromkeys(flat, FlatEncoder) | {"feedback": TokenEncoder}
+    encode = build_encoder(spaces.Dict({"force_feedback": flat["force_feedback"]}), 8)
+    one, other = (encode({"force_feedback": torch.tensor([values])}) for values in ((0.1, 0.2, 0.3), (0.9, 0.8, 0.7)))
+    assert not torch.equal(one, other)
+    assert [type(part) for part in parts_of(spaces.Dict(graph)).values()] == [GraphEncoder]
+    for missing in graph:
+        rest = spaces.Dict({key: part for key, part in graph.items() if key != missing})
+        assert all(type(part) is FlatEncoder for part in parts_of(rest).values())
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        spaces.Box(-np.inf, np.inf, (4,), np.float32), spaces.Box(0, 9, (4,), np.float32),
+        spaces.Box(0, np.iinfo(np.int64).max, (4,), np.int64), spaces.Box(-1, 9, (4,), np.int16),
+        spaces.Box(0, 9, (2, 2), np.int16),
+    ],
+    ids=["infinite", "floats", "huge", "negative", "two dimensions"],
+)  # fmt: skip
+def test_a_box_that_holds_no_ids_is_flat_whatever_its_name(box: spaces.Box) -> None:
+    space = spaces.Dict(dict.fromkeys(("feedback", "instruction", "node_class", "node_state", "edges", "image"), box))
+    assert {type(part) for part in parts_of(space).values()} == {FlatEncoder}
+    seen = {key: torch.ones((3, *part.shape), dtype=torch.float32) for key, part in space.spaces.items()}
+    assert torch.isfinite(build_encoder(space, 8)(seen)).all()
+
+
+def parts_of(space: spaces.Dict) -> dict[str, Part]:
+    encode = build_encoder(space, 8)
+    assert isinstance(encode, DictEncoder)
+    return dict(zip(encode.keys, encode.parts, strict=True))
 
 
 def test_padding_of_a_sentence_does_not_count() -> None:

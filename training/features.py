@@ -20,22 +20,21 @@ from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
 from training.encoders.frozen import FrozenEncoder
+from training.keys import IMAGE, named
 
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari
-
-_IMAGE = "image"  # end of the keys of pictures
 
 
 def feature_space(space: spaces.Dict, encoder: FrozenEncoder) -> spaces.Dict:
     """Return an observation space with an encoder's features, float16, in the place of each picture."""
     features = spaces.Box(-np.inf, np.inf, encoder.shape, np.float16)
-    return spaces.Dict({key: features if key.endswith(_IMAGE) else part for key, part in space.spaces.items()})
+    return spaces.Dict({key: features if named(key, IMAGE) else part for key, part in space.spaces.items()})
 
 
 def with_features(observations: dict[Any, dict[str, Any]], encoder: FrozenEncoder) -> dict[Any, dict[str, Any]]:
     """Return agents' observations with features in the place of their pictures, computed together."""
-    places = [(name, key) for name, seen in observations.items() for key in seen if key.endswith(_IMAGE)]
+    places = [(name, key) for name, seen in observations.items() for key in seen if named(key, IMAGE)]
     if not places:
         return observations
     pictures = np.stack([observations[name][key] for name, key in places])
@@ -157,7 +156,7 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
     key = hashlib.sha256(f"{encoder.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
     path = dataset.folder / f"features-{key}.f16"
     with dataset.open() as file:
-        names = [name for name in file["episode_0/observations"] if name.endswith(_IMAGE)]
+        names = [name for name in file["episode_0/observations"] if named(name, IMAGE)]
         if not names:
             raise DatasetError(f"{dataset.folder}: no pictures; generate the data set with `--observation visual`")
         shape = (dataset.steps, len(names), *encoder.shape)

@@ -13,6 +13,7 @@ from training.config import check
 from training.encoders import build_encoder
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.features import feature_space, with_features
+from training.keys import named
 
 KIND = "bc"  # of checkpoints
 
@@ -67,7 +68,7 @@ class CloningConfig:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Endings of the keys that the networks do not see."""
+        """Names of the keys that the networks do not see."""
         return tuple(key for key in ("messages", "feedback") if not getattr(self, key))
 
     @property
@@ -122,7 +123,7 @@ def make_minds(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
     actions = {name: len(names) for name, names in env.action_names.items()}
     minds = []
     for group in config.groups:
-        keys = [key for key in space.spaces if key.startswith(group) and not key.endswith(config.left_out)]
+        keys = [key for key in space.spaces if key.startswith(group) and not named(key, *config.left_out)]
         minds.append(
             Mind(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )

@@ -15,6 +15,7 @@ from training.agents import NO_ACTION
 from training.bc.clones import CloningConfig
 from training.encoders.frozen import frozen_encoder
 from training.features import kept_features
+from training.keys import EDGES, GRAPH, named
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
     ready = kept_features(dataset, frozen_encoder(config.image_encoder)) if config.uses_features else {}
     columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
-        names = [name for name in file["episode_0/observations"] if not name.endswith(config.left_out)]
+        names = [name for name in file["episode_0/observations"] if not named(name, *config.left_out)]
         columns |= {name: [] for name in names if name not in ready}
         for number in range(dataset.episodes):
             episode = file[f"episode_{number}"]
@@ -118,8 +119,8 @@ def _with_padding(parts: list[np.ndarray]) -> Tensor:
 
 def _cut(key: str, values: Tensor) -> Tensor:
     """Return the values without the rows of a graph's padding that are empty everywhere."""
-    if not key.endswith(("node_class", "node_state", "edges")):
+    if not named(key, *GRAPH):
         return values
     # Edges have their relation, which is not 0, at the end; a node's state is not 0 either.
-    filled = (values[..., -1] if key.endswith("edges") else values).any(dim=0).sum()
+    filled = (values[..., -1] if named(key, EDGES) else values).any(dim=0).sum()
     return values[:, : max(int(filled), 1)].clone()

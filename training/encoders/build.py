@@ -1,7 +1,8 @@
 """Encoders: a batch of observations -> one feature vector each.
 
-:func:`build_encoder` reads the observation space alone. Of our own keys, a scene graph goes through a graph
-convolution, tokens through an embedding, a picture through a convolutional network; every other key is flattened.
+:func:`build_encoder` reads the observation space alone. Of our own keys (:mod:`training.keys`), a scene graph goes
+through a graph convolution, tokens through an embedding; any picture goes through a convolutional network; every other
+key is flattened.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,11 +20,8 @@ from training.encoders.graphs import GatedGraphEncoder, GraphEncoder
 from training.encoders.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.encoders.pictures import IMAGE_ENCODERS, FeatureEncoder
 from training.encoders.resnet import SHAPE as RESNET_SHAPE
+from training.keys import IMAGE, INSTRUCTION, NODE_CLASS, graphs, is_picture, is_tokens, named
 
-_NODE_CLASS, _NODE_STATE, _EDGES = "node_class", "node_state", "edges"
-_INSTRUCTION, _IMAGE = "instruction", "image"
-_TOKENS = (_INSTRUCTION, "feedback")
-_GRAPH = (_NODE_STATE, _EDGES)
 #: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
 _FROZEN: dict[tuple[int, ...], Callable[[], Part]] = {
     RESNET_SHAPE: FeatureEncoder,
@@ -39,8 +37,8 @@ def build_encoder(
     """Return a module that encodes batches of a space's observations.
 
     The module takes one tensor, or a dict of tensors for a Dict, with any leading dimensions, which it flattens to
-    one: it returns (B, size), float32. Keys may have a prefix (``humanoid_image``). Graphs may be cut to fewer rows
-    than their space has.
+    one: it returns (B, size), float32. Our keys may have a robot's name before them (``humanoid_image``). Graphs may be
+    cut to fewer rows than their space has.
 
     Args:
         space: a Box, a Discrete, or a Dict of these.
@@ -70,12 +68,14 @@ class DictEncoder(nn.Module):
         self.space = space
         words: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
         parts: dict[str, Part] = {}
+        self.graphs = graphs(space)
+        inside = {key for others in self.graphs.values() for key in others}
         for key, box in space.spaces.items():
-            if key.endswith(_NODE_CLASS):
-                parts[key] = GRAPH_POOLS[graph_pool](space[key], space[_beside(key, _NODE_STATE)])
-            elif key.endswith(_TOKENS) and len(box.shape or ()) == 1:
+            if key in self.graphs:
+                parts[key] = GRAPH_POOLS[graph_pool](box, space[self.graphs[key][0]])
+            elif is_tokens(key, box):
                 parts[key] = TokenEncoder(words.setdefault(id_count(box), embedding(id_count(box))))
-            elif not key.endswith((_NODE_STATE, _EDGES)):
+            elif key not in inside:
                 parts[key] = _flat_or_image(key, box, image_encoder)
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         width = sum(part.size for part in parts.values())
@@ -86,9 +86,9 @@ class DictEncoder(nn.Module):
         flat = {key: flattened(observation[key], box.shape) for key, box in self.space.spaces.items()}
         features = []
         for key, part in zip(self.keys, self.parts, strict=True):
-            beside = [flat[_beside(key, other)] for other in _GRAPH] if isinstance(part, GraphEncoder) else []
+            beside = [flat[other] for other in self.graphs.get(key, ())]
             if isinstance(part, GatedGraphEncoder | DetectionEncoder):
-                beside.append(self._asked(_beside(key, _INSTRUCTION), flat))
+                beside.append(self._asked(_instruction_beside(key), flat))
             features.append(part(flat[key], *beside))
         return self.joint(torch.cat(features, dim=1))
 
@@ -101,17 +101,17 @@ class DictEncoder(nn.Module):
 
 
 def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
-    if isinstance(space, spaces.Box) and len(space.shape) == 3 and space.dtype == np.uint8:
+    if isinstance(space, spaces.Box) and is_picture(space):
         if image_encoder not in IMAGE_ENCODERS:
             raise ValueError(f"image_encoder={image_encoder!r} is not known; use one of: {', '.join(IMAGE_ENCODERS)}")
         return IMAGE_ENCODERS[image_encoder](space.shape)
-    if isinstance(space, spaces.Box) and key.endswith(_IMAGE) and space.shape in _FROZEN:
+    if isinstance(space, spaces.Box) and named(key, IMAGE) and space.dtype == np.float16 and space.shape in _FROZEN:
         return _FROZEN[space.shape]()
     if isinstance(space, spaces.Box | spaces.Discrete):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
 
 
-def _beside(key: str, name: str) -> str:
-    """Return the key beside that of a graph's nodes or of a picture, which has the same prefix."""
-    return key.removesuffix(_NODE_CLASS).removesuffix(_IMAGE) + name
+def _instruction_beside(key: str) -> str:
+    """Return the key of the instruction beside that of a graph's nodes or of a picture: both have the same prefix."""
+    return key.removesuffix(NODE_CLASS).removesuffix(IMAGE) + INSTRUCTION

@@ -22,6 +22,7 @@ from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, fill
 from training.encoders.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.features import feature_space
+from training.keys import named
 from training.policy import check_size, silenced
 from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import encoded
@@ -117,7 +118,7 @@ class Sb3Crowd:
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""
         batch = stack([one["humanoid"] if self._config.alone else joined(one) for one in seen])
-        batch |= {key: np.zeros_like(batch[key]) for key in batch if key.endswith(self._silenced)}
+        batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
         if self._encoder is not None:
             batch = encoded(batch, self._encoder)
         numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()

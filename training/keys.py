@@ -1,0 +1,56 @@
+"""Which keys of an observation are the benchmark's: exact names, alone or after a robot's name and ``_``."""
+
+import numpy as np
+from gymnasium import spaces
+
+from chmarl_pb.envs.parallel import AGENTS
+
+NODE_CLASS, NODE_STATE, EDGES = GRAPH = ("node_class", "node_state", "edges")
+INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
+
+PREFIXES = ("", *(f"{name}_" for name in AGENTS))
+_MOST_IDS = 2**16  # of a table of embeddings; larger numbers are no ids
+
+
+def named(key: str, *names: str) -> bool:
+    """Return whether a key is one of these names, alone or with a robot's before it; ``force_feedback`` is not."""
+    return any(key == prefix + name for prefix in PREFIXES for name in names)
+
+
+def is_ids(space: spaces.Space, rank: int) -> bool:
+    """Return whether a space holds ids from 0 on: whole numbers with a small upper bound, in this many dimensions."""
+    return (
+        isinstance(space, spaces.Box)
+        and np.issubdtype(space.dtype, np.integer)
+        and len(space.shape) == rank
+        and not space.low.any()
+        and bool((space.high < _MOST_IDS).all())
+    )
+
+
+def is_picture(space: spaces.Space) -> bool:
+    """Return whether a space holds pictures."""
+    return isinstance(space, spaces.Box) and len(space.shape) == 3 and space.dtype == np.uint8
+
+
+def is_tokens(key: str, space: spaces.Space) -> bool:
+    """Return whether a key of a space holds words."""
+    return named(key, INSTRUCTION, FEEDBACK) and is_ids(space, 1)
+
+
+def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:
+    """Return the keys of scene graphs: that of the nodes' classes -> those of their states and of the edges.
+
+    Only where all three are there, as the benchmark has them; parts of a graph are keys like any other.
+    """
+    found = {}
+    for prefix in PREFIXES:
+        keys = [prefix + name for name in GRAPH]
+        if all(key in space.spaces for key in keys) and _is_graph(*(space[key] for key in keys)):
+            found[keys[0]] = (keys[1], keys[2])
+    return found
+
+
+def _is_graph(classes: spaces.Space, states: spaces.Space, edges: spaces.Space) -> bool:
+    nodes = is_ids(classes, 1) and is_ids(states, 1) and classes.shape == states.shape
+    return nodes and is_ids(edges, 2) and edges.shape is not None and edges.shape[1] == 3
