@@ -11,7 +11,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of, make_policy, rollout
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import OptionError, TaskError
-from chmarl_pb.planner.search import HumanoidSearch, SearchPolicy
+from chmarl_pb.planner.search import DroneSearch, HumanoidSearch, SearchPolicy
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.language import parse_instruction
 from chmarl_pb.tasks.splits import load_tasks
@@ -225,6 +225,75 @@ def test_search_advises_those_who_do_something_else() -> None:
     pick = search.actions.index("pick")
     assert [search.act(seen, info) for _ in range(3)] == [pick] * 3
     assert search.act(seen, info | {"action_success": False}) != pick
+
+
+def test_a_search_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv, tasks: list[Task]) -> None:
+    """One whose proposals are not followed proposes what it would do had it chosen the same actions itself."""
+    names, rooms = env.action_names["humanoid"], env.rooms
+    told = {"instruction": "Pick up the mug and put it on the desk.", "visible": (), "action_success": True}
+    seen = {"self": np.eye(len(rooms) + 4)[0], "messages": np.zeros((2, len(rooms)))}
+    search = HumanoidSearch(names, rooms)
+    stay, goto = names.index("stay"), names.index(f"goto_{rooms[-1]}")
+    assert [search.propose(seen, told) for _ in range(3)] == [goto] * 3
+    search.note(stay)
+    assert search.propose(seen, told) == goto  # nobody has gone there
+    search.note(goto)
+    there = seen | {"self": np.eye(len(rooms) + 4)[len(rooms) - 1]}
+    proposed = search.propose(there, told)
+    other = names.index({"turn_left": "turn_right", "turn_right": "turn_left"}[names[proposed]])
+    search.note(other)  # the first turn chooses the side
+    for _ in range(10):
+        assert search.propose(there, told) == other
+        search.note(stay)
+        assert search.propose(there, told) == other
+        search.note(other)
+    assert names[search.propose(there, told)].startswith("goto_")
+
+
+def test_failures_are_those_of_what_was_done() -> None:
+    rooms = ("kitchen", "bedroom")
+    search = HumanoidSearch(("pick", "stay", "turn_left", "turn_right", "goto_bedroom"), rooms)
+    seen = {"self": np.array([1.0, 0, 0, 0]), "messages": np.zeros((2, 2))}
+    info = {"instruction": "Pick up the mug and put it on the desk.", "visible": ("mug_1",), "action_success": True}
+    failed = info | {"action_success": False}
+    assert search.propose(seen, info) == 0
+    search.note(1)
+    assert search.propose(seen, failed) == 0  # another action has failed
+    search.note(0)
+    assert search.propose(seen, failed) != 0
+
+
+def test_a_drone_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv) -> None:
+    names, rooms = env.action_names["drone"], env.rooms
+    told = {"instruction": "Pick up the mug and put it on the desk.", "visible": ()}
+    seen = {"messages": np.zeros((2, len(rooms)))}
+    search = DroneSearch(names, rooms)
+    stay, gotos = names.index("stay"), [names.index(f"goto_{room}") for room in rooms]
+    for done, wanted in ((stay, gotos[0]), (gotos[1], names.index("move_forward"))):
+        search.note(done)
+        assert search.propose(seen, told) == wanted
+    for _ in range(8):
+        search.note(stay)
+        search.note(search.propose(seen, told))
+    assert search.propose(seen, told) == gotos[0]  # it was never there
+    search.note(gotos[0])
+    for _ in range(8):
+        search.note(search.propose(seen, told))
+    assert search.propose(seen, told) == gotos[2]
+
+
+def test_teaching_alone_changes_no_proposal(env: HouseholdEnv, tasks: list[Task]) -> None:
+    """A followed teacher proposes what the policy does."""
+    policy, teacher = make_policy("search", env), make_policy("search", env)
+    assert isinstance(teacher, SearchPolicy)
+    observations, infos = env.reset(options={"task": tasks[2]})
+    policy.reset(1)
+    teacher.reset(1)
+    while env.agents:
+        actions = policy.act(observations, infos)
+        assert teacher.propose(observations, infos) == teacher.propose(observations, infos) == actions
+        teacher.note(actions)
+        observations, _, _, _, infos = env.step(actions)
 
 
 def test_policies_by_name(env: HouseholdEnv) -> None:

@@ -51,6 +51,25 @@ def test_labels_are_the_teachers_and_only_where_an_agent_acts() -> None:
     assert not untaught[0].labels and untaught[0].label("long") == NO_LABEL
 
 
+def test_a_teacher_is_told_what_was_done() -> None:
+    class Heeding(Constant):
+        def __init__(self, env: Any):
+            super().__init__(env, {"long": 2, "short": 1})
+            self.heard: list[dict[str, int]] = []
+
+        propose = Constant.act
+
+        def note(self, actions: dict[str, int]) -> None:
+            self.heard.append(actions)
+
+    collector = Collector(UnevenEnv, 1, Heeding)
+    agents = make_learner("imitation", collector.interface, IMITATION).agents
+    episode = collector.play(agents, taught(0.0), np.random.default_rng(0), [0], taught=True)[0]
+    heard = collector._teachers[0].heard  # type: ignore[attr-defined]
+    assert [{"short": 0, **actions} for actions in heard] == episode.actions
+    assert any(actions["long"] != 2 for actions in heard)
+
+
 def test_steps_without_label_do_not_count() -> None:
     logits = torch.randn(2, 3, 4, generator=torch.Generator().manual_seed(0))
     labels = torch.tensor([[0, NO_LABEL, 2], [NO_LABEL, NO_LABEL, 3]])

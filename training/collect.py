@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from chmarl_pb.planner.policy import Policy
 from training.agents import Player
 from training.features import reset_all, step_all
 from training.losses import best_legal
@@ -31,13 +32,36 @@ class Choose(Protocol):
 
 
 class Teacher(Protocol):
-    """Says in every state what to do; see :class:`chmarl_pb.planner.policy.Policy`."""
+    """Says in every state what to do, and goes on from what was done instead.
+
+    Any :class:`chmarl_pb.planner.policy.Policy` can teach; one that keeps count of what it has done should be able to
+    do this, as :class:`chmarl_pb.planner.search.SearchPolicy` is: ``act`` of a policy counts what it says.
+    """
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
 
-    def act(self, observations: dict[str, Any], infos: dict[str, Any]) -> dict[str, int]:
+    def propose(self, observations: dict[str, Any], infos: dict[str, Any]) -> dict[str, int]:
         """Return agent -> what it should do."""
+
+    def note(self, actions: dict[str, int]) -> None:
+        """Learn what the agents have done."""
+
+
+class Unheeding:
+    """A policy as a teacher that does not want to know what was done."""
+
+    def __init__(self, policy: Policy):
+        """Take a policy."""
+        self.reset, self.propose = policy.reset, policy.act
+
+    def note(self, actions: dict[str, int]) -> None:
+        """Do nothing."""
+
+
+def as_teacher(policy: Any) -> Teacher:
+    """Return a policy as a teacher."""
+    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else Unheeding(policy)
 
 
 def epsilon_greedy(epsilon: float) -> Choose:
@@ -69,7 +93,7 @@ class Collector:
         self,
         env_fn: Callable[[], Any],
         count: int,
-        teacher: Callable[[Any], Teacher] | None = None,
+        teacher: Callable[[Any], Teacher | Policy] | None = None,
         horizon: int | None = None,
     ):
         """Make the environments.
@@ -82,7 +106,7 @@ class Collector:
         """
         self._horizon = horizon
         self.envs = [env_fn() for _ in range(count)]
-        self._teachers = [teacher(env) for env in self.envs] if teacher else []
+        self._teachers = [as_teacher(teacher(env)) for env in self.envs] if teacher else []
         self.interface: Interface = interface_of(self.envs[0])
         self.steps = 0
 
@@ -118,8 +142,10 @@ class Collector:
         while running := [number for number, env in enumerate(self.envs[: len(episodes)]) if env.agents]:
             for number in running if teachers else ():
                 episode = episodes[number]
-                episode.labels.append(teachers[number].act(episode.observations[-1], episode.info))
+                episode.labels.append(teachers[number].propose(episode.observations[-1], episode.info))
             actions = self._choose(player, episodes, running, choose, rng)
+            for number in running if teachers else ():
+                teachers[number].note(actions[number])
             steps = step_all([envs[number] for number in running], [actions[number] for number in running])
             for number, step in zip(running, steps, strict=True):
                 advance(self.interface, episodes[number], envs[number], actions[number], step)

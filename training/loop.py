@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from chmarl_pb.planner.policy import Policy
 from training.algorithms import Learning, make_learner
 from training.checkpoint import CheckpointError, load, save
 from training.collect import Collector, Teacher
@@ -47,7 +48,7 @@ def train(
     validate: Validate | None = None,
     setting: dict[str, Any] | None = None,
     quiet: bool = True,
-    teacher: Callable[[Any], Teacher] | None = None,
+    teacher: Callable[[Any], Teacher | Policy] | None = None,
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
 
@@ -64,7 +65,8 @@ def train(
         validate: chooses the best weights; the mean return of greedy episodes if None.
         setting: what policies made from the checkpoints have to know, see :mod:`training.policy`.
         quiet: whether no progress is shown.
-        teacher: makes what is imitated in an environment.
+        teacher: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
+            :class:`training.collect.Teacher`.
 
     Raises:
         ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.

@@ -12,6 +12,7 @@ from chmarl_pb import catalog
 from chmarl_pb.planner.policy import Actions, Infos, Observations
 from chmarl_pb.tasks.language import parse_instruction
 
+_SIDES = ("turn_left", "turn_right")
 _TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
 _PACES = 3  # forward moves before it looks around again
 #: Moves that show the drone the surroundings of a room's centre: one round of eight places.
@@ -24,7 +25,7 @@ _SWEEP = (
 class HumanoidSearch:
     """Searches, picks and places with the humanoid alone.
 
-    Asked as a teacher, it does not insist: whoever has done something else than it said is advised as things are now.
+    As a policy it does what it proposes. A teacher's proposals are followed or not: it goes on from what was done.
     """
 
     def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
@@ -41,7 +42,24 @@ class HumanoidSearch:
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         return self.actions.index(self._choose(observation, info))
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        self._tried = done = self.actions[action]
+        if done.startswith("goto_"):
+            self._looks = self._round()
+            return
+        if done in _SIDES and sum(look in _SIDES for look in self._looks) == _TURNS:  # the first turn chooses the side
+            self._looks[-_TURNS:] = [done] * _TURNS
+        if self._looks[-1:] == [done]:
+            self._looks.pop()
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
         graspable, receptacle = parse_instruction(info["instruction"])
@@ -50,9 +68,8 @@ class HumanoidSearch:
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
         here = room_of(observation, self.rooms)
-        failed, self._tried = self._tried == verb and not info["action_success"], ""
+        failed = self._tried == verb and not info["action_success"]
         if wanted in {catalog.class_of(name) for name in info["visible"]} and not failed:
-            self._tried = verb
             return verb
         told = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
         return self._look_around(here, told)
@@ -60,13 +77,12 @@ class HumanoidSearch:
     def _look_around(self, here: str | None, told: list[str]) -> str:
         """Go to a room that was told of, else to the next one, and look around there."""
         if told and here not in told:
-            self._looks = self._round()
             return f"goto_{told[0]}"
         if not self._looks:
             if not told:
                 return self._next_room(here)
             self._looks = ["move_forward"] * _PACES + self._round()
-        return self._looks.pop()
+        return self._looks[-1]
 
     def _next_room(self, here: str | None) -> str:
         if here is not None:
@@ -75,12 +91,11 @@ class HumanoidSearch:
         if not left:
             self._searched = set() if here is None else {here}
             left = [room for room in self.rooms if room not in self._searched] or list(self.rooms)
-        self._looks = self._round()
         return f"goto_{left[-1]}"
 
     def _round(self) -> list[str]:
         """Return a look around: all turns to one side, drawn at random."""
-        return [str(self._rng.choice(["turn_left", "turn_right"]))] * _TURNS
+        return [str(self._rng.choice(_SIDES))] * _TURNS
 
 
 class DroneSearch:
@@ -99,17 +114,31 @@ class DroneSearch:
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         wanted = parse_instruction(info["instruction"])
         self._seen |= {catalog.class_of(name) for name in info["visible"]}
         self._seen |= {name for name, bits in zip(wanted, observation["messages"], strict=True) if bits.any()}
         return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
 
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        done = self.actions[action]
+        if done.startswith("goto_"):
+            self._moves = list(_SWEEP[::-1])
+            self._left = [room for room in self._left if f"goto_{room}" != done]
+        elif self._moves[-1:] == [done]:
+            self._moves.pop()
+
     def _sweep(self) -> str:
         if not self._moves:
             self._left = self._left or list(self.rooms)
-            self._moves = list(_SWEEP[::-1])
-            return f"goto_{self._left.pop(0)}"
-        return self._moves.pop()
+            return f"goto_{self._left[0]}"
+        return self._moves[-1]
 
 
 class SearchPolicy:
@@ -130,6 +159,15 @@ class SearchPolicy:
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own observation and info alone."""
         return {name: search.act(observations[name], infos[name]) for name, search in self.searches.items()}
+
+    def propose(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what both would do now; a teacher's proposals need not be followed."""
+        return {name: search.propose(observations[name], infos[name]) for name, search in self.searches.items()}
+
+    def note(self, actions: Actions) -> None:
+        """Go on from what the robots have done."""
+        for name, action in actions.items():
+            self.searches[name].note(action)
 
 
 def room_of(observation: dict[str, np.ndarray], rooms: tuple[str, ...]) -> str | None:
