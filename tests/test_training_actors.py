@@ -25,6 +25,7 @@ from training.config import Config  # noqa: E402
 from training.encoders import build_encoder  # noqa: E402
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame  # noqa: E402
 from training.imitation import draw, imitation_loss, taught  # noqa: E402
+from training.logbook import read_metrics  # noqa: E402
 from training.loop import BEST  # noqa: E402
 from training.losses import Batch  # noqa: E402
 from training.mappo import Mappo, check_start  # noqa: E402
@@ -118,17 +119,137 @@ def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
     torch.testing.assert_close(learner.judge(batch).returns[0], wanted)
 
 
+def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_state() -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
+    ended = random_batch([2, 3], np.random.default_rng(0))
+    cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
+    last = [float(learner.critic(cut.states).detach()[row, steps, 0]) for row, steps in ((0, 2), (1, 3))]
+    more = learner.judge(cut).returns - learner.judge(ended).returns
+    assert more[0, :2].tolist() == pytest.approx([0.25 * last[0], 0.5 * last[0]], abs=1e-6)
+    assert more[1].tolist() == pytest.approx([0.125 * last[1], 0.25 * last[1], 0.5 * last[1]], abs=1e-6)
+    one_cut = ended.terminated.clone()
+    one_cut[1, 2, 0] = False  # one agent has ended, the other was cut off
+    assert torch.equal(learner.judge(replace(ended, terminated=one_cut)).returns[1], learner.judge(cut).returns[1])
+
+
+class Endless(MatrixGame):
+    """Pays 1 for ever; episodes are cut after two steps, and the state does not tell the time."""
+
+    def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
+        seen, rewards, ended, cut, infos = super().step(actions)
+        self._at, over = 0, self.steps == 1
+        self.steps += 1
+        self.agents = [] if over else list(self.possible_agents)
+        return seen, dict.fromkeys(rewards, 1.0), dict.fromkeys(ended, False), dict.fromkeys(cut, over), infos
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.steps = 0
+        return super().reset(seed, options)
+
+
+def test_the_critic_learns_what_an_endless_task_is_worth() -> None:
+    config = replace(
+        MAPPO, episodes=480, envs=16, buffer_size=16, batch_size=16, gamma=0.5, critic_rate=0.02, gradient_clip=10.0,
+        validation_interval=480,
+    )  # fmt: skip
+    learner = train(partial(Endless, MATRIX_GAMES["additive"]), "mappo", config).learner
+    assert isinstance(learner, Mappo)
+    assert learner.critic(torch.ones(1)).item() == pytest.approx(2.0, abs=0.1)  # 1 + 1/2 + 1/4 + ...; 1.25 without
+
+
+@pytest.mark.parametrize(
+    ("sizes", "learned"),
+    [
+        ({"episodes": 48, "buffer_size": 16}, [16, 16, 16]),
+        ({"episodes": 40, "buffer_size": 16}, [16, 16, 8]),
+        ({"episodes": 8, "buffer_size": 128}, [8]),
+        ({"episodes": 6, "envs": 4, "buffer_size": 128}, [8]),
+        ({"episodes": 40, "envs": 10, "buffer_size": 12}, [20, 20]),
+        ({"episodes": 30, "envs": 10, "buffer_size": 12}, [20, 10]),
+        ({"episodes": 40, "buffer_size": 8, "learning_starts": 24}, [24, 8, 8]),
+    ],
+)
+def test_mappo_learns_from_every_episode_once(
+    sizes: dict[str, int], learned: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes = {"envs": 8, "learning_starts": 0, **sizes}
+    seen, rates = [], []
+    judge, slow_down = Mappo.judge, Mappo._slow_down
+
+    def look(learner: Mappo, batch: Batch) -> Any:
+        seen.append(batch.states[:, 0])
+        return judge(learner, batch)
+
+    def look_at_rates(learner: Mappo, episodes: int) -> None:
+        slow_down(learner, episodes)
+        rates.append([group["lr"] for group in learner._optimizer.param_groups])
+
+    monkeypatch.setattr(Mappo, "judge", look)
+    monkeypatch.setattr(Mappo, "_slow_down", look_at_rates)
+    config = replace(MAPPO, **sizes, epochs=2)
+    result = train(UnevenEnv, "mappo", config)
+    assert [len(states) for states in seen] == learned
+    assert len(torch.unique(torch.cat(seen), dim=0)) == sum(learned) >= sizes["episodes"]
+    assert rates[0] == [config.learning_rate, config.critic_rate] and min(rates[-1]) > 0
+    assert result.learner.updates == sum(2 * -(-count // config.batch_size) for count in learned)
+
+
+def test_too_little_memory_for_the_episodes_of_mappo_is_said() -> None:
+    with pytest.raises(ValueError, match=r"memory_gib=0\.0001: holds \d+ of the 1000 episodes that mappo learns"):
+        train(UnevenEnv, "mappo", replace(MAPPO, buffer_size=1_000, memory_gib=1e-4))
+
+
+def test_one_step_is_enough_to_learn_from() -> None:
+    game = partial(MatrixGame, MATRIX_GAMES["additive"])
+    config = replace(MAPPO, episodes=8, envs=1, buffer_size=1, learning_starts=0, validation_interval=8)
+    learner = train(game, "mappo", config).learner
+    state = learner.state()["networks"]
+    assert learner.updates == 32 and all(torch.isfinite(value).all() for value in state.values())
+    start = Mappo(interface_of(game()), config).state()["networks"]
+    assert any(not torch.equal(value, start[name]) for name, value in state.items() if name.startswith("agents"))
+
+
+def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path: Path) -> None:
+    interface = interface_of(UnevenEnv())
+    train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=TEACHER)
+    for start, waits in ((str(tmp_path / BEST), True), ("", False)):
+        config = replace(MAPPO, episodes=8, critic_starts=8, start=start)
+        before = Mappo(interface, config).agents.state_dict()
+        after = train(UnevenEnv, "mappo", config).agents.state_dict()
+        assert all(torch.equal(value, after[name]) for name, value in before.items()) == waits
+
+
+@pytest.mark.parametrize("episodes", [4, 8])
+@pytest.mark.parametrize("algorithm", ["qmix", "imitation"])
+def test_a_short_run_learns_after_its_last_wave(algorithm: str, episodes: int) -> None:
+    kind = {"qmix": SMALL, "imitation": IMITATION}[algorithm]
+    config = replace(kind, episodes=episodes, learning_starts=128)
+    assert train(UnevenEnv, algorithm, config, teacher=TEACHER).learner.updates == config.updates
+
+
+def test_a_teacher_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> None:
+    teacher = partial(Constant, actions={"long": 2})
+    learner = train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=teacher).learner
+    losses = [row["train"] for row in read_metrics(tmp_path) if "train" in row]
+    assert all(np.isfinite(list(row.values())).all() for row in losses) and losses[-1]["short_loss"] == 0
+    assert losses[-1]["long_loss"] < losses[1]["long_loss"]
+    fresh = make_learner("imitation", interface_of(UnevenEnv()), IMITATION).state()["networks"]
+    for name, value in learner.state()["networks"].items():
+        assert torch.isfinite(value).all() and (name.startswith("long") or torch.equal(value, fresh[name]))
+
+
 def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
-    """Return episodes of the two agents of a small game, all padded to the longest."""
+    """Return episodes of the two agents of a small game, which end by themselves, all padded to the longest."""
     count, steps = len(lengths), max(lengths)
     acted = torch.arange(steps).expand(count, steps) < torch.tensor(lengths).unsqueeze(1)
+    ends = torch.arange(steps).expand(count, steps) == torch.tensor(lengths).unsqueeze(1) - 1
     states = torch.from_numpy(rng.normal(size=(count, steps + 1, 3)).astype(np.float32))
     reward = torch.from_numpy(rng.normal(size=(count, steps, 1)).astype(np.float32)).expand(count, steps, 2)
     names = ("first", "second")
     return Batch(
         {name: states for name in names}, {name: torch.zeros(count, steps, dtype=torch.long) for name in names},
         {name: torch.ones(count, steps + 1, 2, dtype=torch.bool) for name in names},
-        states, reward, acted.unsqueeze(-1).expand(count, steps, 2), torch.zeros(count, steps, 2, dtype=torch.bool),
+        states, reward, acted.unsqueeze(-1).expand(count, steps, 2), ends.unsqueeze(-1).expand(count, steps, 2),
     )  # fmt: skip
 
 

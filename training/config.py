@@ -41,7 +41,7 @@ class RunConfig:
         envs: environments played side by side; each wave plays one episode in each.
         horizon: most steps of an episode.
         batch_size: episodes in a gradient step.
-        learning_starts: episodes before the first gradient step.
+        learning_starts: episodes before the first gradient step; a shorter run learns after its last wave alone.
         buffer_size: episodes in the replay buffer.
         memory_gib: bound of the replay buffer; it shortens ``buffer_size``.
         learning_rate: of Adam.
@@ -78,6 +78,11 @@ class RunConfig:
     def __post_init__(self) -> None:
         """Refuse numbers that nothing can be made of; see :func:`check`."""
         check(self)
+
+    @property
+    def kept(self) -> int:
+        """Most episodes that the replay buffer has to hold, if memory allows."""
+        return self.buffer_size
 
 
 @dataclass(frozen=True)
@@ -134,20 +139,25 @@ class ImitationConfig(RunConfig):
 class MappoConfig(RunConfig):
     """MAPPO (Yu et al. 2022, https://arxiv.org/abs/2103.01955): an actor each, and a critic that knows the state.
 
+    It learns from all episodes of the waves since it last did, as soon as they are ``buffer_size``, and at the end from
+    the rest.
+
     Attributes:
+        learning_starts: episodes that are learned from the first time, if they are more than ``buffer_size``.
         start: file of weights of agents to begin with (``best.pt``); "" for random ones.
-        critic_starts: episodes that only the critic learns from at first.
+        critic_starts: episodes that only the critic learns from at first, beside actors that begin with ``start``.
         epochs: passes over the episodes of a wave.
         gamma: discount of one step.
         gae_lambda: of generalised advantage estimation.
         clip: how far the ratio of probabilities may leave 1.
         entropy: weight of the policy's entropy.
         critic_units: units of the critic's layers.
-        critic_rate: of Adam for the critic; both rates fall linearly to 0.
+        critic_rate: of Adam for the critic; both rates fall linearly, to 0 after the last gradient step.
     """
 
     episodes: int = 12_000
     batch_size: int = 32
+    learning_starts: int = 0
     buffer_size: int = 128
     learning_rate: float = 5e-4
     gradient_clip: float = 1.0
@@ -163,6 +173,11 @@ class MappoConfig(RunConfig):
     entropy: float = 0.01
     critic_units: int = 128
     critic_rate: float = 1e-3
+
+    @property
+    def kept(self) -> int:
+        """Most episodes that are learned from at once: whole waves, from ``buffer_size`` on."""
+        return -(-max(self.buffer_size, self.learning_starts) // self.envs) * self.envs
 
 
 #: Algorithm -> its settings.

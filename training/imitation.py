@@ -52,14 +52,14 @@ class Imitator:
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one gradient step and return the loss and how often the agents agree with the teacher."""
         values = unroll(self.agents, batch).values
-        losses = [imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()]
-        loss = torch.stack(losses).sum()
+        losses = {name: imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()}
+        loss = torch.stack(list(losses.values())).sum()
         self._optimizer.zero_grad()
         loss.backward()
         norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.gradient_clip)
         self._optimizer.step()
         self.updates += 1
-        metrics = {f"{name}_loss": float(part.detach()) for name, part in zip(self.agents, losses, strict=True)}
+        metrics = {f"{name}_loss": float(part.detach()) for name, part in losses.items()}
         return {"loss": float(loss.detach()), **metrics, "gradient_norm": float(norm)}
 
     def state(self) -> dict[str, Any]:
@@ -80,8 +80,10 @@ class Imitator:
 
 
 def imitation_loss(logits: Tensor, labels: Tensor) -> Tensor:
-    """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label."""
+    """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label; 0 without any."""
     told = labels != NO_LABEL
+    if not told.any():
+        return 0 * logits.sum()
     return nn.functional.cross_entropy(logits[told], labels[told])
 
 

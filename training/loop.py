@@ -16,10 +16,11 @@ from chmarl_pb.planner.policy import Policy
 from training.algorithms import Learning, make_learner
 from training.checkpoint import CheckpointError, load, save
 from training.collect import Collector, Teacher
-from training.config import CONFIGS, RunConfig
+from training.config import CONFIGS, MappoConfig, RunConfig
 from training.held import held
 from training.logbook import Logbook
 from training.replay import Episode, Replay
+from training.spaces import Interface
 from training.validation import Validate, by_return
 
 LAST, BEST = "last.pt", "best.pt"
@@ -109,7 +110,7 @@ class Run:
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config)
-        self.replay = Replay(collector.interface, config.horizon, config.buffer_size, config.memory_gib)
+        self.replay = _make_replay(collector.interface, config)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
@@ -120,7 +121,7 @@ class Run:
         """Play a wave, learn from it, and do what is due after it."""
         before = self.episodes
         self._play()
-        if self.episodes >= self.config.learning_starts:
+        if self.episodes >= min(self.config.learning_starts, self.config.episodes):
             self._learn()
         row: dict[str, Any] = {}
         if self._due(before, self.config.log_interval):
@@ -222,6 +223,21 @@ class Run:
 
     def _due(self, before: int, interval: int) -> bool:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
+
+
+def _make_replay(interface: Interface, config: RunConfig) -> Replay:
+    """Return a run's replay buffer.
+
+    Raises:
+        ValueError: memory does not hold what has to be learned from at once.
+    """
+    replay = Replay(interface, config.horizon, config.kept, config.memory_gib)
+    if isinstance(config, MappoConfig) and replay.capacity < config.kept:
+        raise ValueError(
+            f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that mappo learns "
+            "from at once; give more memory, or a smaller buffer_size, learning_starts or envs"
+        )
+    return replay
 
 
 def _scaled(episode: Episode, scale: float) -> Episode:

@@ -1,8 +1,12 @@
 """MAPPO (Yu et al. 2022, https://arxiv.org/abs/2103.01955): actors of their own, one critic that knows the state.
 
 Each agent acts on its own history; the critic, which is needed in training alone, sees the global state. The reward is
-the team's. What lies beyond an episode's end is worth nothing, also at the limit of steps: episodes are short, and the
-state tells how much time is left.
+the team's. An episode that was cut off is worth, beyond its end, what the critic says of its last state; one that has
+ended is worth nothing there.
+
+Unlike Yu et al., there is no value normalisation, no clipping of values and no Huber loss; the critic sees the global
+state alone and has no memory; agents share no weights; advantages are normalised over all episodes that are learned
+from at once; and the learning rates fall linearly.
 """
 
 from collections.abc import Iterator
@@ -30,7 +34,7 @@ class Wave:
 
     Attributes:
         log_probabilities: (B, T, N) of the actions that were taken, when they were taken.
-        advantages: (B, T), with mean 0 and deviation 1 over the real steps.
+        advantages: (B, T), with mean 0 and deviation 1 over the real steps, if there are several.
         returns: (B, T) what the critic should say.
     """
 
@@ -77,22 +81,24 @@ class Mappo:
         return lambda values, legal, labels, rng: draw(values, legal, rng)
 
     def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
-        """Take the gradient steps that follow a wave, once the buffer is full of new episodes."""
-        if replay.added - self._learned < replay.capacity:
+        """Take the gradient steps that follow a wave, once there are enough new episodes, and at the end of the run."""
+        new = replay.added - self._learned
+        if not new or (new < self.config.buffer_size and replay.added < self.config.episodes):
             return
+        self._slow_down(self._learned)
         self._learned = replay.added
-        self._slow_down(replay.added)
-        batch = replay.sample(len(replay), rng)
+        batch = replay.sample(new, rng, newest=new)
         wave = self.judge(batch)
+        actors = not self.config.start or replay.added > self.config.critic_starts
         for _ in range(self.config.epochs):
             order = torch.from_numpy(rng.permutation(len(batch.states)))
             for rows in order.split(self.config.batch_size):
                 part = batch.rows(rows)
                 chosen = Wave(wave.log_probabilities[rows], wave.advantages[rows], wave.returns[rows])
-                yield part, self.update(part, chosen, actors=replay.added > self.config.critic_starts)
+                yield part, self.update(part, chosen, actors)
 
     def _slow_down(self, episodes: int) -> None:
-        """Let the learning rates fall linearly to 0 at the end of the run."""
+        """Let the learning rates fall linearly with the episodes that were learned from before."""
         left = max(1 - episodes / self.config.episodes, 0.0)
         for group, rate in zip(self._optimizer.param_groups, self._rates, strict=True):
             group["lr"] = rate * left
@@ -100,15 +106,17 @@ class Mappo:
     @torch.no_grad()
     def judge(self, batch: Batch) -> Wave:
         """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
-        reward, _, counts = (part.squeeze(-1) for part in batch.team())
-        values = self.critic(batch.states).squeeze(-1)[:, :-1] * counts
-        advantages, ahead, next_value = torch.zeros_like(values), torch.zeros(len(values)), torch.zeros(len(values))
+        reward, goes_on, counts = (part.squeeze(-1) for part in batch.team())
+        values = self.critic(batch.states).squeeze(-1)
+        values, following = values[:, :-1] * counts, values[:, 1:] * goes_on
+        advantages, ahead = torch.zeros_like(values), torch.zeros(len(values))
         for step in reversed(range(values.shape[1])):
-            error = reward[:, step] + self.config.gamma * next_value - values[:, step]
+            error = reward[:, step] + self.config.gamma * following[:, step] - values[:, step]
             ahead = (error + self.config.gamma * self.config.gae_lambda * ahead) * counts[:, step]
-            advantages[:, step], next_value = ahead, values[:, step]
+            advantages[:, step] = ahead
         real = advantages[counts]
-        normal = (advantages - real.mean()) / (real.std() + 1e-6)
+        # One step has nothing to be compared with.
+        normal = (advantages - real.mean()) / (real.std() + 1e-6) if len(real) > 1 else advantages
         return Wave(self._log_probabilities(batch)[0], normal, advantages + values)
 
     def update(self, batch: Batch, wave: Wave, actors: bool) -> dict[str, float]:

@@ -109,9 +109,17 @@ class Replay:
         kept["steps"][place] = steps
         self.added += 1
 
-    def sample(self, count: int, rng: np.random.Generator) -> Batch:
-        """Draw different episodes (all, if there are fewer), cut to the longest of them."""
-        chosen = rng.choice(len(self), min(count, len(self)), replace=False)
+    def sample(self, count: int, rng: np.random.Generator, newest: int | None = None) -> Batch:
+        """Draw different episodes (all, if there are fewer), cut to the longest of them.
+
+        Args:
+            count: number of episodes.
+            rng: of the choice.
+            newest: how many of the episodes that were added last can be drawn; None: all that are kept.
+        """
+        among = len(self) if newest is None else min(newest, len(self))
+        first = 0 if newest is None else self.added - among
+        chosen = (first + rng.choice(among, min(count, among), replace=False)) % self.capacity
         steps = int(self._kept["steps"][chosen].max())
 
         def cut(array: np.ndarray, length: int) -> Any:
