@@ -52,7 +52,7 @@ def parallel_env(observation: str = "scene_graph", **options: Any) -> "Household
 
     Args:
         observation: "scene_graph" or "visual".
-        **options: split, home, messages, feedback, max_steps, image_size, execution, render_mode;
+        **options: split, home, messages, feedback, max_steps, image_size, execution, render_mode, goal;
             see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:

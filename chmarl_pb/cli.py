@@ -10,6 +10,8 @@ from chmarl_pb.errors import ChmarlError
 
 Command = Callable[[argparse.Namespace], int]
 
+_GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 130 when interrupted."""
@@ -138,6 +140,7 @@ def _add_evaluate(parsers: argparse._SubParsersAction) -> None:
         "--feedback", choices=("paper", "planner"), default=True, help="style of the language feedback (default: paper)"
     )
     evaluate.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
+    evaluate.add_argument("--goal", action="store_true", help=_GOAL)
     evaluate.add_argument("--max-steps", type=int, metavar="N", help="joint steps in an episode (default: 28)")
     evaluate.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     evaluate.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
@@ -176,6 +179,7 @@ def _add_episode(parsers: argparse._SubParsersAction) -> None:
     save.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
     save.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
     save.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
+    save.add_argument("--goal", action="store_true", help=_GOAL)
     save.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
     save.add_argument("--out", type=_file, required=True, metavar="FILE", help="file to write")
     replay = _add(verbs, "replay", "play a file again and compare every state", commands.episode_replay)

@@ -98,7 +98,7 @@ def evaluate(options: argparse.Namespace) -> int:
     return run_evaluation(
         options.policy, options.split, options.observation, options.seeds, options.workers, options.messages,
         options.feedback, MAX_STEPS if options.max_steps is None else options.max_steps, options.task, options.out,
-        options.label,
+        options.label, options.goal,
     )  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def episode_save(options: argparse.Namespace) -> int:
     """Play a task and save the episode."""
     from chmarl_pb.evaluation.episodes import save
 
-    return save(options.policy, options.task, options.observation, options.seed, options.out)
+    return save(options.policy, options.task, options.observation, options.seed, options.out, options.goal)
 
 
 def episode_replay(options: argparse.Namespace) -> int:

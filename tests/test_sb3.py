@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium
 import pytest
 
 from chmarl_pb.envs.registration import ENV_IDS
@@ -52,3 +53,12 @@ def test_dqn_takes_the_flat_actions(sb3: Any, make: Callable[..., Any]) -> None:
     model = sb3.DQN("MultiInputPolicy", env, buffer_size=200, learning_starts=30, seed=0, device="cpu")
     model.learn(60)
     assert model.num_timesteps == 60
+
+
+def test_dqn_on_pairs_of_actions_is_told_of_the_flat_ones(sb3: Any, make: Callable[..., Any]) -> None:
+    env = make("CHMARL/SceneGraph-v0")
+    with pytest.raises(AssertionError, match=r"flat_actions=True for Discrete\(90\)"):
+        sb3.DQN("MultiInputPolicy", env)
+    assert env.action_space == gymnasium.spaces.MultiDiscrete([10, 9])  # and nothing else about it is new
+    assert gymnasium.spaces.MultiDiscrete([10, 9]) == env.action_space
+    assert gymnasium.vector.utils.batch_space(env.action_space, 2).shape == (2, 2)

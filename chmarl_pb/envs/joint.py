@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import ActionError, OptionError
@@ -14,6 +15,14 @@ from chmarl_pb.world import World
 
 Info = dict[str, Any]
 Step = tuple[dict[str, np.ndarray], float, bool, bool, Info]
+
+
+class PairOfActions(spaces.MultiDiscrete):
+    """A number for each robot. Learners that know single numbers only, as DQN, show its text when they refuse it."""
+
+    def __repr__(self) -> str:
+        """Return the text of the space, and where the one with single numbers is."""
+        return f"{super().__repr__()} (make the environment with flat_actions=True for Discrete({self.nvec.prod()}))"
 
 
 class JointEnv(gymnasium.Env):
@@ -39,7 +48,7 @@ class JointEnv(gymnasium.Env):
         self.flat_actions = flat_actions
         counts = [len(self.parallel.action_names[name]) for name in AGENTS]
         self._counts = counts
-        self.action_space = spaces.Discrete(counts[0] * counts[1]) if flat_actions else spaces.MultiDiscrete(counts)
+        self.action_space = spaces.Discrete(counts[0] * counts[1]) if flat_actions else PairOfActions(counts)
         self.observation_space = spaces.Dict(
             {
                 f"{name}_{key}": space
@@ -148,6 +157,30 @@ class HumanoidEnv(gymnasium.Env):
     def close(self) -> None:
         """Disconnect from physics."""
         self.parallel.close()
+
+
+class Registered:
+    """Makes a view for a registered id: Gymnasium's time limit, which ``max_episode_steps`` sets, ends its episodes."""
+
+    def __init__(self, view: type[JointEnv] | type[HumanoidEnv]):
+        """Make views of this class."""
+        self.view, self.metadata = view, view.metadata  # Gymnasium reads the render modes from what makes environments
+
+    def __call__(self, max_steps: int | None = None, **options: Any) -> JointEnv | HumanoidEnv:
+        """Return an environment that ends by itself only if ``max_steps`` is given.
+
+        Raises:
+            OptionError: ``max_steps`` is beyond the id's time limit, which would come first.
+        """
+        if isinstance(max_steps, int) and max_steps > MAX_STEPS:
+            raise OptionError(
+                f"max_steps={max_steps}: gymnasium.make ends these episodes after {MAX_STEPS} steps unless it is told "
+                f"otherwise; give max_episode_steps={max_steps} instead"
+            )
+        return self.view(max_steps=max_steps, **options)
+
+
+make_joint, make_humanoid = Registered(JointEnv), Registered(HumanoidEnv)
 
 
 def _joined(observations: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

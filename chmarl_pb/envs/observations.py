@@ -24,7 +24,7 @@ def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
     """Return one robot's observation space; both robots have the same.
 
     ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
-    and 1 if the humanoid holds something.
+    and 1 if the humanoid holds something. ``goal`` is (4,): class ids of X and Y, and 1 for each that is in view.
     """
     tokens = language.vocabulary_size() - 1
     parts: dict[str, spaces.Space] = {}
@@ -38,6 +38,8 @@ def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
     parts["feedback"] = spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16)
     parts["messages"] = spaces.Box(0, 1, (2, len(rooms)), np.int8)
     parts["self"] = spaces.Box(-1, 1, (len(rooms) + 4,), np.float32)
+    if options.goal:
+        parts["goal"] = spaces.Box(0, np.array([len(catalog.CLASSES)] * 2 + [1] * 2, np.int16), dtype=np.int16)
     return spaces.Dict(parts)
 
 
@@ -50,6 +52,7 @@ def observe(
     messages: Messages,
     instruction: np.ndarray,
     feedback: str,
+    wanted: tuple[str, str] | None,
 ) -> Observation:
     """Return what one robot observes.
 
@@ -62,6 +65,7 @@ def observe(
         messages: what is known; observed as zeros if messages are off.
         instruction: token ids.
         feedback: what it was told about its last action.
+        wanted: classes of X and Y as the instruction names them; None: they are not observed.
     """
     observation: Observation
     if options.observation == "visual":
@@ -72,6 +76,10 @@ def observe(
     observation["feedback"] = language.tokenize(feedback, language.FEEDBACK_LENGTH)
     observation["messages"] = messages.copy() if options.messages else np.zeros_like(messages)
     observation["self"] = _self(stage, robot)
+    if wanted is not None:
+        in_view = {catalog.class_of(name) for name in outcome.seen[robot]}
+        numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
+        observation["goal"] = np.array(numbers, dtype=np.int16)
     return observation
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.tasks.feedback import STYLES
 from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
@@ -12,7 +13,6 @@ from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
 OBSERVATIONS = ("scene_graph", "visual")
 EXECUTIONS = ("instant", "simulated")
 RENDER_MODES = (None, "rgb_array", "human")
-MAX_STEPS = 28  # joint steps: the random policy solves 2 per cent of test-unseen within them, see docs/benchmark.md
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,11 @@ class Options:
         home: name or path of a home to play in instead of the split's homes.
         messages: whether the robots' messages are observed; if not, they read as zeros.
         feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False.
-        max_steps: joint steps after which an episode is truncated.
+        max_steps: joint steps after which an episode is truncated; None: it goes on until success.
         image_size: width and height of camera images in pixels.
         execution: "instant" or "simulated".
         render_mode: None, "rgb_array" or "human".
+        goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
     """
 
     observation: str = "scene_graph"
@@ -36,10 +37,11 @@ class Options:
     home: str | Path | None = None
     messages: bool = True
     feedback: bool | str = True
-    max_steps: int = MAX_STEPS
+    max_steps: int | None = MAX_STEPS
     image_size: int = 128
     execution: str = "instant"
     render_mode: str | None = None
+    goal: bool = False
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -53,7 +55,9 @@ class Options:
         _one_of("render_mode", self.render_mode, RENDER_MODES)
         _one_of("messages", self.messages, (True, False))
         _one_of("feedback", self.feedback, (True, False, *STYLES))
-        _whole("max_steps", self.max_steps, 1, 1_000_000)
+        _one_of("goal", self.goal, (True, False))
+        if self.max_steps is not None:
+            _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
 
     @property

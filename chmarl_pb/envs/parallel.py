@@ -37,10 +37,10 @@ class HouseholdEnv(ParallelEnv):
 
     **Task**: an instruction names an object X and a receptacle Y ("Put the mug on the desk").
     **Observation**: what each robot sees (scene graph or picture), the instruction, its feedback,
-    the messages, and its own room, heading and hand.
+    the messages, and its own room, heading and hand; with ``goal``, what the instruction asks for.
     **Actions**: one number for each robot, see ``action_names``; actions that cannot be done change nothing.
     **Reward**: shared, phi(s') - phi(s), see :func:`chmarl_pb.tasks.outcome.potential`.
-    **End**: success terminates both robots, ``max_steps`` truncates both.
+    **End**: success terminates both robots, ``max_steps`` truncates both; None leaves that to a wrapper.
 
     Attributes:
         task: the task of the present episode.
@@ -63,10 +63,11 @@ class HouseholdEnv(ParallelEnv):
         home: str | Path | None = None,
         messages: bool = True,
         feedback: bool | str = True,
-        max_steps: int = MAX_STEPS,
+        max_steps: int | None = MAX_STEPS,
         image_size: int = 128,
         execution: str = "instant",
         render_mode: str | None = None,
+        goal: bool = False,
     ):
         """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the arguments.
 
@@ -75,7 +76,7 @@ class HouseholdEnv(ParallelEnv):
             HomeError: a home cannot be used.
         """
         self.options = Options(
-            observation, split, home, messages, feedback, max_steps, image_size, execution, render_mode
+            observation, split, home, messages, feedback, max_steps, image_size, execution, render_mode, goal
         )
         self.render_mode = render_mode
         self.possible_agents = list(AGENTS)
@@ -135,6 +136,7 @@ class HouseholdEnv(ParallelEnv):
         self.messages = update(no_messages(self.rooms), self.outcome, self.setting.goal, self.rooms)
         self.instruction = language.instruction(self.task)
         self._instruction_tokens = language.tokenize(self.instruction, language.INSTRUCTION_LENGTH)
+        self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
         self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
         style = self.options.feedback_style
         self._adviser: Adviser | None = ADVISERS[style](self.stage, self.setting.goal) if style else None
@@ -161,7 +163,8 @@ class HouseholdEnv(ParallelEnv):
         told = {"humanoid": self._advise(names["humanoid"], succeeded["humanoid"], previous), "drone": ""}
         self.steps += 1
         terminated = self.outcome.success
-        truncated = not terminated and self.steps >= self.options.max_steps
+        limit = self.options.max_steps
+        truncated = not terminated and limit is not None and self.steps >= limit
         if terminated or truncated:
             self.agents = []
         if self.render_mode == "human":
@@ -196,7 +199,7 @@ class HouseholdEnv(ParallelEnv):
         """
         if not hasattr(self, "outcome"):
             raise NotResetError("state() before reset(); call reset() first")
-        elapsed = self.steps / self.options.max_steps
+        elapsed = self.steps / (self.options.max_steps or MAX_STEPS)
         return global_state(self.stage, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:
@@ -274,7 +277,7 @@ class HouseholdEnv(ParallelEnv):
         return {
             name: observe(
                 self.options, self.stage, name, self.outcome, self.setting, self.messages,
-                self._instruction_tokens, told[name],
+                self._instruction_tokens, told[name], self._wanted,
             )
             for name in AGENTS
         }  # fmt: skip

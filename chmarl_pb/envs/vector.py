@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.vector_engine import Engine, start
 from chmarl_pb.envs.vector_infos import InfoTable
 from chmarl_pb.envs.vector_worker import MakeEnv
@@ -151,10 +152,18 @@ def make_function(env_id: str | MakeEnv, options: dict[str, Any]) -> MakeEnv:
         OptionError: options are given for a function.
     """
     if not callable(env_id):
-        return partial(gymnasium.make, env_id, disable_env_checker=True, **options)
+        return partial(gymnasium.make, env_id, disable_env_checker=True, **_limited(options))
     if options:
         raise OptionError(f"options {sorted(options)} are for ids; a function makes its environment by itself")
     return env_id
+
+
+def _limited(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with a ``max_steps`` beyond the time limit of the ids as that limit, which would come first."""
+    limit = options.get("max_steps")
+    if not isinstance(limit, int) or limit <= MAX_STEPS:
+        return options
+    return {name: value for name, value in options.items() if name != "max_steps"} | {"max_episode_steps": limit}
 
 
 def check_counts(n: int, workers: int | None) -> None:

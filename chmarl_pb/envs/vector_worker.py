@@ -20,7 +20,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector_infos import Change, ChangeFinder
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import NotResetError, OptionError
 
 MakeEnv = Callable[[], gymnasium.Env]
 
@@ -127,6 +127,8 @@ class Batch:
 
     def _step(self, index: int) -> dict[str, Any]:
         env = self.envs[index]
+        if self._over[index] and self.autoreset is AutoresetMode.DISABLED:
+            raise NotResetError(f"step() of environment {self.numbers[index]} after its episode; reset it first")
         if self._over[index] and self.autoreset is AutoresetMode.NEXT_STEP:
             observation, info = env.reset()
             self._write(index, observation, 0.0, False, False)

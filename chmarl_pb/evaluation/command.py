@@ -13,14 +13,15 @@ from chmarl_pb.evaluation.result import Report
 
 def run_evaluation(
     policy: str, split: str, observation: str, seeds: int, workers: int, messages: bool, feedback: bool | str,
-    max_steps: int, tasks: list[str] | None, out: Path | None, label: str | None,
+    max_steps: int, tasks: list[str] | None, out: Path | None, label: str | None, goal: bool,
 ) -> int:  # fmt: skip
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     with progress_bar() as bar:
         row = bar.add_task(f"{policy} on {split}", total=None)
         report = evaluate(
             policy, split, observation, range(seeds), workers, messages, feedback, max_steps, tasks=tasks,
-            out=out, label=label, progress=lambda finished, total: bar.update(row, completed=finished, total=total),
+            out=out, label=label, goal=goal,
+            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
     if out is not None:
@@ -41,6 +42,8 @@ def print_report(console: Console, report: Report) -> None:
     without = f", no {' and no '.join(off)}" if off else ""
     if isinstance(settings["options"]["feedback"], str):
         without += f", {settings['options']['feedback']} feedback"
+    if settings["options"].get("goal"):
+        without += ", goal observed"
     title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")

@@ -12,10 +12,10 @@ from chmarl_pb.evaluation.policies import find_policy
 from chmarl_pb.tasks.splits import find_task
 
 
-def save(policy: str, task_id: str, observation: str, seed: int, out: Path) -> int:
+def save(policy: str, task_id: str, observation: str, seed: int, out: Path, goal: bool = False) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
     task, source, seed = find_task(task_id), find_policy(policy), checked_seed(seed)
-    env = HouseholdEnv(observation, home=task.home)
+    env = HouseholdEnv(observation, home=task.home, goal=goal)
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
     finally:

@@ -24,6 +24,9 @@ from chmarl_pb.tasks.task import Task
 
 SEEDS = (0, 1, 2)
 
+#: Options in every result; others are recorded where they are not the default, so that older results read the same.
+_RECORDED = ("messages", "feedback", "max_steps", "image_size")
+
 #: Called after each finished episode with the numbers of finished and of all episodes.
 Progress = Callable[[int, int], None]
 
@@ -47,6 +50,7 @@ def evaluate(
     reuse: bool = False,
     progress: Progress = lambda finished, total: None,
     plays: Plays | None = None,
+    goal: bool = False,
 ) -> Report:
     """Evaluate a policy; its numbers do not depend on the number of workers.
 
@@ -68,12 +72,15 @@ def evaluate(
         reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
         plays: how episodes are played, e.g. several at once; None: each by itself, in ``workers`` processes.
+        goal: whether what the instruction asks for is observed as class ids, see ``Options``.
 
     Raises:
         OptionError: the policy or an option is unknown, or ``out`` is a folder.
         TaskError: a task is unknown, of another split, or has no L*.
     """
-    options = Options(observation, split, None, messages, feedback, max_steps, image_size)
+    if max_steps is None:
+        raise OptionError("max_steps=None: an evaluation must end; give a whole number")
+    options = Options(observation, split, None, messages, feedback, max_steps, image_size, goal=goal)
     source = find_policy(policy)
     chosen = _chosen(split, tasks)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
@@ -138,7 +145,7 @@ def _settings(source: Source, options: Options, tasks: Sequence[Task], seeds: Se
         "policy_sha256": source.sha256,
         "split": values.pop("split"),
         "observation": values.pop("observation"),
-        "options": {name: values[name] for name in ("messages", "feedback", "max_steps", "image_size")},
+        "options": {name: values[name] for name in _RECORDED} | ({"goal": True} if options.goal else {}),
         "seeds": list(seeds),
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),

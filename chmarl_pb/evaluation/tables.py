@@ -120,9 +120,10 @@ def label_of(report: Report) -> str:
 
 
 def title_of(report: Report) -> str:
-    """Return a result's label, what was switched off, and why it is no result of the whole benchmark."""
+    """Return a result's label, what was switched off or given, and why it is no result of the whole benchmark."""
     off = [f"no {name}" for name in ("messages", "feedback") if not report.settings["options"][name]]
-    notes = [*off, *_limits(report)]
+    given = ["goal observed"] if report.settings["options"].get("goal") else []
+    notes = [*off, *given, *_limits(report)]
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
 
 
