@@ -1,14 +1,15 @@
 # make demo   sets everything up and lets the planner solve a task: out/demo.mp4 and out/demo.html
 # make test   sets everything up and passes the checks and tests
-# Both are quick when run again. PYTHON=... chooses the interpreter; otherwise the first of 3.11 and 3.10 is taken.
+# Both are quick when run again. PYTHON=... chooses the interpreter, else the first of 3.11, 3.12, 3.13 and 3.10 that
+# runs is taken; VENV=... keeps the environments of several interpreters apart.
 
 SHELL := /bin/bash
 VENV := .venv
 RUN := $(VENV)/bin
 PEERS := build/peers
-PYTHON ?= $(shell for p in python3.11 python3.10 python3 python; do \
-	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' 2>/dev/null \
-	&& { echo $$p; break; }; done)
+FITS := import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.10 python3 python; do \
+	$$p -c '$(FITS)' 2>/dev/null && { echo $$p; break; }; done)
 
 .PHONY: demo test check test-slow bench peers scaling tables assets homes clean
 .DELETE_ON_ERROR:
@@ -69,11 +70,10 @@ $(PEERS)/.run: benchmarks/requirements.txt pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/bin/python:
-	@if [ -z "$(PYTHON)" ]; then \
-		echo "chmarl_pb needs Python 3.10 or 3.11 with venv: PyBullet has no ready-made package for newer ones."; \
-		echo "Install one (Debian: apt install python3.11 python3.11-venv; pyenv: pyenv install 3.11), or run"; \
-		echo "  make $(or $(MAKECMDGOALS),demo) PYTHON=python3.12"; \
-		echo "to build PyBullet from source, which takes about 6 minutes and needs a C++ compiler."; exit 1; fi
+	@$(PYTHON) -c '$(FITS)' 2>/dev/null || { \
+		echo "chmarl_pb needs Python 3.10 to 3.13 with venv: PyBullet has no ready-made package for others."; \
+		echo "Install one (Debian, Ubuntu: apt install python3 python3-venv; pyenv: pyenv install 3.13), or name it:"; \
+		echo "  make $(or $(MAKECMDGOALS),demo) PYTHON=/path/to/python3"; exit 1; } >&2
 	$(PYTHON) -m venv $(VENV)
 
 clean:

@@ -36,7 +36,7 @@ class SceneGraph:
     node_state: NDArray[np.int16]
     edges: NDArray[np.int16]
 
-    def arrays(self) -> dict[str, NDArray[np.int16]]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return new ``node_class``, ``node_state`` and ``edges`` by name."""
         return {
             "node_class": self.node_class.copy(), "node_state": self.node_state.copy(), "edges": self.edges.copy()
