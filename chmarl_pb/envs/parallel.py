@@ -81,10 +81,10 @@ class HouseholdEnv(ParallelEnv):
         self.render_mode = render_mode
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
+        self._tasks = TaskSource(self.options.split, self.options.home)
         self._stages: dict[str, Stage] = {}
         self.stage = self._enter(self.options.homes[0])
         self.rooms, self.action_names = self.stage.rooms, self.stage.actions
-        self._tasks = TaskSource(self.options.split, self.options.home, self._enter)
         self._observation_space = observation_space(self.options, self.rooms)
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
         self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
@@ -229,7 +229,7 @@ class HouseholdEnv(ParallelEnv):
             warnings.warn(f"reset(options=...) ignores {unknown}; it knows 'task'", stacklevel=3)
         if "task" in options:
             return self._tasks.named(options["task"])
-        return self._tasks.draw(self._rng)
+        return self._tasks.draw(self._rng, self._enter)
 
     def _enter(self, home: str) -> Stage:
         """Return the stage of a home, loaded at its first use."""

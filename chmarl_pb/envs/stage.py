@@ -45,11 +45,15 @@ class Stage:
             self.rooms.index(room) if room in self.rooms else len(self.rooms) for room in self.home.rooms
         ]
         self.world = World(self.home)
-        self.humanoid = Humanoid(self.world, self.space)
-        self.drone = Drone(self.world, self.space)
-        self.sight = Sight(self.world)
-        self.graphs = SceneGraphs(self.world, self.space, self.sight.names)
-        self.oracle = Oracle(self.world, self.space, self.sight)
+        try:
+            self.humanoid = Humanoid(self.world, self.space)
+            self.drone = Drone(self.world, self.space)
+            self.sight = Sight(self.world)
+            self.graphs = SceneGraphs(self.world, self.space, self.sight.names)
+            self.oracle = Oracle(self.world, self.space, self.sight)
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def actions(self) -> dict[str, tuple[str, ...]]:

@@ -18,16 +18,14 @@ _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
 class TaskSource:
     """Draws tasks of a split; for a home outside the split, solvable tasks made up for that home."""
 
-    def __init__(self, split: str, home: str | Path | None, stage_of: Callable[[str], Stage]):
+    def __init__(self, split: str, home: str | Path | None):
         """Remember where to draw from.
 
         Args:
             split: name of a split.
             home: name or path of the only home to play in, or None for all of the split.
-            stage_of: the stage of a home, by its name or path.
         """
         self._home = None if home is None else str(home)
-        self._stage_of = stage_of
         self._tasks = [task for task in load_tasks(split) if self._home in (None, task.home)]
 
     def named(self, task: Task | str) -> Task:
@@ -42,8 +40,12 @@ class TaskSource:
             raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
         return find_task(task)
 
-    def draw(self, rng: np.random.Generator) -> Task:
+    def draw(self, rng: np.random.Generator, stage_of: Callable[[str], Stage]) -> Task:
         """Draw a task.
+
+        Args:
+            rng: source of randomness.
+            stage_of: the stage of a home, by its name or path.
 
         Raises:
             TaskError: the home offers no task that can be solved.
@@ -51,7 +53,7 @@ class TaskSource:
         if self._tasks:
             return self._tasks[rng.integers(len(self._tasks))]
         assert self._home is not None
-        return draw_solvable(self._stage_of(self._home), self._home, rng)
+        return draw_solvable(stage_of(self._home), self._home, rng)
 
 
 def draw_solvable(stage: Stage, home: str, rng: np.random.Generator, task_id: str | None = None) -> Task:

@@ -1,5 +1,7 @@
 """The drone: kinematic, on its own lattice 3.5 m above the floor, looking straight down."""
 
+from weakref import proxy
+
 from chmarl_pb import catalog
 from chmarl_pb.homes.lattice import DRONE_HEADING, DRONE_HEIGHT
 from chmarl_pb.homes.space import Space
@@ -29,7 +31,8 @@ class Drone:
 
     def __init__(self, world: World, space: Space):
         """Load the drone into a world."""
-        self.world, self.lattice = world, space.drone_lattice
+        self.world: World = proxy(world)  # which holds its robots: held by them it would have to be garbage-collected
+        self.lattice = space.drone_lattice
         self.actions = (*(f"goto_{room}" for room in self.lattice.anchors), *_MOVES, "stay")
         self.body = load_drone(world.physics)
         self.pose = 0

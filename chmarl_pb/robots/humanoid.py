@@ -1,6 +1,6 @@
 """The humanoid: drives on the lattice, picks and places with its arm."""
 
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, proxy
 
 import numpy as np
 
@@ -43,7 +43,8 @@ class Humanoid:
 
     def __init__(self, world: World, space: Space):
         """Load the humanoid into a world."""
-        self.world, self.space, self.lattice = world, space, space.lattice
+        self.world: World = proxy(world)  # which holds its robots: held by them it would have to be garbage-collected
+        self.space, self.lattice = space, space.lattice
         gotos = (f"goto_{room}" for room in self.lattice.anchors)
         self.actions = (*gotos, "pick", "place", "move_forward", "turn_left", "turn_right", "stay")
         self.body = load_humanoid(world.physics)

@@ -1,7 +1,7 @@
 """A picture of a home for people: the plan from above with room names, and a view as into a doll's house."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from chmarl_pb.catalog import class_of, room_of
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes.urdf import read_links
+from chmarl_pb.world import Client
 from chmarl_pb.world.bullet import pybullet
 
 Array = npt.NDArray[Any]
@@ -82,15 +83,13 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
 @contextmanager
 def _loaded(path: Path) -> Iterator[tuple[int, int]]:
     """Load a home into a client of its own; yield the client and the home's body id."""
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
+    with closing(Client()) as connection:
+        client = connection.number
         try:
             home = pybullet.loadURDF(str(path), useFixedBase=True, physicsClientId=client)
         except pybullet.error as problem:
             raise HomeError(f"{path}: PyBullet cannot load it: {problem}") from problem
         yield client, home
-    finally:
-        pybullet.disconnect(client)
 
 
 def _boxes(client: int, home: int) -> dict[str, Array]:

@@ -10,11 +10,13 @@ from chmarl_pb.world.bodies import (
     yaw_quaternion,
 )
 from chmarl_pb.world.bullet import quiet
+from chmarl_pb.world.client import Client
 from chmarl_pb.world.world import TIME_STEP, Support, World
 
 __all__ = [
     "TIME_STEP",
     "UPRIGHT",
+    "Client",
     "Graspable",
     "Pose",
     "Support",

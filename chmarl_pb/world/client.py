@@ -1,15 +1,27 @@
 """A PyBullet client that is told where bodies are only when somebody asks it: most steps of an episode never do."""
 
+import gc
+import weakref
+
+from chmarl_pb.errors import ChmarlError
 from chmarl_pb.world.bodies import UPRIGHT, Vector
 from chmarl_pb.world.bullet import pybullet
 
 
 class Client:
-    """A client without a display, and the bodies that are still to be moved in it."""
+    """A client without a display, and the bodies that are still to be moved in it.
+
+    It is disconnected by ``close``, when nothing refers to it any longer, and at the interpreter's exit.
+    """
 
     def __init__(self) -> None:
-        """Connect; the number is negative if PyBullet has no free client."""
-        self._number = pybullet.connect(pybullet.DIRECT)
+        """Connect.
+
+        Raises:
+            ChmarlError: PyBullet has no free client.
+        """
+        self._number = _connect()
+        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._number)
         self._moves: dict[int, tuple[Vector, Vector, Vector | None]] = {}
         self._is_shared = False
 
@@ -45,7 +57,16 @@ class Client:
 
     def close(self) -> None:
         """Disconnect; closing twice is allowed."""
-        if self._number >= 0:
-            pybullet.disconnect(physicsClientId=self._number)
+        self._disconnect()
         self._number = -1
         self._moves.clear()
+
+
+def _connect() -> int:
+    number = pybullet.connect(pybullet.DIRECT)
+    if number < 0:  # environments in reference cycles of their users' making may only wait to be collected
+        gc.collect()
+        number = pybullet.connect(pybullet.DIRECT)
+    if number < 0:
+        raise ChmarlError("PyBullet has no free client; close some environments")
+    return int(number)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.space import Size, grip_point
 from chmarl_pb.world.bodies import (
@@ -68,12 +67,11 @@ class World:
 
         Raises:
             HomeError: PyBullet cannot load the home.
+            AssetError: the URDF of an object cannot be used.
         """
         self.home = home
         self._client = Client()
         self.move_body = self._client.move
-        if self.physics < 0:
-            raise HomeError(f"{home.path}: PyBullet has no free client; close some environments")
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.physics)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self.physics
@@ -85,18 +83,15 @@ class World:
         self._poses: dict[str, Pose] = {}
         self.version, self.steps = 0, 0
         self.layout: object = None
-        self._home_body = self._load(home)
-        self.links = {name: number for number, name in enumerate(link_names(self.physics, self._home_body))}
-        self._objects = {f"{name}_1": load_graspable(self.physics, name) for name in catalog.GRASPABLES}
-        self.bodies: dict[str, int] = {"home": self._home_body}
-
-    def _load(self, home: Home) -> int:
         try:
             with quiet():
-                return load_home_body(self.physics, home)
-        except HomeError:
+                self._home_body = load_home_body(self.physics, home)
+            self.links = {name: number for number, name in enumerate(link_names(self.physics, self._home_body))}
+            self._objects = {f"{name}_1": load_graspable(self.physics, name) for name in catalog.GRASPABLES}
+        except BaseException:
             self.close()
             raise
+        self.bodies: dict[str, int] = {"home": self._home_body}
 
     def close(self) -> None:
         """Disconnect the client; closing twice is allowed."""
