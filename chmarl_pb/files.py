@@ -9,6 +9,18 @@ from pathlib import Path
 from chmarl_pb.errors import OptionError
 
 
+def cache_folder() -> Path | None:
+    """Return the user's folder for what can be made again, which need not exist; None if there is to be none.
+
+    ``CHMARL_CACHE`` names it, by default ``chmarl_pb`` in the user's folder for caches; empty or "off" means none.
+    """
+    chosen = os.environ.get("CHMARL_CACHE")
+    if chosen is not None:
+        return None if chosen in ("", "off") else Path(os.path.expanduser(chosen)).absolute()
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    return folder / "chmarl_pb" if folder.is_absolute() else None
+
+
 def open_folder(folder: Path) -> Path:
     """Make a folder that files can be written to, and return it.
 

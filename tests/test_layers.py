@@ -9,6 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
     ("errors",),
     ("files",),
+    ("compiled",),
     ("assets",),
     ("catalog",),
     ("homes",),

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from chmarl_pb.sensing.triangles import Floats, compiled
+from chmarl_pb.compiled import compiled
+from chmarl_pb.sensing.triangles import Floats
 
 TILE = 8  # pixels: side of the squares in which a body that the home hides is found out
 

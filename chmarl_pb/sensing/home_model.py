@@ -44,7 +44,7 @@ class HomeModel:
         """
         near, far = lens.planes
         colour = np.full((size, size, 4), _WHITE, np.uint8)
-        depth = np.full((size, size), depth_of.py_func(-far, near, far), np.float32)
+        depth = np.full((size, size), depth_of(-far, near, far), np.float32)
         nothing = depth.copy()
         nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
         links = np.full((size, size), -1, np.int32)

@@ -8,6 +8,7 @@ moves (see :mod:`chmarl_pb.sensing.movables`). Pictures are kept on disk where t
 import platform
 import sys
 from collections import OrderedDict
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import count
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.compiled import COMPILES
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
@@ -28,7 +30,7 @@ from chmarl_pb.sensing.eyes import CAMERAS, eye
 from chmarl_pb.sensing.home_model import HomeModel
 from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
-from chmarl_pb.world import bodies, load_home_body, quiet
+from chmarl_pb.world import Client, bodies, load_home_body, quiet
 from chmarl_pb.world.bullet import distribution, pybullet
 
 CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
@@ -101,24 +103,29 @@ class HomeViews:
         self._files: dict[tuple[str, int], ViewFile | None] = {}
         self._kept = _kept()
 
-    @cached_property
+    @property
     def client(self) -> int:
         """A PyBullet client with the empty home, for pictures of other kinds."""
+        return self._other_drawer.number
+
+    @cached_property
+    def _other_drawer(self) -> Client:
         return self._load()[0]
 
     @cached_property
     def _model(self) -> HomeModel | None:
-        """The home's triangles, or None if only TinyRenderer can draw them."""
-        client, body = self._load()
-        try:
-            return HomeModel(client, body)
-        except AssetError:
+        """The home's triangles, or None if TinyRenderer is to draw them: our own rasteriser is slow as plain Python."""
+        if not COMPILES:
             return None
-        finally:
-            pybullet.disconnect(client)
+        client, body = self._load()
+        with closing(client):
+            try:
+                return HomeModel(client.number, body)
+            except AssetError:
+                return None
 
     @cached_property
-    def _drawer(self) -> int:
+    def _drawer(self) -> Client:
         """The client in which TinyRenderer draws: pictures of another kind would change how it rounds colours."""
         return self._load()[0]
 
@@ -159,25 +166,27 @@ class HomeViews:
         if self._model is not None:
             picture = self._model.draw(lens(camera, view), size)
         else:
-            drawn = render(self._drawer, camera, view, size)
+            drawn = render(self._drawer.number, camera, view, size)
             # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: a
             # second picture of a single pixel lets each one that is kept be an odd one.
-            render(self._drawer, camera, view, 1)
+            render(self._drawer.number, camera, view, 1)
             links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
             picture = Picture(drawn.colour, drawn.depth, links)
         for array in (picture.colour, picture.depth, picture.segmentation):
             array.flags.writeable = False
         return HomeView(view, picture, camera)
 
-    def _load(self) -> tuple[int, int]:
+    def _load(self) -> tuple[Client, int]:
         """Return a new client with the home, and the home's body."""
-        client = pybullet.connect(pybullet.DIRECT)
-        home = self.space.home
-        with quiet():
-            body = load_home_body(client, home)
-        if content_hash(home) != self._content:
-            pybullet.disconnect(client)
-            raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+        client, home = Client(), self.space.home
+        try:
+            with quiet():
+                body = load_home_body(client.number, home)
+            if content_hash(home) != self._content:
+                raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+        except BaseException:
+            client.close()
+            raise
         return client, body
 
     def _file(self, robot: str, size: int) -> ViewFile | None:

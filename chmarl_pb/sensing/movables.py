@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.compiled import compiled
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import load_drone
 from chmarl_pb.robots.humanoid import load_humanoid
@@ -18,8 +19,8 @@ from chmarl_pb.sensing import placing, raster
 from chmarl_pb.sensing.camera import Picture, light
 from chmarl_pb.sensing.home_views import HomeView
 from chmarl_pb.sensing.meshes import Part, models_of, parts_of
-from chmarl_pb.sensing.triangles import Canvas, clean_canvas, compiled
-from chmarl_pb.world import UPRIGHT, Pose, load_graspable, quiet
+from chmarl_pb.sensing.triangles import Canvas, clean_canvas
+from chmarl_pb.world import UPRIGHT, Client, Pose, load_graspable, quiet
 from chmarl_pb.world.bullet import pybullet
 
 _KEPT = 8192  # poses of robots
@@ -42,16 +43,17 @@ class Movables:
 
     def __init__(self) -> None:
         """Load all graspables and robots once, to read their meshes."""
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._connection = Client()
+        self._client = client = self._connection.number
         with quiet():
-            objects = {f"{name}_1": load_graspable(self._client, name) for name in catalog.GRASPABLES}
-            self._robots = {"humanoid": load_humanoid(self._client), "drone": load_drone(self._client)}
-        self._arm = Arm(self._client, self._robots["humanoid"])
+            objects = {f"{name}_1": load_graspable(client, name) for name in catalog.GRASPABLES}
+            self._robots = {"humanoid": load_humanoid(client), "drone": load_drone(client)}
+        self._arm = Arm(client, self._robots["humanoid"])
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
         bodies = {name: thing.body for name, thing in objects.items()} | self._robots
-        parts = {name: parts_of(self._client, body) for name, body in bodies.items()}
+        parts = {name: parts_of(client, body) for name, body in bodies.items()}
         for thing in objects.values():
-            pybullet.removeBody(thing.body, physicsClientId=self._client)
+            pybullet.removeBody(thing.body, physicsClientId=client)
         self.numbers = {name: number for number, name in enumerate(bodies)}
         self._links = {name: _links(own) for name, own in parts.items()}
         *starts, self.frames = np.cumsum([0, *map(len, self._links.values())]).tolist()

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.sensing.triangles import ONE, ZERO, Floats, Lens, compiled, dot4
+from chmarl_pb.compiled import compiled
+from chmarl_pb.sensing.triangles import ONE, ZERO, Floats, Lens, dot4
 
 
 class Models(NamedTuple):
@@ -148,13 +149,14 @@ def _set_ball(points, ball):  # type: ignore[no-untyped-def]
     for i in range(3):
         low, high = np.inf, -np.inf
         for number in range(len(points)):
-            low, high = min(low, points[number, i]), max(high, points[number, i])
+            low, high = min(low, np.float64(points[number, i])), max(high, np.float64(points[number, i]))
         ball[i] = (low + high) / 2
     greatest = 0.0
     for number in range(len(points)):
         square = 0.0
         for i in range(3):
-            square += (points[number, i] - ball[i]) ** 2
+            off = points[number, i] - ball[i]
+            square += off * off
         greatest = max(greatest, square)
     ball[3] = np.sqrt(greatest) + 1e-3
 

@@ -6,6 +6,7 @@ looked at.
 
 import numpy as np
 
+from chmarl_pb.compiled import compiled
 from chmarl_pb.sensing.bounds import extent
 from chmarl_pb.sensing.placing import multiply
 from chmarl_pb.sensing.triangles import (
@@ -13,7 +14,6 @@ from chmarl_pb.sensing.triangles import (
     TWO,
     ZERO,
     brightness,
-    compiled,
     corner_of,
     cover,
     cover_clipped,

@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.compiled import compiled
 
 _FIXED = catalog.STATE_IDS["fixed"]
 _IN_ROOM, _NEAR = catalog.RELATION_IDS["in_room"], catalog.RELATION_IDS["near"]
@@ -36,7 +36,7 @@ class Facts(NamedTuple):
     position: NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def describe(seen, facts, room_kinds, node_class, node_state, edges):  # type: ignore[no-untyped-def]
     """Set nodes and edges of a scene graph; return the numbers of the rooms that are nodes of it.
 
@@ -58,7 +58,7 @@ def describe(seen, facts, room_kinds, node_class, node_state, edges):  # type: i
     return present
 
 
-@njit(cache=True)
+@compiled
 def _relate(seen, facts, node_of_room, edges):  # type: ignore[no-untyped-def]
     """Set the edges."""
     near = np.empty(_NEIGHBOURS, np.int32)
@@ -75,7 +75,7 @@ def _relate(seen, facts, node_of_room, edges):  # type: ignore[no-untyped-def]
                 row = _set(edges, row, size, node, near[place], _NEAR)
 
 
-@njit("int64(int16[:, ::1], int64, int64, int64, int64, int64)", cache=True)
+@compiled
 def _set(edges, row, size, source, target, relation):  # type: ignore[no-untyped-def]
     """Set one row, if there is one; return the number of the next."""
     if row < size:
@@ -83,7 +83,7 @@ def _set(edges, row, size, source, target, relation):  # type: ignore[no-untyped
     return row + 1
 
 
-@njit(cache=True)
+@compiled
 def _number_rooms(seen, room_of, node_of_room):  # type: ignore[no-untyped-def]
     """Set the nodes of the rooms of seen things, -1 for the others; return the rooms that are nodes, in order."""
     for room in range(len(node_of_room)):
@@ -99,7 +99,7 @@ def _number_rooms(seen, room_of, node_of_room):  # type: ignore[no-untyped-def]
     return present[:count]
 
 
-@njit(cache=True)
+@compiled
 def _find_neighbours(node, seen, facts, near):  # type: ignore[no-untyped-def]
     """Set ``near`` to the nodes of the nearest other movable things, the nearest first; return their number."""
     for count in range(_NEIGHBOURS):
@@ -111,7 +111,8 @@ def _find_neighbours(node, seen, facts, near):  # type: ignore[no-untyped-def]
             if not known:
                 square = 0.0
                 for axis in range(3):
-                    square += (facts.position[seen[node], axis] - facts.position[seen[other], axis]) ** 2
+                    apart = facts.position[seen[node], axis] - facts.position[seen[other], axis]
+                    square += apart * apart
                 distance = np.sqrt(square)
                 if distance < least:
                     best, least = other, distance

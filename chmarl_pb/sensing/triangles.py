@@ -2,21 +2,17 @@
 
 The order of operations and their precision are those of TinyRenderer in Bullet 3.25: single precision
 for transforms and shading, double precision for barycentric coordinates and for which side a triangle
-turns to the camera. ``tests/test_sight.py`` compares the two. Numba compiles these functions at their
-first use and keeps the result on disk; it fuses no multiply and add unless told to. Touch the other files
-of this package that are compiled after a change here: Numba looks at the file of the calling function alone.
+turns to the camera. ``tests/test_sight.py`` compares the two. Numba fuses no multiply and add unless told to.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from chmarl_pb.compiled import compiled
 
-# "numpy": a division by zero gives infinity, as in TinyRenderer.
-compiled = njit(cache=True, error_model="numpy")
+Floats = NDArray[np.float32]
 
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
@@ -169,7 +165,8 @@ def _doubles(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
 def depth_of(raw, near, far):  # type: ignore[no-untyped-def]
     """Return the depth in [0, 1] that PyBullet makes of TinyRenderer's own."""
     z = -raw
-    return np.float32(np.float64(far * (near + z)) / ((2.0 * far * near + np.float64(far * z)) - np.float64(near * z)))
+    whole = (np.float64(2) * far * near + np.float64(far * z)) - np.float64(near * z)
+    return np.float32(np.float64(far * (near + z)) / whole)
 
 
 @compiled
@@ -233,7 +230,7 @@ def weights_at(rows, px, py):  # type: ignore[no-untyped-def]
     ux = (bx - ax) * (ay - py) - (ax - px) * (by - ay)
     uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
     uz = (cx - ax) * (by - ay) - (bx - ax) * (cy - ay)
-    s0, s1, s2 = -1.0, 1.0, 1.0
+    s0, s1, s2 = np.float64(-1), np.float64(1), np.float64(1)
     if abs(uz) > 1e-2:
         s0, s1, s2 = 1.0 - (ux + uy) / uz, uy / uz, ux / uz
     b0, b1, b2 = _weights(s0, s1, s2, rows[0, 3], rows[1, 3], rows[2, 3])

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from chmarl_pb.files import cache_folder
 from chmarl_pb.sensing.camera import Picture, Vector
 
 try:
@@ -209,7 +210,7 @@ def view_store() -> ViewStore | None:
     ``CHMARL_CACHE`` is its folder, by default ``chmarl_pb`` in the user's folder for caches; empty or
     "off" means no store. ``CHMARL_CACHE_LIMIT`` is its limit in MB.
     """
-    folder = _folder()
+    folder = cache_folder()
     if folder is None or fcntl is None or not hasattr(os, "pwritev"):
         return None
     limit = os.environ.get("CHMARL_CACHE_LIMIT") or str(LIMIT)
@@ -222,14 +223,6 @@ def view_store() -> ViewStore | None:
 @cache
 def _store(folder: Path, limit: int) -> ViewStore:
     return ViewStore(folder / "views", limit)
-
-
-def _folder() -> Path | None:
-    chosen = os.environ.get("CHMARL_CACHE")
-    if chosen is not None:
-        return None if chosen in ("", "off") else Path(chosen).expanduser().absolute()
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
-    return folder / "chmarl_pb" if folder.is_absolute() else None
 
 
 def _open(path: Path) -> tuple[int, bool]:

@@ -6,9 +6,10 @@ it could hide one of the home's things that few pixels show.
 
 import numpy as np
 
+from chmarl_pb.compiled import compiled
 from chmarl_pb.sensing.bounds import extent
 from chmarl_pb.sensing.raster import SAFE, draw_part, project
-from chmarl_pb.sensing.triangles import TWO, compiled
+from chmarl_pb.sensing.triangles import TWO
 
 
 @compiled
