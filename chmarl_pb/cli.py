@@ -1,9 +1,13 @@
 """``chmarl-pb``: a thin face over the package."""
 
 import argparse
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from chmarl_pb import __version__, commands
 from chmarl_pb.errors import ChmarlError
@@ -13,20 +17,54 @@ Command = Callable[[argparse.Namespace], int]
 _GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
 
 
+class Stopped(KeyboardInterrupt):
+    """A signal asks this process to end; its argument is the signal's number."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 130 when interrupted."""
+    """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped by the signal N."""
     options = _parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        with _stopped_by_signals():
+            code = int(options.run(options))
+            sys.stdout.flush()
+        return code
     except ChmarlError as error:
-        print(f"chmarl-pb: {error}", file=sys.stderr)
-        return 2
+        return _failed(str(error), 2)
     except OSError as error:
-        print(f"chmarl-pb: {error.filename or ''}: {error.strerror}; choose another file or folder", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("chmarl-pb: interrupted", file=sys.stderr)
-        return 130
+        return _failed(f"{error.filename or 'output'}: {error.strerror}; choose another file or folder", 2)
+    except KeyboardInterrupt as error:
+        number = error.args[0] if isinstance(error, Stopped) else signal.SIGINT
+        return _failed(
+            "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}", 128 + number
+        )
+
+
+def _failed(message: str, code: int) -> int:
+    """Print why a command ends, and return its exit code."""
+    print(f"chmarl-pb: {message}", file=sys.stderr)
+    return code
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Let the signals that end a process unwind the block, so that what it began is put away."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's affair
+        return
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number in [number for number in numbers if before[number] is signal.SIG_DFL]:  # nohup ignores SIGHUP
+        signal.signal(number, _stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise Stopped(number)
 
 
 def _parser() -> argparse.ArgumentParser:

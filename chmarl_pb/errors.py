@@ -39,3 +39,11 @@ class DatasetError(ChmarlError, ValueError):
 
 class WorkerError(ChmarlError, RuntimeError):
     """A process that was started to help has died."""
+
+
+class WriteError(ChmarlError, OSError):
+    """A file cannot be written: the disk is full, or refuses it for another reason."""
+
+
+class BusyError(ChmarlError, RuntimeError):
+    """Another process is writing the file."""

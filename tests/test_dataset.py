@@ -15,16 +15,20 @@ import h5py
 import minari
 import numpy as np
 import pytest
+from conftest import full_disk
 
 from chmarl_pb.cli import main
+from chmarl_pb.data import generate as generation
+from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import NoisyPlanner, Replayer, make_env, record
-from chmarl_pb.data.store import file_sha256, parts_folder
+from chmarl_pb.data.store import dataset_folder, file_sha256, is_whole, parts_folder
 from chmarl_pb.data.verify import chosen, first_difference, verify
 from chmarl_pb.envs.rollout import core_of, make_policy, rollout
-from chmarl_pb.errors import DatasetError, OptionError
+from chmarl_pb.errors import BusyError, DatasetError, OptionError, WriteError
+from chmarl_pb.files import Lock
 from chmarl_pb.tasks.splits import load_tasks
 
 RECIPE = Recipe("test-unseen", noise=0.3, limit=3)
@@ -124,11 +128,49 @@ def test_killed_generation_goes_on(root: Path, tmp_path: Path) -> None:
     process.wait()
     finished = list(parts.glob("*.hdf5"))
     assert finished and not find_datasets(tmp_path)
+    for name in ("joined", f"joined.{os.getpid()}"):  # of processes that were killed while they joined
+        (parts / name / "data").mkdir(parents=True)
     finished[0].with_name("test-unseen-002.hdf5").write_bytes(b"cut")  # as after a loss of power
     done: list[int] = []
     assert generate(RECIPE, tmp_path, 1, done.append).sha256 == find_datasets(root)[0].sha256
     assert done[0] >= 1 and sum(done) == 3
     assert not parts.exists() and not other.exists()
+
+
+def test_damaged_episode_of_an_unfinished_data_set_is_played_again(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(generation, "join_parts", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        generate(RECIPE, tmp_path, 1)
+    monkeypatch.undo()
+    parts = sorted(parts_folder(tmp_path, RECIPE).glob("*.hdf5"))
+    assert len(parts) == 3 and all(map(is_whole, parts))
+    flip(parts[0], 0.7)
+    flip(parts[2], 0.0)
+    done: list[int] = []
+    assert generate(RECIPE, tmp_path, 1, done.append).sha256 == find_datasets(root)[0].sha256
+    assert done == [1, 1, 1]
+
+
+def test_only_one_process_makes_a_data_set(root: Path, tmp_path: Path) -> None:
+    folder = dataset_folder(tmp_path, RECIPE.dataset_id)
+    with Lock(folder):
+        with pytest.raises(BusyError, match="scene-graph-test-unseen-noise30-v0: another process"):
+            generate(RECIPE, tmp_path)
+        with pytest.raises(BusyError):  # it has the same name, and would remove the other's episodes
+            generate(Recipe("test-unseen", noise=0.3, limit=2), tmp_path)
+        shutil.copytree(root / RECIPE.dataset_id, folder)
+        assert generate(RECIPE, tmp_path).episodes == 3  # to read what is complete takes no lock
+
+
+def test_full_disk_leaves_no_data_set(tmp_path: Path) -> None:
+    with full_disk(5_000), pytest.raises(WriteError, match=r"test-unseen-000\.hdf5: cannot be written"):
+        generate(RECIPE, tmp_path, 1)
+    with full_disk(500_000), pytest.raises(WriteError, match=r"noise30-v0: cannot be written"):
+        generate(RECIPE, tmp_path, 1)
+    assert not find_datasets(tmp_path) and not list(tmp_path.rglob("*.tmp"))
+    assert generate(RECIPE, tmp_path, 1).episodes == 3
 
 
 # Reading
@@ -198,17 +240,35 @@ def test_verify_knows_no_other_splits(root: Path, capsys: pytest.CaptureFixture[
     assert "unknown split 'foo'" in capsys.readouterr().err
 
 
-def test_changed_byte_is_found(dataset: Dataset) -> None:
-    content = bytearray(dataset.main.read_bytes())
-    content[len(content) // 2] ^= 1
-    dataset.main.write_bytes(content)
-    with pytest.raises(DatasetError, match=r"main_data\.hdf5: corrupted or cut"):
-        verify(dataset)
+def flip(path: Path, where: float) -> None:
+    """Change a bit of a file, at a share of its length."""
+    content = bytearray(path.read_bytes())
+    content[int(where * len(content))] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("where", [0.1, 0.5, 0.9])
+def test_changed_byte_is_found(dataset: Dataset, where: float, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset.episode(0)  # whole, and known to be so
+    flip(dataset.main, where)
+    for read in (verify, statistics.dataset_statistics, lambda damaged: damaged.episode(0)):
+        with pytest.raises(DatasetError, match=r"main_data\.hdf5: corrupted or cut"):
+            read(dataset)
+    assert main(["dataset", "stats", "--out", str(dataset.folder.parents[1])]) == 2
+    assert f"{dataset.main}: corrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["total_episodes", "total_steps"])
+def test_metadata_that_do_not_fit_are_found(dataset: Dataset, name: str) -> None:
+    dataset.metadata[name] -= 1
+    rewrite(dataset)
+    with pytest.raises(DatasetError, match=r"main_data\.hdf5: has 3 episodes of .* but its metadata\.json tells of"):
+        statistics.dataset_statistics(Dataset(dataset.folder))
 
 
 def test_cut_file_is_found(dataset: Dataset, capsys: pytest.CaptureFixture[str]) -> None:
     dataset.main.write_bytes(dataset.main.read_bytes()[:-1000])
-    with pytest.raises(DatasetError, match=r"main_data\.hdf5: cannot be read"):
+    with pytest.raises(DatasetError, match=r"main_data\.hdf5: corrupted or cut"):
         dataset.episode(0)
     assert main(["dataset", "verify", "--out", str(dataset.folder.parents[1])]) == 2
     assert str(dataset.main) in capsys.readouterr().err

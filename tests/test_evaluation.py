@@ -1,5 +1,8 @@
 import json
+import re
+import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -262,17 +265,89 @@ def test_interrupted_evaluations_go_on(tmp_path: Path, random_report: Report) ->
     assert len(text.splitlines()) == 1 + 4 and not out.exists()
     partial.write_text(text[:-20])  # as if the machine had gone down while it wrote
     counts: list[int] = []
-    report = evaluate("random", progress=lambda finished, total: counts.append(finished), **options)
+    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 4 lines"):
+        report = evaluate("random", progress=lambda finished, total: counts.append(finished), **options)
     assert counts == [3, 4, 5, 6]
     assert report.episodes == random_report.episodes and not partial.exists()
     assert load_result(out).episodes == report.episodes
 
 
+JOBS = [(task(number, 4), seed) for number in range(3) for seed in (0, 1)]
+
+
+def ledger_of(folder: Path, settings: str = "a") -> Ledger:
+    return Ledger(folder / "result.json", {"policy": settings}, JOBS)
+
+
 def test_other_settings_start_anew(tmp_path: Path) -> None:
-    out = tmp_path / "result.json"
-    Ledger(out, {"policy": "a"}).add(played(0, 4, 4))
-    assert len(Ledger(out, {"policy": "a"}).episodes) == 1
-    assert Ledger(out, {"policy": "b"}).episodes == []
+    ledger_of(tmp_path).add(played(0, 4, 4))
+    assert len(ledger_of(tmp_path).episodes) == 1
+    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 1 lines"):
+        assert ledger_of(tmp_path, "b").episodes == []
+
+
+def test_a_job_counts_once_whoever_wrote_it(tmp_path: Path) -> None:
+    """As two processes left it that wrote one ledger without knowing of each other."""
+    both = [ledger_of(tmp_path), ledger_of(tmp_path)]
+    for number in range(3):
+        for ledger in both:
+            ledger.add(played(number, 4, 4 + number))
+    both[0].add(played(7, 4, 4))  # nobody asked for this one
+    with pytest.warns(RuntimeWarning, match="4 of 7 lines"):
+        again = ledger_of(tmp_path)
+    assert [episode.job for episode in again.episodes] == [(task(number, 4), 0) for number in range(3)]
+    assert len(again.path.read_text().splitlines()) == 1 + 3
+
+
+@pytest.mark.parametrize("line", [0, 1, 2])
+def test_no_flipped_bit_of_a_ledger_counts(tmp_path: Path, line: int) -> None:
+    ledger = ledger_of(tmp_path)
+    for number in range(2):
+        ledger.add(played(number, 4, 14))
+    whole, wanted = ledger.path.read_bytes(), [played(number, 4, 14) for number in range(2)]
+    lines = whole.splitlines(keepends=True)
+    start = sum(map(len, lines[:line]))
+    for place in range(start, start + len(lines[line])):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << place % 8
+        ledger.path.write_bytes(damaged)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            found = ledger_of(tmp_path).episodes
+        assert all(episode in wanted for episode in found)
+        assert len(found) == 2 or caught or damaged.count(b"\n") < 3
+
+
+def test_every_job_is_played_exactly_once() -> None:
+    options = {"tasks": TASKS, "seeds": (0, 1), "max_steps": 3}
+    report = evaluate("random", workers=1, **options)
+    for wrong in (report.episodes[1:], (*report.episodes, report.episodes[0]), [*report.episodes[1:], played(0, 4, 4)]):
+        with pytest.raises(ResultError, match="played"):
+            evaluate("random", plays=lambda setup, jobs, wrong=wrong: iter(wrong), **options)
+
+
+def test_a_result_with_an_episode_twice_is_refused(tmp_path: Path, random_report: Report) -> None:
+    episodes = random_report.episodes
+    for wrong in ((*episodes[:-1], episodes[0]), (*episodes, episodes[0]), episodes[:-1], episodes[::-1]):
+        replace(random_report, episodes=wrong).save(tmp_path / "result.json")
+        with pytest.raises(ResultError, match="not one for each task and seed"):
+            load_result(tmp_path / "result.json")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('"steps":12', '"steps":11'), ('"success":false', '"success":true'), ('"max_steps": 12', '"max_steps": 13')],
+)
+def test_a_changed_result_is_refused(tmp_path: Path, random_report: Report, old: str, new: str) -> None:
+    path = tmp_path / "result.json"
+    random_report.save(path)
+    text = path.read_text()
+    assert old in text and load_result(path)
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ResultError, match=r"result\.json.*checksum"):
+        load_result(path)
+    path.write_text(re.sub(r' "sha256": "[0-9a-f]+",\n', "", text))  # as the first versions wrote it
+    assert load_result(path).episodes == random_report.episodes
 
 
 def test_result_file_tells_how_to_repeat_it(tmp_path: Path, random_report: Report) -> None:

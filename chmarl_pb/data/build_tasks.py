@@ -8,7 +8,6 @@ import csv
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cache, partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.files import replacing
+from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
@@ -97,12 +97,7 @@ def write_tasks(path: Path, tasks: list[Task]) -> None:
 
 def _solved(slots: list[Slot], workers: int) -> Iterator[tuple[int, Task]]:
     """Yield attempt and task of each slot, in order."""
-    if workers == 1:
-        yield from map(_solve_slot, slots)
-        return
-    # Forked children would share PyBullet's clients; spawned ones have their own.
-    with get_context("spawn").Pool(workers) as pool:
-        yield from pool.imap(_solve_slot, slots, chunksize=4)
+    return map(_solve_slot, slots) if workers == 1 else in_processes(_solve_slot, slots, workers, ordered=True)
 
 
 def _solve_slot(slot: Slot) -> tuple[int, Task]:

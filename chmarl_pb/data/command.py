@@ -19,6 +19,7 @@ from chmarl_pb.data.store import default_root
 from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
+from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 
 
@@ -97,7 +98,7 @@ def run_stats(root: Path | None, json_file: Path | None) -> int:
         _print_datasets(facts["datasets"])
     _print_language(facts["language"], len(datasets))
     if json_file is not None:
-        json_file.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+        write_atomically(json_file, json.dumps(facts, indent=2) + "\n")
         print(json_file)
     return 0
 

@@ -13,6 +13,7 @@ from chmarl_pb.data.record import NoisyPlanner, make_env, record
 from chmarl_pb.data.store import dataset_folder, is_whole, join_parts, parts_folder, write_part
 from chmarl_pb.envs.rollout import core_of
 from chmarl_pb.errors import DatasetError
+from chmarl_pb.files import Lock
 from chmarl_pb.processes import in_processes
 
 Progress = Callable[[int], Any]
@@ -28,15 +29,24 @@ def generate(recipe: Recipe, root: Path, workers: int = 2, progress: Progress = 
         progress: called with the number of episodes that are done since its last call.
 
     Raises:
-        DatasetError: another data set of this name is in the folder, or a process died.
+        DatasetError: another data set of this name is in the folder.
+        BusyError: another process is making it.
+        WorkerError: a process died; finished episodes are kept.
+        WriteError: the disk is full; finished episodes are kept.
     """
     folder = dataset_folder(root, recipe.dataset_id)
-    if folder.exists():
-        dataset = Dataset(folder)
-        if dataset.recipe != recipe.facts():
-            raise DatasetError(f"{folder}: made by another recipe or version; remove it or choose another --out")
-        progress(dataset.episodes)
-        return dataset
+    if not folder.exists():
+        with Lock(folder):
+            if not folder.exists():  # another process may just have made it
+                return _make(recipe, root, workers, progress)
+    dataset = Dataset(folder)
+    if dataset.recipe != recipe.facts():
+        raise DatasetError(f"{folder}: made by another recipe or version; remove it or choose another --out")
+    progress(dataset.episodes)
+    return dataset
+
+
+def _make(recipe: Recipe, root: Path, workers: int, progress: Progress) -> Dataset:
     parts = _parts(recipe, root)
     missing = [number for number, part in enumerate(parts) if not is_whole(part)]
     progress(len(parts) - len(missing))

@@ -3,14 +3,14 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
 from chmarl_pb.data.record import Arrays
 from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, file_sha256, h5py
-from chmarl_pb.errors import DatasetError
+from chmarl_pb.errors import ChmarlError, DatasetError
 
 
 class Dataset:
@@ -57,31 +57,41 @@ class Dataset:
         return sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
 
     def check(self) -> None:
-        """Check that the file of episodes is as it was made.
+        """Check that the file of episodes is as it was made, and that the metadata fit it.
 
         Raises:
             DatasetError: it is missing, cut or changed.
         """
-        if not self.main.is_file():
+        try:
+            sha256 = _sha256(*(state := _state(self.main)))
+        except FileNotFoundError as error:
             raise DatasetError(
                 f"{self.main}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
-            )
-        if file_sha256(self.main) != self.sha256:
+            ) from error
+        if sha256 != self.sha256:
             raise DatasetError(
                 f"{self.main}: corrupted or cut, its sha256 has changed; remove its folder, and run "
                 "`chmarl-pb dataset generate`"
             )
+        if (found := _counts(*state)) != (self.episodes, self.steps):
+            raise DatasetError(
+                f"{self.main}: has {found[0]} episodes of {found[1]} steps, but its {METADATA_FILE} tells of "
+                f"{self.episodes} of {self.steps}; remove its folder, and run `chmarl-pb dataset generate`"
+            )
 
     @contextmanager
     def open(self) -> Iterator["h5py.File"]:
-        """Open the file of episodes for reading.
+        """Check the file of episodes, and open it for reading.
 
         Raises:
-            DatasetError: it cannot be read.
+            DatasetError: it is damaged or cannot be read.
         """
+        self.check()
         try:
             with h5py.File(self.main, "r") as file:
                 yield file
+        except ChmarlError:
+            raise
         except (OSError, KeyError) as error:
             raise DatasetError(
                 f"{self.main}: cannot be read ({error}); remove its folder, and run `chmarl-pb dataset generate`"
@@ -91,11 +101,34 @@ class Dataset:
         """Return arrays and metadata of an episode, as :class:`chmarl_pb.data.record.Recording` has them.
 
         Raises:
-            DatasetError: the file cannot be read.
+            DatasetError: the file is damaged or cannot be read.
         """
         with self.open() as file:
             group = file[f"episode_{number}"]
             return read_group(group), dict(group.attrs)
+
+
+State = tuple[Path, int, int, int]
+
+
+def _state(path: Path) -> State:
+    """Return what changes when a file is written to."""
+    status = path.stat()
+    return path, status.st_ino, status.st_size, status.st_ctime_ns
+
+
+@cache
+def _sha256(path: Path, *state: int) -> str:
+    """Return the sha256 of a file, computed once as long as it is not written to."""
+    return file_sha256(path)
+
+
+@cache
+def _counts(path: Path, *state: int) -> tuple[int, int]:
+    """Return the numbers of episodes and steps in a file, read once as long as it is not written to."""
+    with h5py.File(path, "r") as file:
+        steps = [int(episode.attrs["total_steps"]) for episode in file.values()]
+    return len(steps), sum(steps)
 
 
 def find_datasets(root: Path) -> list[Dataset]:

@@ -1,8 +1,9 @@
 """The files of a data set: HDF5 in Minari's layout, read by plain ``minari.load_dataset``.
 
 While a data set is made, every episode is one file ``ROOT/chmarl/.parts/NAME-KEY/EPISODE.hdf5``, written whole or
-not at all. At the end all are joined to ``ROOT/chmarl/NAME/data/main_data.hdf5``, in the order of the tasks; so the
-file does not depend on the number of processes. Arrays are compressed without loss; Minari itself would not.
+not at all, with a sha256 of its contents in its user block. At the end all are joined to
+``ROOT/chmarl/NAME/data/main_data.hdf5``, in the order of the tasks; so the file does not depend on the number of
+processes. Arrays are compressed without loss; Minari itself would not.
 """
 
 import hashlib
@@ -10,13 +11,13 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from chmarl_pb.data.recipe import NAMESPACE, Recipe
 from chmarl_pb.data.record import Arrays, Recording, make_env
 from chmarl_pb.envs.provenance import versions
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.files import replacing
+from chmarl_pb.files import replacing, write_atomically, writing
 
 try:
     import h5py
@@ -28,6 +29,8 @@ except ImportError as error:
 _LIBVER = ("v110", "v110")  # far less overhead for small arrays than the oldest format
 MAIN_FILE, METADATA_FILE = "main_data.hdf5", "metadata.json"  # Minari's names
 _WORTH_PACKING = 256  # bytes
+_SPARE = 2**20  # bytes of disk space that a joined file may take beyond that of its parts
+_USER_BLOCK = 512  # bytes at the beginning of a file that HDF5 leaves to us, at least
 
 
 def default_root() -> Path:
@@ -50,11 +53,25 @@ def parts_folder(root: Path, recipe: Recipe) -> Path:
 
 
 def write_part(path: Path, recording: Recording) -> None:
-    """Write one episode, whole or not at all."""
-    with replacing(path) as temporary, h5py.File(temporary, "w", libver=_LIBVER) as file:
+    """Write one episode, whole or not at all.
+
+    Raises:
+        WriteError: the disk is full.
+    """
+    # In memory: on a full disk HDF5 would end the process.
+    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=_LIBVER) as file:
         group = file.create_group("episode")
         _write(group, recording.arrays)
         group.attrs.update(recording.metadata)
+        file.flush()
+        content = file.id.get_file_image()
+    with replacing(path) as temporary:
+        temporary.write_bytes(_seal(content) + content)
+
+
+def _seal(content: bytes) -> bytes:
+    """Return a user block with a checksum of the contents behind it."""
+    return hashlib.sha256(content).hexdigest().encode().ljust(_USER_BLOCK, b"\0")
 
 
 def _write(group: "h5py.Group", arrays: Arrays) -> None:
@@ -70,23 +87,28 @@ def _write(group: "h5py.Group", arrays: Arrays) -> None:
 
 
 def is_whole(path: Path) -> bool:
-    """Return whether a part can be read."""
-    try:
-        with h5py.File(path, "r") as file:
-            return "episode" in file
-    except OSError:
+    """Return whether a part is there, as it was written."""
+    if not path.is_file():
         return False
+    content = path.read_bytes()
+    return content[:_USER_BLOCK] == _seal(content[_USER_BLOCK:])
 
 
 def join_parts(root: Path, recipe: Recipe, parts: list[Path]) -> Path:
-    """Join episodes to a data set, whole or not at all, and remove them; return its folder."""
+    """Join episodes to a data set, whole or not at all, and remove them; return its folder.
+
+    Raises:
+        WriteError: the disk is full.
+    """
     folder = dataset_folder(root, recipe.dataset_id)
-    making = parts[0].parent / f"joined.{os.getpid()}"
+    making = parts[0].parent / "joined"
+    shutil.rmtree(making, ignore_errors=True)  # of a process that was killed
     making.mkdir()
-    storage = _new_storage(making / "data", recipe)
-    steps = _copy(parts, making / "data" / MAIN_FILE)
-    storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
-    making.replace(folder)
+    with writing(folder, making):
+        storage = _new_storage(making / "data", recipe)
+        steps = _copy(parts, making / "data" / MAIN_FILE)
+        storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
+        making.replace(folder)
     _describe_namespace(root)
     for parts_of_any_version in parts[0].parent.parent.glob(f"{folder.name}-*"):
         shutil.rmtree(parts_of_any_version)
@@ -104,15 +126,35 @@ def _new_storage(path: Path, recipe: Recipe) -> "MinariStorage":
 
 def _copy(parts: list[Path], path: Path) -> int:
     """Copy all parts into one file and return their number of steps."""
-    steps = 0
+    steps, room = 0, sum(part.stat().st_size for part in parts) + _SPARE
+    _reserve(path, room)
     with h5py.File(path, "w", libver=_LIBVER) as file:
+        _reserve(path, room)  # once more, as the file was emptied
         for number, part in enumerate(parts):
             with h5py.File(part, "r") as source:
                 source.copy("episode", file, f"episode_{number}")
             attributes = file[f"episode_{number}"].attrs
             attributes["id"] = number
             steps += int(attributes["total_steps"])
+    with path.open("rb+") as written:
+        written.truncate(_end(written))
+        os.fsync(written.fileno())  # before the parts are removed
     return steps
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Take disk space for a file, which HDF5 then writes: were the disk full meanwhile, it would end the process."""
+    with path.open("ab") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            file.write(bytes(max(0, size - file.tell())))
+
+
+def _end(file: BinaryIO) -> int:
+    """Return where the contents of an HDF5 file end, as its superblock says."""
+    file.seek(28)
+    return int.from_bytes(file.read(8), "little")
 
 
 def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str, Any]:
@@ -136,7 +178,7 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
 def _describe_namespace(root: Path) -> None:
     path = root / NAMESPACE / "namespace_metadata.json"
     if not path.exists():
-        path.write_text(json.dumps({"description": "Cooperative, heterogeneous robots in homes (chmarl_pb)"}))
+        write_atomically(path, json.dumps({"description": "Cooperative, heterogeneous robots in homes (chmarl_pb)"}))
 
 
 def file_sha256(path: Path) -> str:

@@ -2,9 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -14,15 +12,15 @@ from numpy.typing import NDArray
 from chmarl_pb.demo.film import Shot
 from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.homes.home import load_home
+from chmarl_pb.processes import in_processes
 from chmarl_pb.sensing.replay import Replay
 
 Image = NDArray[np.uint8]
 
 VIEW_SIZE = 400  # pixels of a finished view
 _FINE, _COARSE = 2, 1  # pixels drawn for each finished one, along a side: at rest, and in motion where it must be quick
-_CHUNK = 8  # shots that a process draws in a row
 _MOST_WORKERS = 8
-_FEW = 2 * _CHUNK  # shots that are not worth a second process
+_FEW = 16  # shots that are not worth a second process
 
 
 def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
@@ -31,14 +29,16 @@ def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
     Args:
         home: URDF of the home.
         shots: what to draw.
+
+    Raises:
+        WorkerError: a process died.
     """
     jobs = [(home, shot) for shot in shots]
     workers = min(os.cpu_count() or 1, _MOST_WORKERS)
     if workers == 1 or len(jobs) <= _FEW:
         yield from map(_draw, jobs)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_draw, jobs, chunksize=_CHUNK)
+    yield from in_processes(_draw, jobs, workers, ordered=True)
 
 
 def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:

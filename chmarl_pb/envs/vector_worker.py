@@ -3,7 +3,6 @@
 import mmap
 import os
 import pickle
-import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +20,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector_infos import Change, ChangeFinder
 from chmarl_pb.errors import NotResetError, OptionError
+from chmarl_pb.processes import begin
 
 MakeEnv = Callable[[], gymnasium.Env]
 
@@ -209,7 +209,7 @@ def serve(
         numbers: of this worker's environments.
         autoreset: when an environment whose episode is over is reset.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's affair
+    begin()
     try:
         try:
             batch = Batch(make.fn, numbers, autoreset)

@@ -1,52 +1,75 @@
 """The ledger: a side file of finished episodes, one line each, so that an interrupted evaluation goes on."""
 
 import json
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from chmarl_pb.evaluation.metrics import Played
-from chmarl_pb.evaluation.result import episode_json, episode_of
-from chmarl_pb.files import write_atomically
+from chmarl_pb.evaluation.play import Job
+from chmarl_pb.evaluation.result import episode_of, episode_row
+from chmarl_pb.files import append_line, sealed, unsealed, write_atomically
 
 
 class Ledger:
     """Finished episodes of one evaluation; the first line holds its settings.
 
+    Each line has a checksum that also covers the settings, so no line counts in another evaluation.
+
     Attributes:
         path: of the side file, beside the result file.
-        episodes: that were finished before.
+        episodes: that were finished before, at most one for each job.
     """
 
-    def __init__(self, result: Path, settings: dict[str, Any]):
-        """Read what is finished, or start anew if the settings differ.
+    def __init__(self, result: Path, settings: dict[str, Any], jobs: Sequence[Job]):
+        """Read what is finished; the caller holds the lock of the result file.
 
         Args:
             result: the result file.
             settings: of the evaluation.
+            jobs: all that it plays.
+
+        Raises:
+            WriteError: the side file cannot be written.
         """
         self.path = result.with_name(f"{result.name}.partial")
-        head = json.dumps(settings, sort_keys=True)
-        lines = self.path.read_text(encoding="utf-8").splitlines() if self.path.is_file() else []
-        self.episodes = _whole(lines[1:]) if lines[:1] == [head] else []
-        rows = [episode_json(episode) for episode in self.episodes]
-        write_atomically(self.path, "".join(f"{line}\n" for line in [head, *rows]))
+        self._head = json.dumps(settings, sort_keys=True)
+        lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
+        self.episodes = self._read(lines[1:], jobs)
+        if dropped := max(len(lines) - 1, 0) - len(self.episodes):
+            warnings.warn(
+                f"{self.path}: {dropped} of {len(lines) - 1} lines are damaged, repeated or of another evaluation; "
+                "what is missing is played again",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        write_atomically(self.path, "".join(f"{line}\n" for line in [self._head, *map(self._line, self.episodes)]))
+
+    def _read(self, lines: Sequence[bytes], jobs: Sequence[Job]) -> list[Played]:
+        """Return the first episode of each job that the lines hold."""
+        found: dict[Job, Played] = {}
+        known = set(jobs)
+        for line in lines:
+            try:
+                episode = episode_of(unsealed(line.decode(), self._head))
+            except (KeyError, TypeError, ValueError):
+                continue
+            if episode.job in known:
+                found.setdefault(episode.job, episode)
+        return list(found.values())
+
+    def _line(self, episode: Played) -> str:
+        return sealed(episode_row(episode), self._head)
 
     def add(self, episode: Played) -> None:
-        """Write down a finished episode."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(f"{episode_json(episode)}\n")
+        """Write down a finished episode.
+
+        Raises:
+            WriteError: the disk is full.
+        """
+        append_line(self.path, self._line(episode))
 
     def remove(self) -> None:
         """Delete the side file: the result is written."""
         self.path.unlink(missing_ok=True)
-
-
-def _whole(lines: list[str]) -> list[Played]:
-    """Return the episodes up to the first line that was cut."""
-    episodes = []
-    for line in lines:
-        try:
-            episodes.append(episode_of(json.loads(line)))
-        except (KeyError, TypeError, ValueError):
-            break
-    return episodes

@@ -37,6 +37,11 @@ class Played:
     actions: tuple[tuple[int, ...], ...] = ()
 
     @property
+    def job(self) -> tuple[Task, int]:
+        """What was played: the task and the seed."""
+        return self.task, self.seed
+
+    @property
     def score(self) -> float:
         """The episode's share of PLW."""
         return path_weighted(self.success, self.steps, self.task.optimal_steps)

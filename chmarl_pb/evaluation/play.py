@@ -1,13 +1,9 @@
 """Play jobs (task, seed) with one policy, in this process or in several."""
 
 import pickle
-import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
-from functools import lru_cache
-from multiprocessing import get_context
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -17,6 +13,7 @@ from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.policies import Factory, find_policy
+from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.task import Task
 
 Job = tuple[Task, int]
@@ -72,7 +69,8 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
         workers: number of processes; 1 plays in this one.
 
     Raises:
-        OptionError: the policy cannot be sent to other processes, or one of them died.
+        OptionError: the policy cannot be sent to other processes.
+        WorkerError: one of them died.
     """
     workers = min(workers, len(jobs))
     if workers <= 1:
@@ -84,7 +82,7 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
         raise OptionError(
             f"the policy cannot be sent to other processes ({error}); use a function of a module, or workers=1"
         ) from error
-    yield from _play_apart(setup, jobs, workers)
+    yield from in_processes(partial(_play_one, setup), jobs, workers)
 
 
 def _play_here(setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
@@ -95,25 +93,6 @@ def _play_here(setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
         yield from map(player.play, jobs)
     finally:
         player.close()
-
-
-def _play_apart(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
-    # Forked children would share PyBullet's clients; spawned ones have their own.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _leave_interrupts_to_the_parent)
-    try:
-        futures = [pool.submit(_play_one, setup, job) for job in jobs]
-        for future in as_completed(futures):
-            yield future.result()
-    except BrokenProcessPool as error:
-        raise OptionError(
-            "a process of the evaluation died (out of memory?); try fewer workers, finished episodes are kept"
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @lru_cache(maxsize=1)

@@ -4,6 +4,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import datetime, timezone
 from functools import partial
@@ -12,13 +13,14 @@ from typing import Any
 
 from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
 from chmarl_pb.envs.provenance import home_hash, machine, source_hash, tasks_hash, versions
-from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.policies import Factory, Source, find_policy
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.files import Lock
 from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.task import Task
 
@@ -67,7 +69,7 @@ def evaluate(
         image_size: width and height of camera images in pixels.
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
-            on after an interruption.
+            on after an interruption. One process at a time may write it.
         label: name of the row in reports; the policy's name if None.
         reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
@@ -77,6 +79,9 @@ def evaluate(
     Raises:
         OptionError: the policy or an option is unknown, or ``out`` is a folder.
         TaskError: a task is unknown, of another split, or has no L*.
+        BusyError: another process writes ``out``.
+        WorkerError: a process died; finished episodes are kept.
+        WriteError: ``out`` cannot be written.
     """
     if max_steps is None:
         raise OptionError("max_steps=None: an evaluation must end; give a whole number")
@@ -90,17 +95,28 @@ def evaluate(
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
     settings = _settings(source, options, chosen, seeds)
-    if file is not None and reuse and file.is_file() and (kept := load_result(file)).settings == settings:
+    if kept := _kept(file, settings, reuse):
         return kept
-    ledger = None if file is None else Ledger(file, settings)
-    start = time.perf_counter()
     jobs = [(task, seed) for seed in seeds for task in chosen]
-    episodes = _played(Setup(policy, options), jobs, plays or partial(play, workers=workers), ledger, progress)
-    report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
-    if file is not None and ledger is not None:
-        report.save(file)
-        ledger.remove()
+    start = time.perf_counter()
+    with nullcontext() if file is None else Lock(file):
+        if kept := _kept(file, settings, reuse):  # another process may just have written it
+            return kept
+        ledger = None if file is None else Ledger(file, settings, jobs)
+        episodes = _played(Setup(policy, options), jobs, plays or partial(play, workers=workers), ledger, progress)
+        report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
+        if file is not None and ledger is not None:
+            report.save(file)
+            ledger.remove()
     return report
+
+
+def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
+    """Return the result that a file holds already, if it is to be used and was made with the same settings."""
+    if file is None or not reuse or not file.is_file():
+        return None
+    kept = load_result(file)
+    return kept if kept.settings == settings else None
 
 
 def _chosen(split: str, tasks: Sequence[Task | str] | None) -> list[Task]:
@@ -125,15 +141,21 @@ def _seeds(seeds: Sequence[int]) -> list[int]:
 
 
 def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | None, progress: Progress) -> list[Played]:
-    """Play what the ledger does not have."""
+    """Play what the ledger does not have; return exactly one episode for each job."""
     episodes = [] if ledger is None else list(ledger.episodes)
-    finished = {(episode.task, episode.seed) for episode in episodes}
+    finished = {episode.job for episode in episodes}
+    missing = {job: None for job in jobs if job not in finished}
     progress(len(episodes), len(jobs))
-    for episode in plays(setup, [job for job in jobs if job not in finished]):
+    for episode in plays(setup, list(missing)):
+        if episode.job not in missing:
+            raise ResultError(f"{episode.task.id}, seed {episode.seed}: was played twice, or nobody asked for it")
+        del missing[episode.job]
         episodes.append(episode)
         if ledger is not None:
             ledger.add(episode)
         progress(len(episodes), len(jobs))
+    if missing:
+        raise ResultError(f"{len(missing)} of {len(jobs)} episodes have not been played")
     return episodes
 
 

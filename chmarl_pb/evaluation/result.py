@@ -1,5 +1,6 @@
 """The result of an evaluation and its JSON file, which holds all that is needed to repeat it."""
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -7,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.envs.provenance import tasks_hash
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
@@ -70,6 +72,7 @@ class Report:
         groups = {kind: _plain(summaries) for kind, summaries in self.per_class.items()}
         head = {
             "format": FORMAT,
+            "sha256": _digest(self),
             "settings": self.settings,
             "run": self.run,
             "summary": asdict(self.summary),
@@ -78,7 +81,7 @@ class Report:
             "per_class": groups,
         }
         text = json.dumps(head, indent=1)[: -len("\n}")]
-        rows = ",\n".join(episode_json(episode) for episode in self.episodes)
+        rows = ",\n".join(_json(episode_row(episode)) for episode in self.episodes)
         write_atomically(path, f'{text},\n "episodes": [\n{rows}\n]}}\n')
 
 
@@ -94,11 +97,16 @@ def load_result(path: Path | str) -> Report:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
         _check(report)
+        _check_episodes(report)
+        if data.get("sha256", _digest(report)) != _digest(report):  # the first results had none
+            raise ValueError("its checksum is wrong: it was changed or damaged")
         return report
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{path}: not a whole result of an evaluation: {error!r}; evaluate again") from error
+        raise ResultError(
+            f"{path}: not a whole result of an evaluation: {error!r}; remove it and evaluate again"
+        ) from error
 
 
 def _check(report: Report) -> None:
@@ -113,17 +121,35 @@ def _check(report: Report) -> None:
     report.run["machine"]["processor"]
     if report.settings["split"] not in SPLITS:
         raise ValueError(f"unknown split {report.settings['split']!r}")
-    if not report.episodes or report.summary.episodes != report.settings["tasks"] * len(report.settings["seeds"]):
-        raise ValueError(f"it holds {len(report.episodes)} episodes, not one for each task and seed")
 
 
-def episode_json(episode: Played) -> str:
-    """Return an episode as one line of JSON."""
-    return json.dumps(asdict(episode), separators=(",", ":"))
+def _check_episodes(report: Report) -> None:
+    """Raise an error unless there is exactly one episode for each task and seed, in their order."""
+    jobs = [episode.job for episode in report.episodes]
+    tasks, seeds = list(dict.fromkeys(task for task, _ in jobs)), sorted(report.settings["seeds"])
+    if not jobs or len(tasks) != report.settings["tasks"] or jobs != [(task, seed) for seed in seeds for task in tasks]:
+        raise ValueError(f"it holds {len(jobs)} episodes, not one for each task and seed")
+    if tasks_hash(tasks) != report.settings["tasks_sha256"]:
+        raise ValueError("its tasks are not those that its settings name")
+
+
+def _digest(report: Report) -> str:
+    """Return the sha256 of all that fixes the numbers."""
+    rows = [episode_row(episode) for episode in report.episodes]
+    return hashlib.sha256(_json([report.settings, rows]).encode()).hexdigest()
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"))
+
+
+def episode_row(episode: Played) -> dict[str, Any]:
+    """Return an episode as plain data for JSON."""
+    return asdict(episode)
 
 
 def episode_of(row: dict[str, Any]) -> Played:
-    """Return the episode of a row that ``episode_json`` wrote."""
+    """Return the episode of a row that ``episode_row`` made."""
     actions = tuple(tuple(pair) for pair in row["actions"])
     return replace(Played(**row), task=Task(**row["task"]), actions=actions)
 

@@ -88,7 +88,6 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
         DatasetError: the data set is missing or damaged.
     """
     dataset = Dataset(dataset_folder(root, recipe.dataset_id))
-    dataset.check()
     ready = kept_features(dataset, frozen_encoder(config.image_encoder)) if config.uses_features else {}
     columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
