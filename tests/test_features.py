@@ -9,6 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
 
+from damage import flipped  # noqa: E402
 from frozen_weights import random_weights  # noqa: E402
 
 from chmarl_pb.data.generate import generate  # noqa: E402
@@ -21,6 +22,7 @@ from training.encoders import build_encoder  # noqa: E402
 from training.encoders.frozen import FrozenEncoder  # noqa: E402
 from training.encoders.resnet import FEATURES  # noqa: E402
 from training.features import FeatureEnv, feature_space, kept_features, reset_all, step_all  # noqa: E402
+from training.seal import LENGTH  # noqa: E402
 
 WEIGHTS = random_weights()
 STAY = {"humanoid": 9, "drone": 8}
@@ -100,19 +102,49 @@ def test_kept_features_are_those_of_the_environment(data: Dataset, envs: list[Fe
     assert step == data.steps
 
 
-@pytest.mark.parametrize("stop", [0, 1, 5])
-def test_interrupted_features_end_with_the_same_bytes(data: Dataset, stop: int) -> None:
+class Killed(Exception):
+    """A process has ended before its time."""
+
+
+class Mortal(FrozenEncoder):
+    """Dies when it is asked for the pictures of one more episode."""
+
+    left = 3
+
+    def __call__(self, images: torch.Tensor) -> torch.Tensor:
+        if self.left == 0:
+            raise Killed
+        self.left -= 1
+        return super().__call__(images)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_interrupted_features_end_with_the_same_bytes(data: Dataset, damaged: bool) -> None:
     kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
     (path,) = data.folder.glob("features-*.f16")
-    wanted = path.read_bytes()
-    size = 2 * 2 * FEATURES  # bytes of a step
+    wanted, unfinished = path.read_bytes(), path.with_suffix(".unfinished")
     path.unlink()
-    # As a process leaves it that is killed while it writes: some steps, and half of one.
-    path.with_suffix(".unfinished").write_bytes(wanted[: stop * size + size // 2])
+    with pytest.raises(Killed):  # in the second episode; one call for each robot
+        kept_features(data, Mortal("resnet18", WEIGHTS), quiet=True)
+    begun = unfinished.read_bytes()
+    assert wanted.startswith(begun)
+    unfinished.write_bytes((b"?" + begun[1:] if damaged else begun) + b"half a step")
     again = FrozenEncoder("resnet18", WEIGHTS)
     kept_features(data, again, quiet=True)
-    assert path.read_bytes() == wanted and again.asked == 2 * (data.steps - stop)
-    assert not path.with_suffix(".unfinished").exists()
+    left = len(wanted) - LENGTH - (0 if damaged else len(begun))
+    assert path.read_bytes() == wanted and again.asked == left // (2 * FEATURES)
+    assert [file.name for file in data.folder.glob("features-*")] == [path.name]
+
+
+def test_features_that_have_changed_are_refused(data: Dataset) -> None:
+    kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
+    (path,) = data.folder.glob("features-*.f16")
+    whole = path.read_bytes()
+    for place in (0, 1, len(whole) // 2, len(whole) - LENGTH - 1, len(whole) - LENGTH, len(whole) - 5, len(whole) - 1):
+        path.write_bytes(flipped(whole, place))
+        with pytest.raises(DatasetError, match=rf"{path.name}: .*remove it"):
+            kept_features(data, FrozenEncoder("resnet18", WEIGHTS), quiet=True)
+    path.unlink()
 
 
 def test_several_processes_make_them_once(data: Dataset) -> None:

@@ -8,13 +8,16 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from chmarl_pb.errors import ChmarlError  # noqa: E402
+from tests.damage import flipped  # noqa: E402
 from training.encoders import labeller, residual  # noqa: E402
 from training.encoders.detections import LABELS  # noqa: E402
 from training.encoders.frozen import frozen_encoder  # noqa: E402
 from training.encoders.int8 import RANGES  # noqa: E402
 from training.encoders.skill import average_precision  # noqa: E402
 from training.pretrain import NETWORKS, pretrain  # noqa: E402
-from training.views import GRID, Views, labels_of  # noqa: E402
+from training.seal import is_sealed  # noqa: E402
+from training.views import GRID, Views, _read, labels_of  # noqa: E402
 
 COUNT = 16
 
@@ -83,3 +86,15 @@ def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views,
     assert frozen_encoder(name, str(tmp_path / "cut.pt")).fingerprint == whole["fingerprint"]
     assert (torch.load(tmp_path / "cut.pt", weights_only=True)[RANGES] > 0).all()
     assert 0 < whole["home_6"]["mean_average_precision"] <= 1
+    assert is_sealed(tmp_path / "cut.pt")
+
+
+def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:
+    path = tmp_path / "views.npz"
+    np.savez(path, **vars(views))
+    assert np.array_equal(_read([path]).labels, views.labels)
+    whole = path.read_bytes()
+    for place in (len(whole) // 3, len(whole) // 2, len(whole) - 30):
+        path.write_bytes(flipped(whole, place))
+        with pytest.raises(ChmarlError, match=r"views\.npz: .*remove it"):
+            _read([path])

@@ -1,6 +1,7 @@
 """Baselines of Stable-Baselines3: training, interruption, and their models as policies of the benchmark."""
 
 import json
+import zipfile
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -18,6 +19,7 @@ import torch
 import chmarl_pb
 from chmarl_pb.evaluation.policies import find_policy, register_loader
 from chmarl_pb.planner.policy import Policy
+from tests.damage import Evil, flipped
 from training.checkpoint import CheckpointError
 from training.encoders import build_encoder
 from training.encoders.frozen import FrozenEncoder
@@ -29,6 +31,7 @@ from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import FeatureVecEnv, HouseholdFeatures
 from training.sb3.run import Log
 from training.sb3.validation import make_validation, validation_tasks
+from training.seal import LENGTH
 
 torch.set_num_threads(1)  # these networks are too small for more
 HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"
@@ -215,8 +218,33 @@ def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="not written by training"):
         load_policy(foreign)
     broken.write_bytes(foreign.read_bytes()[:1000])
-    with pytest.raises(CheckpointError, match="not a whole model"):
+    with pytest.raises(CheckpointError, match="not a whole checkpoint"):
         load_policy(broken)
+
+
+def test_every_flipped_byte_of_a_model_is_noticed(tmp_path: Path) -> None:
+    from stable_baselines3 import PPO
+
+    run(Config("ppo", HUMANOID, steps=4, interval=4, **TINY), tmp_path, workers=0)
+    path, whole = tmp_path / BEST, (tmp_path / BEST).read_bytes()
+    assert PPO.load(path, device="cpu").num_timesteps == 4
+    rng = np.random.default_rng(0)
+    for place in (0, 1, len(whole) - LENGTH, len(whole) - 1, *rng.integers(0, len(whole), 20).tolist()):
+        path.write_bytes(flipped(whole, place))
+        with pytest.raises(CheckpointError, match=r"best\.zip: not a whole checkpoint"):
+            load_policy(path)
+
+
+def test_code_in_a_model_is_not_run_and_not_made_easy(tmp_path: Path) -> None:
+    run(Config("ppo", HUMANOID, steps=4, interval=4, **TINY), tmp_path, workers=0)
+    evil, touched = tmp_path / "evil.zip", tmp_path / "code ran"
+    torch.save({"format": Evil(touched)}, tmp_path / "evil.pth")
+    with zipfile.ZipFile(tmp_path / BEST) as archive, zipfile.ZipFile(evil, "w") as other:
+        for name in archive.namelist():
+            other.writestr(name, (tmp_path / "evil.pth").read_bytes() if name == "policy.pth" else archive.read(name))
+    with pytest.raises(CheckpointError, match="could run code and is never loaded") as caught:
+        load_policy(evil)
+    assert "weights_only" not in str(caught.value) and caught.value.__cause__ is None and not touched.exists()
 
 
 def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:

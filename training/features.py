@@ -6,7 +6,6 @@ Both ways give the same features, bit by bit: a policy that has learned from kep
 import fcntl
 import hashlib
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,8 @@ from pettingzoo import ParallelEnv
 from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
+from chmarl_pb.files import write_atomically
+from training import seal
 from training.encoders.frozen import FrozenEncoder
 from training.keys import IMAGE, named
 
@@ -140,7 +141,8 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
     """Return the features of every state in which the robots of a data set act, from a file beside the data set.
 
     The file is made at the first call, episode by episode: an interrupted call goes on where it was, and of several
-    processes one makes it while the others wait. Its name has a hash of the weights and of the data set.
+    processes one makes it while the others wait. Its name has a hash of the weights and of the data set, its end one of
+    its contents.
 
     Args:
         dataset: with pictures.
@@ -163,8 +165,9 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
         if not path.is_file():
             with Progress(disable=quiet) as bar:
                 _compute(path, file, names, shape, encoder, bar)
-    if path.stat().st_size != 2 * math.prod(shape):
-        raise DatasetError(f"{path}: not the features of all pictures; remove it, and it is made again")
+    whole = path.stat().st_size == 2 * math.prod(shape) + seal.LENGTH and seal.is_sealed(path)
+    if reason := seal.fault(path) if whole else "not the features of all pictures":
+        raise DatasetError(f"{path}: {reason}; remove it, and it is made again")
     rows = np.memmap(path, dtype=np.float16, mode="r", shape=shape)
     return {name: rows[:, number] for number, name in enumerate(names)}
 
@@ -173,23 +176,41 @@ def _compute(
     path: Path, file: Any, names: list[str], shape: tuple[int, ...], encoder: FrozenEncoder, bar: Progress
 ) -> None:
     """Append the features of one episode after the other to an unfinished file, and name it at the end."""
-    unfinished = path.with_suffix(".unfinished")
+    unfinished, note = path.with_suffix(".unfinished"), path.with_suffix(".sha256")
     size = 2 * math.prod(shape[1:])  # bytes of a step
     steps, task = 0, bar.add_task("encode pictures", total=shape[0])
-    with open(unfinished, "ab") as out:
+    with open(unfinished, "a+b") as out:
         fcntl.flock(out, fcntl.LOCK_EX)
         if path.is_file():  # another process has made it meanwhile
             return
-        done = os.fstat(out.fileno()).st_size // size
-        out.truncate(done * size)
+        digest, done = _begun(out, note)
         for number in range(len(file)):
             group = file[f"episode_{number}"]
-            length = len(group["actions"])
-            if steps + length > done:
-                images = [group[f"observations/{name}"][max(done - steps, 0) : length] for name in names]
-                features = [encoder(torch.from_numpy(part)).numpy() for part in images]
-                out.write(np.stack(features, axis=1).tobytes())
+            steps += len(group["actions"])
+            if steps * size > done:
+                images = [group[f"observations/{name}"][: len(group["actions"])] for name in names]
+                features = np.stack([encoder(torch.from_numpy(part)).numpy() for part in images], axis=1).tobytes()
+                out.write(features)
                 out.flush()
-            steps += length
+                digest.update(features)
+                write_atomically(note, f"{steps * size} {digest.hexdigest()}")
             bar.update(task, completed=steps)
+        out.write(seal.line(digest.hexdigest()))
         unfinished.replace(path)
+        note.unlink(missing_ok=True)
+
+
+def _begun(out: Any, note: Path) -> tuple[Any, int]:
+    """Return the sha256 of the whole episodes in an unfinished file, and their bytes; cut off all else.
+
+    What is not as it was noted when it was written begins anew.
+    """
+    done, wanted = 0, b""
+    if note.is_file() and len(words := note.read_bytes().split()) == 2 and words[0].isdigit():
+        done, wanted = int(words[0]), words[1]
+    out.seek(0)
+    digest = hashlib.sha256(out.read(done))
+    if digest.hexdigest().encode() != wanted:
+        digest, done = hashlib.sha256(), 0
+    out.truncate(done)
+    return digest, done

@@ -14,7 +14,7 @@ from torch import nn
 
 from chmarl_pb.planner.policy import Policy
 from training.algorithms import Learning, make_learner
-from training.checkpoint import CheckpointError, load, save
+from training.checkpoint import CheckpointError, load, reading, save
 from training.collect import Collector, Teacher
 from training.config import CONFIGS, MappoConfig, RunConfig
 from training.held import held
@@ -80,7 +80,8 @@ def train(
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
         last = None if folder is None else folder / LAST
         if last is not None and last.exists():
-            run.restore(load(last, "run"), last)
+            with reading(last):
+                run.restore(load(last, "run"), last)
         with closing(Logbook(folder, config.episodes, run.rows, quiet)) as logbook:
             while run.episodes < config.episodes:
                 run.advance(logbook)

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from training.agents import make_agents
-from training.checkpoint import CheckpointError, fill, fill_optimizer, load
+from training.checkpoint import CheckpointError, fill, fill_optimizer, load, reading
 from training.collect import Choose
 from training.config import MappoConfig
 from training.imitation import draw
@@ -181,7 +181,8 @@ def check_start(path: Path, setting: dict[str, Any]) -> None:
     Raises:
         CheckpointError: they were not, or the file is damaged.
     """
-    theirs = load(path, "value")["setting"]
+    with reading(path):
+        theirs = dict(load(path, "value")["setting"])
     for name, own in setting.items():
         if theirs.get(name) != own:
             raise CheckpointError(
@@ -191,7 +192,8 @@ def check_start(path: Path, setting: dict[str, Any]) -> None:
 
 def _policies(path: Path) -> dict[str, Tensor]:
     """Return weights of networks whose values are logits."""
-    content = load(path, "value")
-    if content["algorithm"] not in ("imitation", "mappo"):
-        raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from imitation or mappo")
-    return content["agents"]
+    with reading(path):
+        content = load(path, "value")
+        if content["algorithm"] not in ("imitation", "mappo"):
+            raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from imitation or mappo")
+        return content["agents"]

@@ -12,7 +12,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.evaluation.policies import Factory
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from training.agents import Player, make_agents
-from training.checkpoint import CheckpointError, fill, load
+from training.checkpoint import CheckpointError, fill, load, reading
 from training.config import CONFIGS, FROZEN, RunConfig
 from training.encoders.frozen import FrozenEncoder, trained_with
 from training.features import FeatureEnv, with_features
@@ -88,7 +88,10 @@ class ValuePolicies:
             CheckpointError: the checkpoint was trained with other observations, actions or frozen weights, or comes
                 from another version.
         """
-        content = load(self.path, "value")
+        with reading(self.path):
+            return self._policy(env, load(self.path, "value"))
+
+    def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, content["setting"], self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")

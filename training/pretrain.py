@@ -27,6 +27,7 @@ from training.encoders.frozen import FrozenEncoder, weights_file
 from training.encoders.int8 import RANGES, ranges_of
 from training.encoders.labeller import Labeller
 from training.encoders.residual import folded
+from training.seal import seal
 from training.views import Views, random_views
 
 KIND = "pretraining"
@@ -86,6 +87,7 @@ def pretrain(name: str, out: Path, views: Views, checked: Views, epochs: int, se
     weights = with_ranges(pupil, views.images)
     with replacing(out) as temporary:
         torch.save(weights, temporary)
+        seal(temporary)
     frozen = FrozenEncoder(name, weights)
     measured, exact = pupil.measure(frozen, checked), pupil.measure(pupil.features, checked)
     measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]

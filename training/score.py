@@ -21,7 +21,7 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
-from training.checkpoint import CheckpointError, load
+from training.checkpoint import CheckpointError, load, reading
 from training.config import FROZEN
 from training.crowd import play_side_by_side
 
@@ -81,8 +81,9 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
 
         config = asdict(read_model(checkpoint)[0])
         return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}
-    content = load(checkpoint)
-    setting, start = content.get("setting", {}), Path(content["config"].get("start") or ".")
+    with reading(checkpoint):
+        content = load(checkpoint)
+        setting, start = content.get("setting", {}), Path(content["config"].get("start") or ".")
     return {
         "kind": content["kind"],
         "config": content["config"],

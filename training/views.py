@@ -1,7 +1,8 @@
 """Random views of homes with free labels: which classes each shows, and where, read from the segmentation."""
 
+import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.envs.provenance import home_hash
 from chmarl_pb.envs.stage import Stage
+from chmarl_pb.errors import ChmarlError
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.homes.lattice import HEADINGS
@@ -107,10 +109,23 @@ def _read(files: list[Path]) -> Views:
     """Return the views of all files, which have equally many."""
     whole: dict[str, NDArray[Any]] = {}
     for number, file in enumerate(files):
-        for name, part in np.load(file).items():
+        for name, part in _arrays(file).items():
             rows = whole.setdefault(name, np.empty((len(files) * len(part), *part.shape[1:]), part.dtype))
             rows[number * len(part) : (number + 1) * len(part)] = part
     return Views(**whole)
+
+
+def _arrays(file: Path) -> dict[str, NDArray[Any]]:
+    """Return what one file keeps; numpy compares the checksums of its arrays.
+
+    Raises:
+        ChmarlError: it is damaged.
+    """
+    try:
+        with np.load(file) as kept:
+            return {field.name: kept[field.name] for field in fields(Views)}
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile) as error:
+        raise ChmarlError(f"{file}: views that are damaged; remove it, and they are drawn again") from error
 
 
 def layout_views(job: Job) -> Views:

