@@ -74,7 +74,7 @@ class KernelStore(NullCache):
         if data.library.has_dynamic_globals:  # addresses of this process
             return
         name, content, reason = self._file_name(sig, data.codegen), dumps(data._reduce()), "there is none"
-        for folder in _folders():
+        for folder in _folders(to_write=True):
             try:
                 with replacing(folder / name) as path:
                     path.write_bytes(hashlib.sha256(content).digest() + content)
@@ -110,7 +110,7 @@ def _prune(folder: Path, name: str) -> None:
         path.unlink()
 
 
-def _folders() -> Iterator[Path]:
+def _folders(to_write: bool = False) -> Iterator[Path]:
     """Yield the folders for machine code, the best first."""
     if config.CACHE_DIR:
         yield Path(config.CACHE_DIR).absolute() / "chmarl_pb"
@@ -120,7 +120,8 @@ def _folders() -> Iterator[Path]:
         yield own / "kernels"
     with suppress(OSError):
         shared = Path(tempfile.gettempdir()) / f"chmarl_pb-{getattr(os, 'getuid', int)()}"
-        shared.mkdir(mode=0o700, exist_ok=True)
+        if to_write:
+            shared.mkdir(mode=0o700, exist_ok=True)
         if _is_private(shared):
             yield shared
 

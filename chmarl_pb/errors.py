@@ -37,6 +37,10 @@ class DatasetError(ChmarlError, ValueError):
     """A data set is missing, damaged, or does not fit this version."""
 
 
+class CopyError(ChmarlError, TypeError):
+    """Something that drives a PyBullet client or has processes of its own was to be copied or pickled."""
+
+
 class WorkerError(ChmarlError, RuntimeError):
     """A process that was started to help has died."""
 

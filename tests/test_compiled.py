@@ -46,7 +46,7 @@ USUAL = {"factor": "np.float64(2)", "shift": "1", "fields": "first", "last": "se
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The folders for machine code: one, which a test may change."""
     found = [tmp_path / "kernels"]
-    monkeypatch.setattr(compiled_module, "_folders", lambda: iter(found))
+    monkeypatch.setattr(compiled_module, "_folders", lambda to_write=False: iter(found))
     compiled_module._warn.cache_clear()
     return found
 
@@ -159,7 +159,8 @@ def test_the_folders_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(compiled_module.config, "CACHE_DIR", str(tmp_path / "chosen"))
     monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "own"))
     monkeypatch.setattr(compiled_module.tempfile, "gettempdir", lambda: str(tmp_path))
-    chosen, beside, own, temporary = compiled_module._folders()
+    assert len(list(compiled_module._folders())) == 3
+    chosen, beside, own, temporary = compiled_module._folders(to_write=True)
     assert (chosen, own) == (tmp_path / "chosen" / "chmarl_pb", tmp_path / "own" / "kernels")
     assert beside.parent == Path(compiled_module.__file__).parent
     assert temporary.parent == tmp_path
@@ -170,7 +171,7 @@ def test_a_temporary_folder_that_others_can_write_to_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled_module.tempfile, "gettempdir", lambda: str(tmp_path))
-    *_, temporary = compiled_module._folders()
+    *_, temporary = compiled_module._folders(to_write=True)
     temporary.chmod(0o777)
     assert temporary not in compiled_module._folders()
     temporary.chmod(0o700)

@@ -12,6 +12,10 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 class TurnEnv(parallel_to_aec_wrapper):
     """PettingZoo's view, but a wrong action is refused at its own turn, and another can be given."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles be made anew, without the turns of the present episode."""
+        return type(self), (self.env,)
+
     def step(self, action: int | None) -> None:
         """Note the action of the robot whose turn it is; after the second, let both act.
 
@@ -24,6 +28,14 @@ class TurnEnv(parallel_to_aec_wrapper):
         super().step(action)
 
 
+class OrderedTurnEnv(OrderEnforcingWrapper):
+    """PettingZoo's check of the order of calls, which a copy begins anew."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
+        return type(self), (self.env,)
+
+
 def aec_env(observation: str = "scene_graph", **options: Any) -> AECEnv:
     """Return the AEC view of a new core environment, which is its ``unwrapped``; see :class:`HouseholdEnv`."""
-    return OrderEnforcingWrapper(TurnEnv(HouseholdEnv(observation, **options)))
+    return OrderedTurnEnv(TurnEnv(HouseholdEnv(observation, **options)))

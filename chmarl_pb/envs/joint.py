@@ -1,5 +1,6 @@
 """Gymnasium views of the core: one policy for both robots, or for the humanoid alone."""
 
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -56,6 +57,11 @@ class JointEnv(gymnasium.Env):
                 for key, space in self.parallel.observation_space(name).spaces.items()
             }
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
+        make = partial(type(self), flat_actions=self.flat_actions, **vars(self.parallel.options))
+        return make, (), {"spec": self.spec}
 
     @property
     def world(self) -> World:
@@ -120,6 +126,10 @@ class HumanoidEnv(gymnasium.Env):
         self.observation_space = self.parallel.observation_space("humanoid")
         self._drone = DroneSearch(self.parallel.action_names["drone"], self.parallel.rooms)
         self._drone_action = 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
+        return partial(type(self), **vars(self.parallel.options)), (), {"spec": self.spec}
 
     @property
     def world(self) -> World:

@@ -1,6 +1,7 @@
 """The core environment: a PettingZoo ParallelEnv of the humanoid and the drone in one home."""
 
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -94,6 +95,10 @@ class HouseholdEnv(ParallelEnv):
         self._rng = np.random.default_rng()
         self.snapshots: tuple[Snapshot, ...] = ()
         self.steps = 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles be made anew from the options: with physics of their own, and not reset."""
+        return partial(type(self), **vars(self.options)), ()
 
     def observation_space(self, agent: str) -> spaces.Dict:
         """Return an agent's observation space."""

@@ -15,13 +15,16 @@ from chmarl_pb.envs.vector import check_counts, make_function, write_actions
 from chmarl_pb.envs.vector_engine import Engine, start
 from chmarl_pb.envs.vector_infos import Path, nest
 from chmarl_pb.envs.vector_worker import full_name
+from chmarl_pb.world import Uncopied
 
 Indices = int | Iterable[int] | None
 Step = tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]
 
 
-class HouseholdVecEnv(VecEnv):
+class HouseholdVecEnv(Uncopied, VecEnv):
     """Environments of one kind, stepped together; see :func:`sb3_vec_env`."""
+
+    _instead = "make another by sb3_vec_env(...)"
 
     def __init__(self, engine: Engine, count: int):
         """Join the environments of an engine that resets in the same step; the engine is closed with this."""

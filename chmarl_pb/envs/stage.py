@@ -11,10 +11,10 @@ from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.sensing.sight import Sight
 from chmarl_pb.tasks.setting import Setting, set_up
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.world import World
+from chmarl_pb.world import Uncopied, World
 
 
-class Stage:
+class Stage(Uncopied):
     """One home, ready to play.
 
     Attributes:

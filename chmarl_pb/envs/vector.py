@@ -14,16 +14,19 @@ from chmarl_pb.envs.vector_engine import Engine, start
 from chmarl_pb.envs.vector_infos import InfoTable
 from chmarl_pb.envs.vector_worker import MakeEnv
 from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.world import Uncopied
 
 Seeds = int | Sequence[int | None] | None
 Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
-class HouseholdVectorEnv(VectorEnv):
+class HouseholdVectorEnv(Uncopied, VectorEnv):
     """Environments of one kind, stepped together; see :func:`vector_env`.
 
     Observations, rewards, ends and infos are those of Gymnasium's ``SyncVectorEnv``.
     """
+
+    _instead = "make another by vector_env(...)"
 
     def __init__(self, engine: Engine, count: int, autoreset: AutoresetMode, copy: bool = True):
         """Join the environments of an engine.

@@ -19,6 +19,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signature, listen, serve
 from chmarl_pb.errors import WorkerError
+from chmarl_pb.world import Uncopied
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
 _START: tuple[str, tuple[Any, ...]] = ("start", ())  # what workers do before they take commands
@@ -33,11 +34,13 @@ class WorkerTraceback(Exception):
         return f"\n{self.args[0]}"
 
 
-class Engine:
+class Engine(Uncopied):
     """Environments in shares: the first one lives in this process, each other one in a worker.
 
     They take one command at a time, a method of :class:`Batch`, and answer it together.
     """
+
+    _instead = "make another vector of environments"
 
     def __init__(self, make: MakeEnv, count: int, processes: int, autoreset: AutoresetMode):
         """Start workers and wait until all environments are made.

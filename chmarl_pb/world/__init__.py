@@ -10,7 +10,7 @@ from chmarl_pb.world.bodies import (
     yaw_quaternion,
 )
 from chmarl_pb.world.bullet import quiet
-from chmarl_pb.world.client import Client
+from chmarl_pb.world.client import Client, Uncopied
 from chmarl_pb.world.world import TIME_STEP, Support, World
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Graspable",
     "Pose",
     "Support",
+    "Uncopied",
     "Vector",
     "World",
     "load_graspable",

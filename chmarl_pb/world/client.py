@@ -2,13 +2,28 @@
 
 import gc
 import weakref
+from typing import ClassVar, NoReturn
 
-from chmarl_pb.errors import ChmarlError
+from chmarl_pb.errors import ChmarlError, CopyError
 from chmarl_pb.world.bodies import UPRIGHT, Vector
 from chmarl_pb.world.bullet import pybullet
 
 
-class Client:
+class Uncopied:
+    """What would share a PyBullet client or processes with its copies: none are made."""
+
+    _instead: ClassVar[str] = "copy the environment instead, which makes a new one of the same options"
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be copied or pickled.
+
+        Raises:
+            CopyError: always.
+        """
+        raise CopyError(f"{type(self).__name__} cannot be copied or pickled; {self._instead}")
+
+
+class Client(Uncopied):
     """A client without a display, and the bodies that are still to be moved in it.
 
     It is disconnected by ``close``, when nothing refers to it any longer, and at the interpreter's exit.

@@ -23,7 +23,7 @@ from chmarl_pb.world.bodies import (
     yaw_quaternion,
 )
 from chmarl_pb.world.bullet import pybullet, quiet
-from chmarl_pb.world.client import Client
+from chmarl_pb.world.client import Client, Uncopied
 from chmarl_pb.world.touch import touching
 
 TIME_STEP = 1 / 240  # seconds
@@ -46,7 +46,7 @@ class Support:
     height: float
 
 
-class World:
+class World(Uncopied):
     """One physics client with one home, all graspable objects and the robots.
 
     Attributes:
