@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from chmarl_pb.files import write_atomically
 from training.checkpoint import CheckpointError
 from training.encoders import efficientnet
 from training.encoders.int8 import IntegerResNet18, ranges_of
@@ -49,7 +50,7 @@ def main() -> None:
     for name, found in figures.items():
         print(f"{name:28}" + "".join(f"{found[size]:8.2f}" for size in BATCHES))
     if chosen.json:
-        chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        write_atomically(chosen.json, json.dumps(figures, indent=1) + "\n")
 
 
 def milliseconds(encode: Encode, images: Tensor) -> float:

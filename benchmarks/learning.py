@@ -15,6 +15,7 @@ from typing import Any
 import torch
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.files import write_atomically
 from training import collect, learner
 from training.benchmark import benchmark
 from training.config import Config
@@ -92,7 +93,7 @@ def main() -> None:
     figures = measure(chosen.observation, chosen.warm, chosen.episodes)
     text = json.dumps(figures, indent=1)
     if chosen.json:
-        chosen.json.write_text(text + "\n", encoding="utf-8")
+        write_atomically(chosen.json, text + "\n")
     print(text)
 
 

@@ -22,6 +22,7 @@ from rich.table import Table
 from benchmarks.simulators import OURS, PEERS, Peer, Work
 from chmarl_pb.bench.command import readable, wide_console
 from chmarl_pb.bench.playing import Effort
+from chmarl_pb.files import write_atomically
 
 SIZES = (64, 84, 128, 224)
 
@@ -104,7 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         wide_console().print(table(results))
         if options.json:
             text = json.dumps([asdict(result) for result in results], indent=1)
-            options.json.write_text(text + "\n", encoding="utf-8")
+            write_atomically(options.json, text + "\n")
     return 0
 
 

@@ -19,6 +19,8 @@ from typing import Any
 
 from rich.progress import Progress
 
+from chmarl_pb.files import write_atomically
+
 Point = dict[str, Any]
 Measure = Callable[[int, str, argparse.Namespace], Point]
 OBSERVATIONS = {"scene_graph": "scene graph", "visual": "two 128 px views"}
@@ -189,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             points.append(point_of(panel, value, observation, options))
             rate = statistics.median(points[-1]["steps/s"])
             progress.console.print(f"{panel} {value}, {observation}: {rate:,.0f} joint steps/s")
-    data.write_text(json.dumps(points, indent=1) + "\n", encoding="utf-8")
+    write_atomically(data, json.dumps(points, indent=1) + "\n")
     plot(points, options.out)
     return 0
 

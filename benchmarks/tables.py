@@ -14,6 +14,7 @@ from typing import Any
 
 from benchmarks.peers import OURS, Result
 from chmarl_pb.bench.command import readable
+from chmarl_pb.files import write_atomically
 
 #: What is asked of a figure: its name and its unit -> goal.
 GOALS = {
@@ -97,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if data.is_file():
             text = filled(text, name, table_of(json.loads(data.read_text(encoding="utf-8"))))
             print(f"{page}: {name} from {data}")
-    page.write_text(text, encoding="utf-8")
+    write_atomically(page, text)
     return 0
 
 

@@ -114,7 +114,7 @@ def _refusal(path: Path) -> OSError | None:
         with path.open("ab") if path.is_file() else tempfile.TemporaryFile(dir=folder) as file:
             end = file.seek(0, os.SEEK_END)
             try:
-                _write_all(file.fileno(), bytes(_PROBE))
+                write_all(file.fileno(), bytes(_PROBE))
                 os.fsync(file.fileno())
             finally:
                 os.ftruncate(file.fileno(), end)
@@ -123,8 +123,8 @@ def _refusal(path: Path) -> OSError | None:
     return None
 
 
-def _write_all(file: int, data: bytes) -> None:
-    """Write to a file, or raise an OSError."""
+def write_all(file: int, data: bytes) -> None:
+    """Write all data to a file's descriptor, or raise an OSError."""
     rest = memoryview(data)
     while rest:
         rest = rest[os.write(file, rest) :]
@@ -164,7 +164,7 @@ def append_line(path: Path, line: str) -> None:
     with writing(path), path.open("ab") as file:
         end = file.seek(0, os.SEEK_END)
         try:
-            _write_all(file.fileno(), f"{line}\n".encode())
+            write_all(file.fileno(), f"{line}\n".encode())
         except BaseException:
             os.ftruncate(file.fileno(), end)
             raise

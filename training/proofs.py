@@ -7,6 +7,7 @@ Every joint action is played equally often (epsilon = 1), so theory gives the ta
 import argparse
 import json
 import platform
+import sys
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,8 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.files import write_atomically
 from training.collect import Collector, advance, begin
 from training.config import ALGORITHMS, Config
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
@@ -130,8 +133,12 @@ def main(arguments: list[str] | None = None) -> int:
     if options.out:
         about = {"command": "python -m training.proofs --out results/proofs.json", "config": asdict(CONFIG)}
         about |= {"seed": options.seed, "torch": torch.__version__, "python": platform.python_version()}
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps({**about, "proofs": [asdict(proof) for proof in proofs]}, indent=1) + "\n")
+        text = json.dumps({**about, "proofs": [asdict(proof) for proof in proofs]}, indent=1)
+        try:
+            write_atomically(options.out, text + "\n")
+        except ChmarlError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
     return int(any(proof.error > TOLERANCE for proof in proofs))
 
 

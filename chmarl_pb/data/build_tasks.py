@@ -15,7 +15,7 @@ from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import OptionError, TaskError
-from chmarl_pb.files import replacing
+from chmarl_pb.files import Lock, replacing
 from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
@@ -37,10 +37,20 @@ def build_all(folder: Path, workers: int) -> int:
 
     Returns:
         0.
+
+    Raises:
+        TaskError: a file that is there already has not all tasks.
+        BusyError: another process writes into the folder.
+        WriteError: a file cannot be written.
     """
     if workers < 1:
         raise OptionError(f"--workers {workers}: use at least 1")
-    folder.mkdir(parents=True, exist_ok=True)
+    with Lock(folder / f"{SPLITS[0]}.csv"):  # the last to be written
+        _build_all(folder, workers)
+    return 0
+
+
+def _build_all(folder: Path, workers: int) -> None:
     taken: set[Kind] = set()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns) as bar:
@@ -49,12 +59,13 @@ def build_all(folder: Path, workers: int) -> int:
             row = bar.add_task(split, total=SPLIT_SIZES[split])
             if path.is_file():
                 tasks = read_tasks(path)
+                if len(tasks) != SPLIT_SIZES[split]:
+                    raise TaskError(f"{path}: {len(tasks)} tasks instead of {SPLIT_SIZES[split]}; remove it")
                 taken.update(_kind(task) for task in tasks)
             else:
                 tasks = build_split(split, SPLIT_SIZES[split], taken, workers, partial(bar.advance, row))
                 write_tasks(path, tasks)
             bar.update(row, completed=len(tasks))
-    return 0
 
 
 def build_split(split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]) -> list[Task]:

@@ -103,12 +103,15 @@ def join_parts(root: Path, recipe: Recipe, parts: list[Path]) -> Path:
     folder = dataset_folder(root, recipe.dataset_id)
     making = parts[0].parent / "joined"
     shutil.rmtree(making, ignore_errors=True)  # of a process that was killed
-    making.mkdir()
-    with writing(folder, making):
-        storage = _new_storage(making / "data", recipe)
-        steps = _copy(parts, making / "data" / MAIN_FILE)
-        storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
-        making.replace(folder)
+    try:
+        with writing(folder, parts[0].parent):
+            making.mkdir()
+            storage = _new_storage(making / "data", recipe)
+            steps = _copy(parts, making / "data" / MAIN_FILE)
+            storage.update_metadata(_metadata(recipe, len(parts), steps, making / "data" / MAIN_FILE))
+            making.replace(folder)
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
     _describe_namespace(root)
     for parts_of_any_version in parts[0].parent.parent.glob(f"{folder.name}-*"):
         shutil.rmtree(parts_of_any_version)

@@ -10,8 +10,7 @@ from itertools import pairwise
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
@@ -19,6 +18,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector_worker import Batch, Failure, MakeEnv, Memory, Signature, listen, serve
 from chmarl_pb.errors import WorkerError
+from chmarl_pb.files import write_all
 from chmarl_pb.world import Uncopied
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
@@ -91,9 +91,7 @@ class Engine(Uncopied):
         if not self._processes:
             self._batch.share(Memory(self.signature, count))
             return
-        shm = Path("/dev/shm")
-        with tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=shm if shm.is_dir() else None) as file:
-            file.truncate(Memory.layout(self.signature, count).itemsize)
+        with _shared_file(Memory.layout(self.signature, count).itemsize) as file:
             self.send("share_file", file.name, count)
             self.receive()
 
@@ -184,6 +182,29 @@ class Engine(Uncopied):
     def close(self) -> None:
         """Close the environments and end the workers; closing twice is allowed."""
         self._close()
+
+
+def _shared_file(size: int) -> "IO[bytes]":
+    """Return a new file of zeros; all of them are written, as a process ends that maps a file and finds no room for it.
+
+    Raises:
+        WorkerError: there is no room.
+    """
+    reasons = []
+    for folder in ("/dev/shm", None):
+        with ExitStack() as stack:
+            try:
+                file = stack.enter_context(tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=folder))
+                write_all(file.fileno(), bytes(size))
+            except OSError as error:
+                reasons.append(f"{folder or 'the folder of temporary files'}: {error.strerror}")
+            else:
+                stack.pop_all()
+                return file
+    raise WorkerError(
+        f"no room for {size / 2**20:,.1f} MB that processes share ({'; '.join(reasons)}); make room, or use fewer "
+        "environments, or workers=0"
+    )
 
 
 def _stop(commands: list[Connection], answers: list[Connection], processes: list[BaseProcess]) -> None:

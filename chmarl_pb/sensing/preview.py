@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from chmarl_pb.catalog import class_of, room_of
 from chmarl_pb.errors import HomeError, OptionError
+from chmarl_pb.files import replacing
 from chmarl_pb.homes.urdf import read_links
 from chmarl_pb.world import Client
 from chmarl_pb.world.bullet import pybullet
@@ -57,8 +58,9 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
         size: width and height of the picture in pixels.
 
     Raises:
-        HomeError: the home cannot be loaded or the picture cannot be written.
+        HomeError: the home cannot be loaded.
         OptionError: the picture's name does not end in .png.
+        WriteError: the picture cannot be written.
     """
     if Path(out_png).suffix.lower() != ".png":
         raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
@@ -74,9 +76,8 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
         for room, centre in _room_centres(client, home).items():
             _label(panels[0], room, plan.pixels(centre))
     picture = np.hstack(panels)[:, :, ::-1]
-    Path(out_png).parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(out_png), picture):
-        raise HomeError(f"{out_png}: the picture could not be written")
+    with replacing(Path(out_png)) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     return Path(out_png)
 
 

@@ -4,7 +4,9 @@ One sparse file holds the pictures of one home by one robot's camera at one size
 checksum for each lattice pose, then a slot for each. Its name carries a hash of all that the
 pictures depend on, so whoever writes a slot writes the same bytes, and no locks are needed. A slot
 counts only if its checksum is right; any other is drawn and written again. Nothing that happens to
-the files is an error: what cannot be stored is kept in memory.
+the files is an error: what cannot be stored is kept in memory. Only slots are read through the map,
+once they are written: a hole that is read through a map takes room on some file systems, which ends
+the process where there is none.
 """
 
 import errno
@@ -20,6 +22,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.files import cache_folder
 from chmarl_pb.sensing.camera import Picture, Vector
@@ -144,7 +147,8 @@ class ViewFile:
             ValueError: it is too short and cannot be written.
         """
         self.poses, self._size, self._grant = poses, size, grant
-        self.slot = _whole_pages(size * size * sum(kind.itemsize for kind in _TYPES))
+        self._bytes = size * size * sum(kind.itemsize for kind in _TYPES)
+        self.slot = _whole_pages(self._bytes)
         self._start = _whole_pages(4 * poses)
         self.length = self._start + poses * self.slot
         self._file, self._writable = _open(path)
@@ -153,7 +157,6 @@ class ViewFile:
         if self._writable and not self._is_whole():
             os.ftruncate(self._file, self.length)
         self._map = mmap.mmap(self._file, self.length, access=mmap.ACCESS_READ)
-        self._checksums = np.frombuffer(self._map, np.uint32, poses)
 
     def get(self, pose: int, view: Vector) -> Picture | None:
         """Return the stored picture of a pose as read-only views of the file, or None.
@@ -162,10 +165,10 @@ class ViewFile:
             pose: the lattice pose.
             view: the camera's view matrix there; a picture from another camera does not count.
         """
-        if not self._is_whole() or not self._checksums[pose]:
+        if not self._is_whole() or not (checksum := self._checksums(pose, 1)[0]) or self._has_holes(pose):
             return None
         picture = self._picture(pose)
-        return picture if self._checksums[pose] == _checksum(_parts(picture), view) else None
+        return picture if checksum == _checksum(_parts(picture), view) else None
 
     def put(self, pose: int, view: Vector, picture: Picture) -> Picture | None:
         """Store a picture and return it as it is in the file, or None if it cannot be stored."""
@@ -186,7 +189,20 @@ class ViewFile:
 
     def gaps(self) -> list[int]:
         """Return the poses that have no picture."""
-        return np.flatnonzero(self._checksums == 0).tolist() if self._is_whole() else list(range(self.poses))
+        return (
+            np.flatnonzero(self._checksums(0, self.poses) == 0).tolist()
+            if self._is_whole()
+            else list(range(self.poses))
+        )
+
+    def _checksums(self, first: int, count: int) -> NDArray[np.uint32]:
+        """Return a part of the table; 0 stands for no picture."""
+        return np.frombuffer(os.pread(self._file, 4 * count, 4 * first).ljust(4 * count, b"\0"), np.uint32)
+
+    def _has_holes(self, pose: int) -> bool:
+        """Return whether a part of a slot has never been written."""
+        start = self._start + pose * self.slot
+        return os.lseek(self._file, start, os.SEEK_HOLE) < start + self._bytes
 
     def _picture(self, pose: int) -> Picture:
         pixels, offset, arrays = self._size * self._size, self._start + pose * self.slot, []
@@ -211,7 +227,7 @@ def view_store() -> ViewStore | None:
     "off" means no store. ``CHMARL_CACHE_LIMIT`` is its limit in MB.
     """
     folder = cache_folder()
-    if folder is None or fcntl is None or not hasattr(os, "pwritev"):
+    if folder is None or fcntl is None or not hasattr(os, "pwritev") or not hasattr(os, "SEEK_HOLE"):
         return None
     limit = os.environ.get("CHMARL_CACHE_LIMIT") or str(LIMIT)
     if not limit.isdecimal():
