@@ -30,6 +30,7 @@ def pytest_configure(config: pytest.Config) -> None:
         # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
         # Numba's work, Triton has ended the process.
         import_module("torch._dynamo")
+    os.environ["SDL_VIDEODRIVER"] = "dummy"  # checkers of environments open windows
     if not hasattr(config, "workerinput"):
         folder = tempfile.mkdtemp(prefix="chmarl-views-")
         os.environ["CHMARL_CACHE"] = folder

@@ -18,7 +18,7 @@ from chmarl_pb.envs.task_source import TaskSource
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, execute
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.sensing.window import show, side_by_side
+from chmarl_pb.sensing.window import close_window, open_display, show, side_by_side
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import no_messages, update
 from chmarl_pb.tasks.outcome import Outcome, judge, reward
@@ -80,6 +80,8 @@ class HouseholdEnv(ParallelEnv):
             observation, split, home, messages, feedback, max_steps, image_size, execution, render_mode, goal
         )
         self.render_mode = render_mode
+        if render_mode == "human":
+            open_display()
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
         self._tasks = TaskSource(self.options.split, self.options.home)
@@ -220,7 +222,9 @@ class HouseholdEnv(ParallelEnv):
         return None
 
     def close(self) -> None:
-        """Disconnect from physics; closing twice is allowed."""
+        """Disconnect from physics, and close the window; closing twice is allowed."""
+        if self.render_mode == "human":
+            close_window()
         for stage in self._stages.values():
             stage.close()
         self._stages = {}
