@@ -9,6 +9,7 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.envs.rollout import core_of
 from chmarl_pb.errors import NotResetError, OptionError
 
 HUMANOID, STAY = "CHMARL/SceneGraphHumanoid-v0", 9
@@ -70,12 +71,19 @@ def test_a_vector_without_autoreset_refuses_a_step_too_many() -> None:
         vector.step(np.array([STAY]))
 
 
-def test_the_core_goes_on_if_it_is_told_to() -> None:
-    env = chmarl_pb.parallel_env(**HOME, max_steps=None)
-    env.reset(seed=0)
-    for _ in range(30):
-        env.step({"humanoid": STAY, "drone": 8})
-    assert env.agents
-    env.close()
-    with pytest.raises(OptionError, match="max_steps=None"):
-        chmarl_pb.evaluate("random", max_steps=None)
+def test_what_lies_behind_an_id_ends_by_itself(make: Callable[..., Any]) -> None:
+    """Data sets and rollouts play in the ParallelEnv of a view, where Gymnasium's limit is not."""
+    joint = make("CHMARL/SceneGraph-v0", **HOME, max_episode_steps=40)
+    staying = Staying()
+    assert len(chmarl_pb.rollout(core_of(joint), staying, seed=0)) == 28
+    joint.reset(seed=0)
+    ends = [joint.step([STAY, 8])[2:4] for _ in range(40)]
+    assert ends == [(False, False)] * 39 + [(False, True)]
+
+
+class Staying:
+    def reset(self, seed: int | None) -> None:
+        pass
+
+    def act(self, observations: Any, infos: Any) -> dict[str, int]:
+        return {"humanoid": STAY, "drone": 8}

@@ -85,7 +85,8 @@ class JointEnv(gymnasium.Env):
         """
         observations, rewards, terminated, truncated, infos = self.parallel.step(self._split(action))
         robot = AGENTS[0]
-        return _joined(observations), rewards[robot], terminated[robot], truncated[robot], _info(infos)
+        cut = _truncated(self, truncated[robot])
+        return _joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
 
     def _split(self, action: Any) -> dict[str, int]:
         try:
@@ -158,7 +159,8 @@ class HumanoidEnv(gymnasium.Env):
         # Chosen here rather than in the next step, which may refuse its action and be called again.
         self._drone_action = self._drone.act(observations["drone"], infos["drone"])
         robot = "humanoid"
-        return observations[robot], rewards[robot], terminated[robot], truncated[robot], _alone(infos)
+        cut = _truncated(self, truncated[robot])
+        return observations[robot], rewards[robot], terminated[robot], cut, _alone(infos)
 
     def render(self) -> np.ndarray | None:
         """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
@@ -170,27 +172,36 @@ class HumanoidEnv(gymnasium.Env):
 
 
 class Registered:
-    """Makes a view for a registered id: Gymnasium's time limit, which ``max_episode_steps`` sets, ends its episodes."""
+    """Makes a view for a registered id, whose episodes Gymnasium's time limit ends; see :func:`_truncated`."""
 
     def __init__(self, view: type[JointEnv] | type[HumanoidEnv]):
         """Make views of this class."""
         self.view, self.metadata = view, view.metadata  # Gymnasium reads the render modes from what makes environments
 
-    def __call__(self, max_steps: int | None = None, **options: Any) -> JointEnv | HumanoidEnv:
-        """Return an environment that ends by itself only if ``max_steps`` is given.
+    def __call__(self, **options: Any) -> JointEnv | HumanoidEnv:
+        """Return an environment.
 
         Raises:
             OptionError: ``max_steps`` is beyond the id's time limit, which would come first.
         """
-        if isinstance(max_steps, int) and max_steps > MAX_STEPS:
+        steps = options.get("max_steps")
+        if isinstance(steps, int) and steps > MAX_STEPS:
             raise OptionError(
-                f"max_steps={max_steps}: gymnasium.make ends these episodes after {MAX_STEPS} steps unless it is told "
-                f"otherwise; give max_episode_steps={max_steps} instead"
+                f"max_steps={steps}: gymnasium.make ends these episodes after {MAX_STEPS} steps unless it is told "
+                f"otherwise; give max_episode_steps={steps} instead"
             )
-        return self.view(max_steps=max_steps, **options)
+        return self.view(**options)
 
 
 make_joint, make_humanoid = Registered(JointEnv), Registered(HumanoidEnv)
+
+
+def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:
+    """Return whether an episode is cut off here: that of an id is by Gymnasium, unless ``max_steps`` was given, too."""
+    if not truncated or env.spec is None or "max_steps" in env.spec.kwargs:
+        return truncated
+    env.parallel.go_on()
+    return False
 
 
 def _joined(observations: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

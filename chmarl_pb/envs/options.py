@@ -25,7 +25,7 @@ class Options:
         home: name or path of a home to play in instead of the split's homes.
         messages: whether the robots' messages are observed; if not, they read as zeros.
         feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False.
-        max_steps: joint steps after which an episode is truncated; None: it goes on until success.
+        max_steps: joint steps after which an episode is truncated.
         image_size: width and height of camera images in pixels.
         execution: "instant" or "simulated".
         render_mode: None, "rgb_array" or "human".
@@ -37,7 +37,7 @@ class Options:
     home: str | Path | None = None
     messages: bool = True
     feedback: bool | str = True
-    max_steps: int | None = MAX_STEPS
+    max_steps: int = MAX_STEPS
     image_size: int = 128
     execution: str = "instant"
     render_mode: str | None = None
@@ -56,8 +56,7 @@ class Options:
         _one_of("messages", self.messages, (True, False))
         _one_of("feedback", self.feedback, (True, False, *STYLES))
         _one_of("goal", self.goal, (True, False))
-        if self.max_steps is not None:
-            _whole("max_steps", self.max_steps, 1, 1_000_000)
+        _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
 
     @property

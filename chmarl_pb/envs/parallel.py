@@ -41,7 +41,7 @@ class HouseholdEnv(ParallelEnv):
     the messages, and its own room, heading and hand; with ``goal``, what the instruction asks for.
     **Actions**: one number for each robot, see ``action_names``; actions that cannot be done change nothing.
     **Reward**: shared, phi(s') - phi(s), see :func:`chmarl_pb.tasks.outcome.potential`.
-    **End**: success terminates both robots, ``max_steps`` truncates both; None leaves that to a wrapper.
+    **End**: success terminates both robots, ``max_steps`` truncates both.
 
     Attributes:
         task: the task of the present episode.
@@ -64,7 +64,7 @@ class HouseholdEnv(ParallelEnv):
         home: str | Path | None = None,
         messages: bool = True,
         feedback: bool | str = True,
-        max_steps: int | None = MAX_STEPS,
+        max_steps: int = MAX_STEPS,
         image_size: int = 128,
         execution: str = "instant",
         render_mode: str | None = None,
@@ -170,8 +170,7 @@ class HouseholdEnv(ParallelEnv):
         told = {"humanoid": self._advise(names["humanoid"], succeeded["humanoid"], previous), "drone": ""}
         self.steps += 1
         terminated = self.outcome.success
-        limit = self.options.max_steps
-        truncated = not terminated and limit is not None and self.steps >= limit
+        truncated = not terminated and self.steps >= self.options.max_steps
         if terminated or truncated:
             self.agents = []
         if self.render_mode == "human":
@@ -183,6 +182,10 @@ class HouseholdEnv(ParallelEnv):
             dict.fromkeys(AGENTS, truncated),
             self._infos(told, succeeded),
         )
+
+    def go_on(self) -> None:
+        """Let an episode that was truncated go on: somebody else counts its steps."""
+        self.agents = list(AGENTS)
 
     def action_name(self, robot: str, action: Any) -> str:
         """Return the name of a robot's action.
@@ -206,7 +209,7 @@ class HouseholdEnv(ParallelEnv):
         """
         if not hasattr(self, "outcome"):
             raise NotResetError("state() before reset(); call reset() first")
-        elapsed = self.steps / (self.options.max_steps or MAX_STEPS)
+        elapsed = self.steps / self.options.max_steps
         return global_state(self.stage, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:

@@ -83,8 +83,6 @@ def evaluate(
         WorkerError: a process died; finished episodes are kept.
         WriteError: ``out`` cannot be written.
     """
-    if max_steps is None:
-        raise OptionError("max_steps=None: an evaluation must end; give a whole number")
     options = Options(observation, split, None, messages, feedback, max_steps, image_size, goal=goal)
     source = find_policy(policy)
     chosen = _chosen(split, tasks)
