@@ -279,6 +279,18 @@ def unsealed(line: str, context: str = "") -> dict[str, Any]:
     return row
 
 
+def unsealed_or_plain(line: str) -> dict[str, Any]:
+    """Return the row that ``sealed`` made a line of, or one of plain JSON, as earlier versions wrote it.
+
+    Raises:
+        ValueError: the line is cut or changed.
+    """
+    row = json.loads(line)
+    if isinstance(row, dict) and CHECKSUM not in row:
+        return row
+    return unsealed(line)
+
+
 def _checksum(row: dict[str, Any], context: str) -> str:
     return f"{zlib.crc32(_plain(row).encode(), zlib.crc32(context.encode())):08x}"
 

@@ -3,7 +3,6 @@
 Both ways give the same features, bit by bit: a policy that has learned from kept features sees the same when it acts.
 """
 
-import fcntl
 import hashlib
 import math
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from pettingzoo import ParallelEnv
 from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import Lock, write_atomically, writing
 from training import seal
 from training.encoders.frozen import FrozenEncoder
 from training.keys import IMAGE, named
@@ -179,8 +178,7 @@ def _compute(
     unfinished, note = path.with_suffix(".unfinished"), path.with_suffix(".sha256")
     size = 2 * math.prod(shape[1:])  # bytes of a step
     steps, task = 0, bar.add_task("encode pictures", total=shape[0])
-    with open(unfinished, "a+b") as out:
-        fcntl.flock(out, fcntl.LOCK_EX)
+    with Lock(path, wait=True), writing(path, unfinished), open(unfinished, "a+b") as out:
         if path.is_file():  # another process has made it meanwhile
             return
         digest, done = _begun(out, note)
@@ -196,6 +194,7 @@ def _compute(
                 write_atomically(note, f"{steps * size} {digest.hexdigest()}")
             bar.update(task, completed=steps)
         out.write(seal.line(digest.hexdigest()))
+        out.flush()
         unfinished.replace(path)
         note.unlink(missing_ok=True)
 

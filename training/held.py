@@ -1,13 +1,12 @@
 """One process for a run's folder: a second one would mix its rows and checkpoints with those of the first."""
 
-import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from chmarl_pb.errors import BusyError
+from chmarl_pb.files import Lock
 from training.checkpoint import CheckpointError
-
-LOCK = "training.lock"
 
 
 @contextmanager
@@ -16,14 +15,14 @@ def held(folder: Path | None) -> Iterator[None]:
 
     Raises:
         CheckpointError: another process holds it.
+        WriteError: nothing can be written there.
     """
     if folder is None:
         yield
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
+    try:
+        lock = Lock(folder / "training")
+    except BusyError as error:
+        raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
+    with lock:
         yield

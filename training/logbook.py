@@ -1,13 +1,15 @@
 """Metrics of a run: one JSON object a line, TensorBoard if it is installed, and a progress bar."""
 
-import json
+import warnings
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomically
+
+METRICS = "metrics.jsonl"
 
 
 class Logbook:
@@ -24,12 +26,12 @@ class Logbook:
             unit: of progress, and the key of its number in a row.
         """
         self._unit = unit
-        self._path = None if folder is None else folder / "metrics.jsonl"
+        self._path = None if folder is None else folder / METRICS
         self._board = None if folder is None else _tensorboard(folder)
         self.rows = rows
         if self._path is not None:
-            kept = self._path.read_text().splitlines(keepends=True)[:rows] if self._path.exists() and rows else []
-            write_atomically(self._path, "".join(kept))
+            kept = self._path.read_text().splitlines()[:rows] if self._path.exists() and rows else []
+            write_atomically(self._path, "".join(f"{line}\n" for line in kept))
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
         self._task = self._progress.add_task(unit, total=total)
@@ -43,8 +45,7 @@ class Logbook:
         """Add a row of metrics; nested groups are allowed."""
         self.rows += 1
         if self._path is not None:
-            with self._path.open("a") as file:
-                file.write(json.dumps(row) + "\n")
+            append_line(self._path, sealed(row))
         if self._board is not None:
             for name, value in _flat(row):
                 self._board.add_scalar(name, value, row[self._unit])
@@ -60,7 +61,24 @@ class Logbook:
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
     """Return all rows of a run's folder."""
-    return [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+    return read_rows(folder / METRICS)
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of a file of metrics, which may be growing; a warning tells of those that are damaged."""
+    lines = path.read_bytes().splitlines(keepends=True)
+    rows = [row_of(line) for line in lines]
+    if damaged := sum(row is None and line.endswith(b"\n") for row, line in zip(rows, lines, strict=True)):
+        warnings.warn(f"{path}: {damaged} of {len(lines)} rows are damaged and left out", RuntimeWarning, stacklevel=2)
+    return [row for row in rows if row is not None]
+
+
+def row_of(line: bytes) -> dict[str, Any] | None:
+    """Return a row of metrics, or None if its line is damaged; those of earlier versions have no checksum."""
+    try:
+        return unsealed_or_plain(line.decode())
+    except ValueError:
+        return None
 
 
 def _tensorboard(folder: Path) -> Any:

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor
 
 from chmarl_pb.errors import ChmarlError
-from chmarl_pb.files import open_folder, replacing, write_atomically
+from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
 from training import checkpoint
 from training.encoders.detector import Detector
 from training.encoders.frozen import FrozenEncoder, weights_file
@@ -149,7 +149,7 @@ def _make(chosen: argparse.Namespace) -> None:
     folder = open_folder(out.parent) / "labelled_views"
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()
-    with Progress(*columns) as bar:
+    with Lock(out), Progress(*columns) as bar:
         views = _drawn(bar, "train", chosen.views, chosen.seed, folder, chosen.workers)
         checked = _drawn(bar, "val-unseen", min(CHECKED, chosen.views), chosen.seed, folder, chosen.workers)
         figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar)

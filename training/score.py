@@ -2,7 +2,6 @@
 
 import argparse
 import importlib
-import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import Lock, sealed, write_atomically
 from training.checkpoint import CheckpointError, load, reading
 from training.config import FROZEN
 from training.crowd import play_side_by_side
@@ -45,12 +44,20 @@ def score(
 
     Raises:
         ChmarlError: the checkpoint cannot be used.
+        BusyError: another process plays for this folder.
     """
     if checkpoint.suffix not in LOADERS:
         raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
+    register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
+    with Lock(folder / SCORES):
+        return _score(checkpoint, observation, messages, feedback, folder, splits)
+
+
+def _score(
+    checkpoint: Path, observation: str, messages: bool, feedback: bool, folder: Path, splits: Sequence[str]
+) -> dict[str, Any]:
     learners = source_hash(training)
     _forget_other_code(folder, learners)
-    register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
@@ -60,7 +67,7 @@ def score(
     }  # fmt: skip
     facts = {"sha256": file_hash(checkpoint), "learners_sha256": learners, **_facts(checkpoint)}
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
-    write_atomically(folder / SCORES, json.dumps(kept))
+    write_atomically(folder / SCORES, sealed(kept))
     return kept
 
 

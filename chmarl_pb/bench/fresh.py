@@ -13,6 +13,7 @@ import time
 from collections.abc import Generator
 from itertools import cycle
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -48,12 +49,12 @@ def samples(name: str, *arguments: object, keep: bool = False) -> Generator[dict
 
 
 def _run(script: list[str], cache: str) -> dict[str, float]:
-    done = subprocess.run(
-        [sys.executable, *script], env={**os.environ, "CHMARL_CACHE": cache}, stdout=subprocess.PIPE, text=True
-    )
-    if done.returncode:
+    pipe, command, env = subprocess.PIPE, [sys.executable, *script], {**os.environ, "CHMARL_CACHE": cache}
+    with subprocess.Popen(command, env=env, stdin=pipe, stdout=pipe, text=True) as process:
+        output = process.stdout.read() if process.stdout else ""
+    if process.returncode:
         raise RuntimeError(f"`{' '.join([sys.executable, *script])}` failed, see above")
-    sample: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    sample: dict[str, float] = json.loads(output.splitlines()[-1])
     return sample
 
 
@@ -170,5 +171,11 @@ def loads(episodes: str) -> dict[str, float]:
     return {"files": count - needed}
 
 
+def _end_with_parent() -> None:
+    os.read(0, 1)  # a pipe that nobody writes to: it closes when the parent is gone
+    os._exit(1)
+
+
 if __name__ == "__main__":
+    Thread(target=_end_with_parent, daemon=True).start()
     print(json.dumps(globals()[sys.argv[1]](*sys.argv[2:])))

@@ -1,6 +1,5 @@
 """A run of Stable-Baselines3 that can be killed at any moment: validation, checkpoints and log between rollouts."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,9 @@ from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import append_line, sealed, write_atomically
 from training.checkpoint import CheckpointError, load, reading, save
+from training.logbook import METRICS, read_rows
 
 KIND = "sb3"
 _HISTORY = ("evaluations_timesteps", "evaluations_results", "evaluations_length", "evaluations_successes")
@@ -140,18 +140,16 @@ class Log(KVWriter):
 
     def __init__(self, folder: Path, steps: int):
         """Open the log of a run that goes on from a number of steps."""
-        self._path = folder / "metrics.jsonl"
-        lines = self._path.read_text().splitlines(keepends=True) if self._path.exists() else []
-        kept = (line for line in lines if line.endswith("\n") and json.loads(line)["steps"] <= steps)
-        write_atomically(self._path, "".join(kept))
+        self._path = folder / METRICS
+        rows = read_rows(self._path) if self._path.exists() else []
+        write_atomically(self._path, "".join(f"{sealed(row)}\n" for row in rows if row["steps"] <= steps))
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
         """Append a row."""
         numbers = {
             name: float(value) for name, value in key_values.items() if isinstance(value, int | float | np.number)
         }
-        with self._path.open("a") as file:
-            file.write(json.dumps({"steps": step, **numbers}) + "\n")
+        append_line(self._path, sealed({"steps": step, **numbers}))
 
     def close(self) -> None:
         """Do nothing: the file is closed after each row."""

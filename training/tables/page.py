@@ -11,7 +11,7 @@ from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.config import FROZEN
 from training.tables.curves import draw_curves
@@ -67,6 +67,11 @@ def write_page(results: Path, page: Path) -> None:
     Raises:
         ResultError: a kept file is damaged.
     """
+    with Lock(page, wait=True):  # tables that are worked through side by side write it in turns, from all results
+        _write_page(results, page)
+
+
+def _write_page(results: Path, page: Path) -> None:
     records = read_records(results, TABLES)
     parts = [INTRO, *_headlines(records)]
     for table, rows in TABLES.items():

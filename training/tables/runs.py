@@ -1,6 +1,5 @@
 """One training run of a row: its folders, its two steps (train, score), and the small file that is kept of it."""
 
-import fcntl
 import json
 import sys
 from collections.abc import Iterable
@@ -10,13 +9,14 @@ from typing import Any
 
 import training
 from chmarl_pb.envs.provenance import source_hash
-from chmarl_pb.errors import ResultError
+from chmarl_pb.errors import BusyError, ResultError
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
+from training.logbook import METRICS, read_rows
 from training.tables.rows import Row
 
 FORMAT = "chmarl-pb table run 1"
-STATE, LOCK, SCORES = "state.json", "lock", "scores.json"
+STATE, SCORES = "state.json", "scores.json"
 STEPS = ("train", "score")
 
 Record = dict[str, Any]
@@ -92,7 +92,7 @@ class Run:
         if not path.is_file():
             return {"seconds": dict.fromkeys(STEPS, 0.0), "code": [], "trained": None}
         try:
-            state = json.loads(path.read_text(encoding="utf-8"))
+            state = unsealed_or_plain(path.read_text(encoding="utf-8"))
             seconds = {step: float(state["seconds"][step]) for step in STEPS}
             return {"seconds": seconds, "code": list(state.get("code", [])), "trained": state["trained"]}
         except (KeyError, TypeError, ValueError) as error:
@@ -103,13 +103,13 @@ class Run:
         state, code = self.state(), source_hash(training)
         if step == "train" and code not in state["code"]:
             state["code"].append(code)
-            write_atomically(self.folder / STATE, json.dumps(state))
+            write_atomically(self.folder / STATE, sealed(state))
 
     def spend(self, step: str, seconds: float) -> None:
         """Add to the time of a step."""
         state = self.state()
         state["seconds"][step] = round(state["seconds"][step] + seconds, 3)
-        write_atomically(self.folder / STATE, json.dumps(state))
+        write_atomically(self.folder / STATE, sealed(state))
 
     def finish(self, step: str) -> None:
         """Write down that a step has ended well; after the last, write the result.
@@ -122,7 +122,7 @@ class Run:
             raise ResultError(f"{wanted}: the step {step!r} has ended without writing it")
         if step == "train":
             (self.folder / SCORES).unlink(missing_ok=True)
-            write_atomically(self.folder / STATE, json.dumps(self.state() | {"trained": self.command("train")}))
+            write_atomically(self.folder / STATE, sealed(self.state() | {"trained": self.command("train")}))
         else:
             write_atomically(self.result, _lines(self.record()))
 
@@ -134,7 +134,7 @@ class Run:
         """
         row, scores = self.row, self.folder / SCORES
         try:
-            kept = json.loads(scores.read_text(encoding="utf-8"))
+            kept = unsealed_or_plain(scores.read_text(encoding="utf-8"))
             _check_scores(kept)
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{scores}: not the scores of all splits: {error!r}; remove it") from error
@@ -144,26 +144,22 @@ class Run:
             "commands": {step: " ".join(["python -m", *self.command(step)]) for step in STEPS},
             "seconds": self.state()["seconds"], "trained_by": self.state()["code"],
             **kept,
-            "curve": curve(self.folder / "metrics.jsonl"),
+            "curve": curve(self.folder / METRICS),
         }  # fmt: skip
 
-    def lock(self) -> Any:
-        """Return an open file that is locked as long as this process or one that inherits it lives, or None.
+    def lock(self) -> Lock | None:
+        """Return a lock that this process and those that inherit it hold, or None.
 
         None means that another process works on this run, perhaps one left over from a killed command.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        file = (self.folder / LOCK).open("w")
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.close()
+            return Lock(self.folder / STATE)
+        except BusyError:
             return None
-        return file
 
     def progress(self) -> float:
         """Return which share of the training is done, 0 to 1, or 0 where its metrics do not tell."""
-        rows = _rows(self.folder / "metrics.jsonl")
+        rows = _rows(self.folder / METRICS)
         done = max((row.get("episodes", row.get("epoch", row.get("steps", 0))) for row in rows), default=0)
         return min(done / _total(self), 1.0)
 
@@ -218,14 +214,7 @@ def _of_sb3(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows(metrics: Path) -> list[dict[str, Any]]:
-    """Return the whole rows of a file of metrics, which may be growing."""
-    rows = []
-    for line in metrics.read_text(encoding="utf-8").splitlines() if metrics.is_file() else []:
-        try:
-            rows.append(json.loads(line))
-        except ValueError:
-            break
-    return rows
+    return read_rows(metrics) if metrics.is_file() else []
 
 
 def _lines(record: Record) -> str:

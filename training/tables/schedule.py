@@ -14,13 +14,18 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from training.tables.runs import Run, python
+from training.tables.step import GRACE
 
 POLL = 0.5  # seconds between two looks at the processes
 NOTE = 10.0  # seconds between two notes of the time spent
-GRACE = 20.0  # seconds that an interrupted process has to end by itself
 LOG = "log.txt"
 
 Launch = Callable[[list[str]], list[str]]
+
+
+def as_step(command: list[str]) -> list[str]:
+    """Return a step's command as it is started: it ends with this process."""
+    return python(["training.tables.step", *command])
 
 
 @dataclass
@@ -57,7 +62,7 @@ class Schedule:
         jobs: int = 2,
         budget: float | None = None,
         finished: Callable[[Run], None] = lambda run: None,
-        launch: Launch = python,
+        launch: Launch = as_step,
         poll: float = POLL,
     ):
         """Take runs; those whose result is there already are skipped.
@@ -118,7 +123,7 @@ class Schedule:
         run.begin(step)
         with (run.folder / LOG).open("a") as log:
             return subprocess.Popen(
-                self._launch(run.command(step)), stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                self._launch(run.command(step)), stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                 env={**environ, "OMP_NUM_THREADS": "1"}, start_new_session=True, pass_fds=(lock.fileno(),),
             )  # fmt: skip
 
