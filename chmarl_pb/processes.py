@@ -36,8 +36,7 @@ def in_processes(
         OptionError: ``workers`` is less than one.
         WorkerError: a process died, or none can be started.
     """
-    if workers < 1:
-        raise OptionError(f"workers {workers}: use at least 1")
+    check_workers(workers)
     if not jobs:
         return
     with _pool(min(workers, len(jobs))) as pool:
@@ -46,6 +45,16 @@ def in_processes(
         except OSError as error:
             raise _not_started(error) from error
         yield from _in_order(futures) if ordered else _when_done(futures)
+
+
+def check_workers(workers: int) -> None:
+    """Check a number of processes.
+
+    Raises:
+        OptionError: it is less than one.
+    """
+    if workers < 1:
+        raise OptionError(f"workers={workers}: use at least 1")
 
 
 @contextmanager

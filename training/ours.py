@@ -18,7 +18,11 @@ IMITATION = "imitation"  # folder of the first step in that of the run
 
 def main(arguments: list[str] | None = None) -> int:
     """Run `python -m training.train` twice; return its exit code."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    for name in ("imitation_episodes", "episodes"):  # of both steps, before the first
+        if (value := getattr(options, name)) < 1:
+            parser.error(f"--{name.replace('_', '-')} {value}: use at least 1")
     folder = options.out or Path("out/train") / f"ours-{options.observation}-seed{options.seed}"
     shared = ["--observation", options.observation, "--seed", str(options.seed), "--image-encoder", "detector"]
     shared += [

@@ -135,6 +135,9 @@ def main(arguments: list[str] | None = None) -> int:
     for name, least in (("views", pupil.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
+    for name in ("out", "figures"):
+        if (path := getattr(chosen, name)) and path.is_dir():
+            parser.error(f"--{name} {path}: is a folder; name a file in it")
     try:
         _make(chosen)
     except (ChmarlError, OSError) as error:

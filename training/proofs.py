@@ -122,6 +122,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="JSON file for the tables")
     options = parser.parse_args(arguments)
+    if options.out and options.out.is_dir():
+        parser.error(f"--out {options.out}: is a folder; name a file in it")
     torch.set_num_threads(1)
     console = Console()
     proofs = []

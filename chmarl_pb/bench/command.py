@@ -9,7 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from chmarl_pb import __version__
@@ -17,6 +16,7 @@ from chmarl_pb.bench.figures import Row, chosen, measure
 from chmarl_pb.bench.playing import Effort
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import write_atomically
+from chmarl_pb.progress import LateProgress
 
 
 def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, warm_up: int = Effort.warm_up) -> int:
@@ -39,7 +39,7 @@ def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, war
     figures = chosen(only)
     rows: list[Row] = []
     try:
-        with Progress(transient=True) as progress:
+        with LateProgress(transient=True) as progress:
             task = progress.add_task("", total=len(figures) * runs)
             for figure in figures:
                 progress.update(task, description=figure.name)

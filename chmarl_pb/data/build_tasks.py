@@ -14,9 +14,10 @@ import numpy as np
 from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb.envs.stage import Stage
-from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.errors import TaskError
 from chmarl_pb.files import Lock, replacing
-from chmarl_pb.processes import in_processes
+from chmarl_pb.processes import check_workers, in_processes
+from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
@@ -43,8 +44,7 @@ def build_all(folder: Path, workers: int) -> int:
         BusyError: another process writes into the folder.
         WriteError: a file cannot be written.
     """
-    if workers < 1:
-        raise OptionError(f"--workers {workers}: use at least 1")
+    check_workers(workers)
     with Lock(folder / f"{SPLITS[0]}.csv"):  # the last to be written
         _build_all(folder, workers)
     return 0
@@ -53,7 +53,7 @@ def build_all(folder: Path, workers: int) -> int:
 def _build_all(folder: Path, workers: int) -> None:
     taken: set[Kind] = set()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with Progress(*columns) as bar:
+    with LateProgress(*columns) as bar:
         for split in reversed(SPLITS):  # train comes last: it gives way to what the others have
             path = folder / f"{split}.csv"
             row = bar.add_task(split, total=SPLIT_SIZES[split])

@@ -20,6 +20,8 @@ from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import write_atomically
+from chmarl_pb.processes import check_workers
+from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 
 
@@ -36,7 +38,12 @@ def run_generate(
         seed: of the random actions.
         limit: number of tasks of each split, from the first; None plays all.
         root: folder of Minari data sets; Minari's own if None.
+
+    Raises:
+        OptionError: an option has a value that it does not know.
+        DatasetError: another data set of this name is in the folder.
     """
+    check_workers(workers)
     root = root or default_root()
     modes = OBSERVATIONS if observation == "both" else (observation,)
     recipes = [Recipe(split, mode, noise, seed, limit) for mode in modes for split in splits or SPLITS]
@@ -66,6 +73,7 @@ def run_verify(splits: Sequence[str], share: float, workers: int, root: Path | N
         TaskError: there is no such split.
         DatasetError: there is none, or one is damaged or differs from its replay.
     """
+    check_workers(workers)
     for split in splits:
         load_tasks(split)  # says so if there is no such split
     root = root or default_root()
@@ -106,7 +114,7 @@ def run_stats(root: Path | None, json_file: Path | None) -> int:
 @contextmanager
 def _bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     """Show a progress bar; yield the function that moves it on."""
-    with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+    with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
         row = bar.add_task(title, total=total)
         yield lambda count: bar.advance(row, count)
 

@@ -18,6 +18,7 @@ from chmarl_pb.demo.video import write_video
 from chmarl_pb.envs.episode_file import EpisodeFile
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.files import open_folder
+from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import find_task
 
 
@@ -97,6 +98,6 @@ def _keep_rests(
         yield pictures
 
 
-def _progress(console: Console) -> Progress:
+def _progress(console: Console) -> LateProgress:
     columns: tuple[Any, ...] = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    return Progress(*columns, TimeElapsedColumn(), console=console)
+    return LateProgress(*columns, TimeElapsedColumn(), console=console)

@@ -14,6 +14,7 @@ from chmarl_pb.evaluation.policies import BUILT_IN
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
+from chmarl_pb.tasks.splits import load_tasks
 
 _CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
 
@@ -28,7 +29,13 @@ def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, re
         out: folder for the results, one JSON file for each policy and split; what is there already and
             was made with the same settings is kept.
         references: folder for the reference lengths of cooperation; not written if None.
+
+    Raises:
+        TaskError: there is no such split.
+        OptionError: a number is less than 1.
     """
+    for split in splits:
+        load_tasks(split)  # says so if there is no such split
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
     with progress_bar() as bar:
         for split in splits:

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.progress import LateProgress
 
 
 def run_evaluation(
@@ -29,10 +30,10 @@ def run_evaluation(
     return 0
 
 
-def progress_bar() -> Progress:
+def progress_bar() -> LateProgress:
     """Return a progress bar that counts episodes; it shows on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True))
+    return LateProgress(*columns, console=Console(stderr=True))
 
 
 def print_report(console: Console, report: Report) -> None:

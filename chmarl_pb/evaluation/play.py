@@ -12,7 +12,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.evaluation.policies import Factory, find_policy
+from chmarl_pb.evaluation.policies import BUILT_IN, Factory, find_policy
 from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.task import Task
 
@@ -61,7 +61,7 @@ def episode_seed(task: Task, seed: int) -> int:
 
 
 def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
-    """Yield the played episodes, in no certain order.
+    """Return the played episodes as they come, in no certain order; what is wrong with the policy is said at once.
 
     Args:
         setup: policy and options.
@@ -69,26 +69,26 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
         workers: number of processes; 1 plays in this one.
 
     Raises:
-        OptionError: the policy cannot be sent to other processes.
+        OptionError: there is no such policy, or it cannot be sent to other processes.
         WorkerError: one of them died.
     """
     workers = min(workers, len(jobs))
-    if workers <= 1:
-        yield from _play_here(setup, jobs)
-        return
+    if not jobs:
+        return iter(())
+    if workers == 1:
+        return _play_here(Player(setup), jobs)
     try:
         pickle.dumps(setup)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise OptionError(
             f"the policy cannot be sent to other processes ({error}); use a function of a module, or workers=1"
         ) from error
-    yield from in_processes(partial(_play_one, setup), jobs, workers)
+    if setup.policy not in BUILT_IN:
+        Player(setup).close()  # here, before processes are started for it
+    return in_processes(partial(_play_one, setup), jobs, workers)
 
 
-def _play_here(setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
-    if not jobs:
-        return
-    player = Player(setup)
+def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
     try:
         yield from map(player.play, jobs)
     finally:

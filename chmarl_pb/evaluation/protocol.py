@@ -21,6 +21,7 @@ from chmarl_pb.evaluation.policies import Factory, Source, find_policy
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import Lock
+from chmarl_pb.processes import check_workers
 from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.task import Task
 
@@ -87,8 +88,7 @@ def evaluate(
     source = find_policy(policy)
     chosen = _chosen(split, tasks)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
-    if workers < 1:
-        raise OptionError(f"workers={workers}: use at least 1")
+    check_workers(workers)
     file = None if out is None else Path(out)
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
@@ -143,8 +143,9 @@ def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | No
     episodes = [] if ledger is None else list(ledger.episodes)
     finished = {episode.job for episode in episodes}
     missing = {job: None for job in jobs if job not in finished}
+    playing = plays(setup, list(missing))
     progress(len(episodes), len(jobs))
-    for episode in plays(setup, list(missing)):
+    for episode in playing:
         if episode.job not in missing:
             raise ResultError(f"{episode.task.id}, seed {episode.seed}: was played twice, or nobody asked for it")
         del missing[episode.job]

@@ -8,6 +8,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.progress import LateProgress
 from chmarl_pb.sensing.view_store import Entry, view_store
 
 
@@ -48,7 +49,7 @@ def run_fill(homes: Sequence[str], size: int, workers: int) -> int:
     filling = Filling(homes, size)
     print(f"{', '.join(homes)}: all views take {filling.bytes / MB:,.1f} MB, {filling.missing:,} are missing")
     if jobs := filling.jobs():
-        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+        with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
             row = bar.add_task("drawing views", total=filling.missing)
             for count in draw(jobs, workers):
                 bar.advance(row, count)
