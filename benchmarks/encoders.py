@@ -12,11 +12,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from chmarl_pb.errors import MissingExtraError
+from chmarl_pb.extras import needs
 from chmarl_pb.files import write_atomically
-from training.checkpoint import CheckpointError
+
+with needs("benchmarks.encoders", "train", script=True):
+    import torch
+    from torch import Tensor
+
 from training.encoders import efficientnet
 from training.encoders.int8 import IntegerResNet18, ranges_of
 from training.encoders.residual import ResNet18, folded
@@ -78,7 +82,7 @@ def encoders(images: Tensor) -> dict[str, Encode]:
     try:
         weights = torch.load(efficientnet.weights_file(), weights_only=True)
         rows |= {"EfficientNet-Lite0, float32": efficientnet.build(weights)}
-    except CheckpointError as error:
+    except MissingExtraError as error:
         print(f"without EfficientNet-Lite0: {error}")
     return rows
 

@@ -12,7 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
+from chmarl_pb.extras import needs
+
+with needs("benchmarks.learning", "train", script=True):
+    import torch
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.files import write_atomically

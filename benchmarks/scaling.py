@@ -19,6 +19,7 @@ from typing import Any
 
 from rich.progress import Progress
 
+from chmarl_pb.extras import needs
 from chmarl_pb.files import write_atomically
 
 Point = dict[str, Any]
@@ -142,10 +143,11 @@ def point_of(panel: str, value: int, observation: str, options: argparse.Namespa
 
 def plot(points: Sequence[Point], path: Path) -> None:
     """Draw the four panels: medians as lines, least to greatest as bands."""
-    import matplotlib
+    with needs("benchmarks.scaling", "report", script=True):
+        import matplotlib
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+        matplotlib.use("Agg")
+        from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(2, 2, figsize=(9, 6.5), layout="constrained")
     for axis, (panel, (label, values, observations, _)) in zip(axes.flat, PANELS.items(), strict=True):

@@ -39,7 +39,8 @@ _PUBLIC = {
     "sb3_vec_env": "chmarl_pb.envs.sb3_vec",
     "vector_env": "chmarl_pb.envs.vector",
 }
-__all__ = ["__version__", "env", "parallel_env", *_PUBLIC]
+_NEEDS_EXTRA = {"sb3_vec_env"}  # left out of ``import *``, which would fail without it
+__all__ = ["__version__", "env", "parallel_env", *(name for name in _PUBLIC if name not in _NEEDS_EXTRA)]
 
 
 # Gymnasium 1.0 stopped reading the ``gymnasium.envs`` entry point, so importing the package registers

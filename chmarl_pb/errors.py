@@ -13,6 +13,10 @@ class AssetError(ChmarlError, ValueError):
     """A URDF of a robot, a graspable object or a piece of furniture cannot be used."""
 
 
+class MissingExtraError(ChmarlError, ImportError):
+    """A package is not installed that only parts of this one need."""
+
+
 class TaskError(ChmarlError, ValueError):
     """A task or a split does not exist, or a task cannot be set up."""
 

@@ -5,10 +5,13 @@ python examples/custom_learner.py --episodes 500
 
 import argparse
 
-import torch
-from torch import nn
-
 import chmarl_pb
+from chmarl_pb.extras import needs
+
+with needs("this example", "train", script=True):
+    import torch
+    from torch import nn
+
 from training.encoders import build_encoder
 
 

@@ -1,7 +1,7 @@
 """The environment in RLlib: PPO with one policy for each robot.
 
 RLlib pins an older gymnasium, so give it an environment of its own:
-python -m venv rllib && rllib/bin/pip install "ray[rllib]==2.60" torch chmarl-pb
+python -m venv rllib && rllib/bin/pip install "ray[rllib]==2.60" torch -e .
 rllib/bin/python examples/rllib_ppo.py --iterations 2
 """
 
@@ -10,11 +10,15 @@ import argparse
 import numpy as np
 from gymnasium import spaces
 from pettingzoo.utils import BaseParallelWrapper
-from ray.rllib.algorithms.ppo import PPOConfig
-from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
-from ray.tune.registry import register_env
 
 import chmarl_pb
+
+try:
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
+    from ray.tune.registry import register_env
+except ImportError as error:
+    raise SystemExit(f"error: this example needs RLlib ({error}); install it as its first lines say") from None
 
 
 class Flat(BaseParallelWrapper):

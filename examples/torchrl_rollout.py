@@ -6,9 +6,13 @@ python examples/torchrl_rollout.py --steps 28
 import argparse
 
 from pettingzoo.utils import BaseParallelWrapper
-from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
 import chmarl_pb
+
+try:
+    from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+except ImportError as error:
+    raise SystemExit(f"error: this example needs TorchRL ({error}); run `pip install torchrl`") from None
 
 
 class Numbers(BaseParallelWrapper):

@@ -9,7 +9,10 @@ from pathlib import Path
 from PIL import Image
 
 import chmarl_pb
-from training.policy import load_policy
+from chmarl_pb.extras import needs
+
+with needs("this example", "train", script=True):
+    from training.policy import load_policy
 
 
 def main(arguments=None):

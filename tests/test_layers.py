@@ -8,6 +8,8 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
     ("errors",),
+    ("extras",),
+    ("progress",),
     ("files",),
     ("compiled",),
     ("assets",),

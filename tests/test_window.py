@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import chmarl_pb
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.sensing import window
 
 pygame = pytest.importorskip("pygame")
@@ -69,7 +69,7 @@ def test_pytorch_optimises_after_a_window(driver: str) -> None:
 
 def test_a_missing_pygame_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(OptionError, match="run `pip install pygame`"):
+    with pytest.raises(MissingExtraError, match=r"pip install .*\[human\]"):
         chmarl_pb.parallel_env(render_mode="human")
 
 

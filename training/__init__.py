@@ -6,11 +6,15 @@ S state.
 
 from typing import TYPE_CHECKING, Any
 
+from chmarl_pb.extras import check
+
 if TYPE_CHECKING:
     from training.config import Config as Config
     from training.loop import train as train
 
 __all__ = ["Config", "train"]
+
+check("training", "train", "torch")
 
 
 def __getattr__(name: str) -> Any:  # loaded at first use, as torch is slow to import

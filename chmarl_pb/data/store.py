@@ -16,15 +16,13 @@ from typing import Any, BinaryIO
 from chmarl_pb.data.recipe import NAMESPACE, Recipe
 from chmarl_pb.data.record import Arrays, Recording, make_env
 from chmarl_pb.envs.provenance import versions
-from chmarl_pb.errors import DatasetError
+from chmarl_pb.extras import needs
 from chmarl_pb.files import replacing, write_atomically, writing
 
-try:
+with needs("a data set", "data"):
     import h5py
     import minari
     from minari.dataset.minari_storage import MinariStorage
-except ImportError as error:
-    raise DatasetError('data sets need Minari; run `pip install "chmarl-pb[data]"`') from error
 
 _LIBVER = ("v110", "v110")  # far less overhead for small arrays than the oldest format
 MAIN_FILE, METADATA_FILE = "main_data.hdf5", "metadata.json"  # Minari's names

@@ -9,13 +9,16 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.envs.vector import check_counts, make_function, write_actions
 from chmarl_pb.envs.vector_engine import Engine, start
 from chmarl_pb.envs.vector_infos import Path, nest
 from chmarl_pb.envs.vector_worker import full_name
+from chmarl_pb.extras import needs
 from chmarl_pb.world import Uncopied
+
+with needs("sb3_vec_env", "train"):
+    from stable_baselines3.common.vec_env import VecEnv
 
 Indices = int | Iterable[int] | None
 Step = tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]

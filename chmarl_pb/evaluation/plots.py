@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.tables import title_of
+from chmarl_pb.extras import needs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,11 +89,9 @@ def _colour(number: int) -> str:
 
 def _axes(width: float, height: float) -> tuple["Figure", "Axes"]:
     """Return an empty figure of a size in inches and its axes."""
-    try:
+    with needs("the report", "report"):
         import matplotlib
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise OptionError('the report needs matplotlib: pip install "chmarl-pb[report]"') from error
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width, height))
         return figure, figure.add_subplot()

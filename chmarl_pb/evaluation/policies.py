@@ -16,7 +16,7 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.provenance import file_hash
 from chmarl_pb.envs.rollout import make_policy
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.tasks.language import parse_instruction
 
@@ -140,6 +140,8 @@ def find_policy(policy: str | Factory) -> Source:
     if path.exists():
         return _checkpoint(path)
     module, colon, name = policy.partition(":")
+    if path.name != policy or (path.suffix and not colon):
+        raise OptionError(f"{policy}: no such file; name a checkpoint that is there")
     if not colon:
         raise OptionError(
             f"unknown policy {policy!r}; use one of: {', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
@@ -155,6 +157,8 @@ def _imported(module: str, name: str) -> Factory:
         found: Any = importlib.import_module(module)
         for part in name.split("."):
             found = getattr(found, part)
+    except MissingExtraError:
+        raise
     except (ImportError, AttributeError, ValueError) as error:
         raise OptionError(f"policy {module}:{name}: {error}; name a module that can be imported from here") from error
     if not callable(found):

@@ -27,7 +27,7 @@ def write_report(sources: Sequence[Path], out: Path) -> int:
 
     Raises:
         ResultError: a file is not a result, or there is none.
-        OptionError: matplotlib is missing.
+        MissingExtraError: matplotlib is missing.
     """
     reports = sorted(map(load_result, _files(sources)), key=_order)
     if not reports:

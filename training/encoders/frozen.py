@@ -85,7 +85,7 @@ def weights_file(name: str) -> Path:
     """Return an encoder's default file of weights: its package's, ``$CHMARL_NAME``, or one in the folder for caches.
 
     Raises:
-        CheckpointError: the package is not there.
+        MissingExtraError: the package is not there.
     """
     if name == efficientnet.NAME:
         return efficientnet.weights_file()
@@ -144,7 +144,7 @@ def _chunks(values: list) -> list[list]:
 def _read(path: Path, name: str) -> dict[str, Tensor]:
     if not path.exists():
         if name == efficientnet.NAME:
-            raise efficientnet.missing()
+            raise CheckpointError(f"{path}: no weights of {name}; install its package again")
         raise CheckpointError(
             f"{path}: no weights of {name}; make them by `python -m training.pretrain --network {name}`, name another "
             f"file by CHMARL_{name.upper()}, or use image_encoder='cnn', which needs none"
