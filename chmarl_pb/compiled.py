@@ -73,7 +73,7 @@ class KernelStore(NullCache):
         """Store the compiled function of a signature in the first folder that can be written."""
         if data.library.has_dynamic_globals:  # addresses of this process
             return
-        name, content, reason = self._file_name(sig, data.codegen), dumps(data._reduce()), "there is none"
+        name, content, tried = self._file_name(sig, data.codegen), dumps(data._reduce()), []
         for folder in _folders(to_write=True):
             try:
                 with replacing(folder / name) as path:
@@ -81,9 +81,9 @@ class KernelStore(NullCache):
                 with suppress(OSError):
                     _prune(folder, name)
                 return
-            except OSError as error:
-                reason = str(error)
-        _warn(reason)
+            except OSError:
+                tried.append(str(folder))
+        _warn(", ".join(tried))
 
     def _file_name(self, sig: Any, codegen: Any) -> str:
         arguments, _ = sigutils.normalize_signature(sig)
@@ -184,10 +184,10 @@ def _constant(value: Any) -> str:
 
 
 @cache
-def _warn(reason: str) -> None:
+def _warn(folders: str) -> None:
     warnings.warn(
-        f"machine code can be stored nowhere ({reason}), so every process compiles for some 15 s; to store it, set "
-        "NUMBA_CACHE_DIR to a folder that can be written",
+        f"machine code cannot be written to any of: {folders}; so every process compiles for some 15 s; to store it, "
+        "set NUMBA_CACHE_DIR to a folder that can be written",
         RuntimeWarning,
         stacklevel=2,
     )
