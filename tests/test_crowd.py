@@ -84,29 +84,35 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("algo", "env_id"),
+    ("algo", "env_id", "preset"),
     [
-        ("ppo", "CHMARL/SceneGraph-v0"),
-        ("recurrent-ppo", "CHMARL/SceneGraph-v0"),
-        ("recurrent-ppo", "CHMARL/SceneGraphHumanoid-v0"),
-        ("dqn", "CHMARL/SceneGraph-v0"),
-        ("dqn", "CHMARL/SceneGraphHumanoid-v0"),
+        ("ppo", "CHMARL/SceneGraph-v0", "encoder"),
+        ("ppo", "CHMARL/SceneGraphHumanoid-v0", "goal"),
+        ("recurrent-ppo", "CHMARL/SceneGraph-v0", "encoder"),
+        ("recurrent-ppo", "CHMARL/SceneGraphHumanoid-v0", "goal"),
+        ("dqn", "CHMARL/SceneGraph-v0", "goal"),
+        ("dqn", "CHMARL/SceneGraphHumanoid-v0", "encoder"),
     ],
 )
-def test_stable_baselines3(algo: str, env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stable_baselines3(
+    algo: str, env_id: str, preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("sb3_contrib")
     from training.sb3 import load_policy as load_sb3
     from training.sb3.command import BEST, run
-    from training.sb3.config import ALGORITHMS
+    from training.sb3.config import PRESETS
     from training.sb3.config import Config as Sb3Config
 
     small = {"learning_starts": 4} if algo == "dqn" else {"n_steps": 4}
-    known = ALGORITHMS[algo]
-    monkeypatch.setitem(ALGORITHMS, algo, replace(known, settings={**known.settings, **small, "batch_size": 4}))
-    config = Sb3Config(algo, env_id, steps=8, interval=8, envs=1, tasks=2, max_steps=4, features=8, messages=False)
+    known = PRESETS[preset].settings[algo]
+    settings = {algo: {**known, **small, "batch_size": 4}}
+    monkeypatch.setitem(PRESETS, preset, replace(PRESETS[preset], settings=settings))
+    tiny = {"steps": 8, "interval": 8, "envs": 1, "tasks": 2, "max_steps": 4, "features": 8}
+    config = Sb3Config(algo, env_id, preset, messages=False, **tiny)
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_sb3)
-    assert_same(str(tmp_path / BEST), splits=SPLITS[1:], messages=False, seeds=(0, 1))
+    goal = PRESETS[preset].goal
+    assert_same(str(tmp_path / BEST), splits=SPLITS[1:], messages=False, seeds=(0, 1), goal=goal)
 
 
 def test_any_other_policy_plays_by_itself() -> None:

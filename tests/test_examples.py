@@ -30,6 +30,19 @@ def test_custom_learner_is_short_and_learns(capsys: pytest.CaptureFixture[str]) 
     assert "episode 1: return" in capsys.readouterr().out
 
 
+def test_sb3_quickstart(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("stable_baselines3")
+    evaluate = chmarl_pb.evaluate
+
+    def two(policy: object, split: str, **options: object) -> object:
+        return evaluate(policy, split, tasks=chmarl_pb.load_tasks(split)[:2], **options)
+
+    monkeypatch.setattr(chmarl_pb, "evaluate", two)
+    example("sb3_quickstart").main(steps=1024, seed=3)
+    shown = capsys.readouterr().out
+    assert "val-seen: " in shown and "% of 2 tasks, PLW " in shown.split("val-unseen: ")[1]
+
+
 def test_torchrl_rollout(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torchrl")
     example("torchrl_rollout").main(["--steps", "3", "--split", "val-unseen"])

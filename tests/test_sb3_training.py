@@ -2,7 +2,7 @@
 
 import json
 import zipfile
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from gymnasium import spaces
 pytest.importorskip("stable_baselines3")
 pytest.importorskip("sb3_contrib")
 import torch
+from stable_baselines3.common.vec_env import VecMonitor
 
 import chmarl_pb
 from chmarl_pb.evaluation.policies import find_policy, register_loader
@@ -27,10 +28,12 @@ from training.encoders.residual import ResNet18
 from training.encoders.resnet import FEATURES
 from training.sb3 import load_policy
 from training.sb3.command import BEST, LAST, RESULT, main, parse, run
-from training.sb3.config import ALGORITHMS, Config
+from training.sb3.config import PRESETS, Config
 from training.sb3.features import FeatureVecEnv, HouseholdFeatures
+from training.sb3.policy import read_model
 from training.sb3.run import Log
 from training.sb3.validation import make_validation, validation_tasks
+from training.sb3.wrappers import ScaledRewards
 from training.seal import LENGTH
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -44,9 +47,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     on_policy = {"n_steps": 4, "batch_size": 4, "n_epochs": 1}
     smaller = {"ppo": on_policy, "recurrent-ppo": on_policy, "a2c": {"n_steps": 4}}
     smaller["dqn"] = {"learning_starts": 4, "batch_size": 4}
-    for name, settings in smaller.items():
-        known = ALGORITHMS[name]
-        monkeypatch.setitem(ALGORITHMS, name, replace(known, settings={**known.settings, **settings}))
+    for name, preset in PRESETS.items():
+        settings = {algo: {**known, **smaller[algo]} for algo, known in preset.settings.items()}
+        monkeypatch.setitem(PRESETS, name, replace(preset, settings=settings))
 
 
 class Both(Policy):
@@ -66,39 +69,45 @@ class Both(Policy):
 
 
 @pytest.mark.parametrize(
-    ("algo", "env_id"),
+    ("algo", "env_id", "preset"),
     [
-        ("ppo", HUMANOID),
-        ("ppo", "CHMARL/Visual-v0"),
-        ("a2c", JOINT),
-        ("dqn", JOINT),
-        ("dqn", "CHMARL/VisualHumanoid-v0"),
-        ("recurrent-ppo", JOINT),
+        ("ppo", HUMANOID, "goal"),
+        ("ppo", "CHMARL/Visual-v0", "encoder"),
+        ("ppo", "CHMARL/VisualHumanoid-v0", "goal-encoder"),
+        ("a2c", JOINT, "goal"),
+        ("a2c", JOINT, "encoder"),
+        ("dqn", JOINT, "goal"),
+        ("dqn", "CHMARL/VisualHumanoid-v0", "encoder"),
+        ("recurrent-ppo", JOINT, "goal-encoder"),
+        ("recurrent-ppo", JOINT, "encoder"),
     ],
 )
-def test_trained_model_is_a_policy(algo: str, env_id: str, tmp_path: Path) -> None:
-    config = Config(algo, env_id, steps=8, interval=8, messages=False, **TINY)
+def test_trained_model_is_a_policy(algo: str, env_id: str, preset: str, tmp_path: Path) -> None:
+    config = Config(algo, env_id, preset, steps=8, interval=8, messages=False, **TINY)
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
     source = find_policy(str(tmp_path / BEST))
     assert source.deterministic == (algo == "dqn") and source.sha256
-    env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32)
+    goal = {"goal": True} if config.env_options.get("goal") else {}
+    env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32, **goal)
     both = Both(source.make(env), source.make(env))
     episode = chmarl_pb.rollout(env, both, seed=1)
     again = chmarl_pb.rollout(env, both, seed=1)
     assert both.same and episode.actions == again.actions and len(episode) == 4
-    other = chmarl_pb.parallel_env("visual" if config.observation == "scene_graph" else "scene_graph", image_size=32)
-    with pytest.raises(CheckpointError):
-        source.make(other)
     env.close()
-    other.close()
+    other = "visual" if config.observation == "scene_graph" else "scene_graph"
+    # Numbers are the same with graphs and pictures; what an encoder reads is not, and the goal is not always there.
+    wrong = chmarl_pb.parallel_env(config.observation if preset == "goal" else other, image_size=32)
+    with pytest.raises(CheckpointError, match="--goal" if goal else None):
+        source.make(wrong)
+    wrong.close()
     result = json.loads((tmp_path / RESULT).read_text())
     assert result["best"]["plw"] == max(row["plw"] for row in result["validations"]) and result["steps"] >= 8
 
 
 def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
     run(Config("ppo", HUMANOID, steps=8, interval=8, messages=False, **TINY), tmp_path, workers=0)
-    env = chmarl_pb.parallel_env(split="val-unseen")
+    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
     policy = load_policy(tmp_path / BEST)(env)
     seen, infos = env.reset(seed=0)
     told = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
@@ -206,7 +215,7 @@ def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
     arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
     config, out, _ = parse(arguments)
     assert (config.env_id, config.messages, config.feedback, config.seed) == (HUMANOID, False, True, 4)
-    assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-seed4")
+    assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-goal-seed4")
     assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id
 
 
@@ -260,3 +269,60 @@ def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit):
             main(["--algo", "ppo", "--env", JOINT, *other])
         assert "--env names" in capsys.readouterr().err
+
+
+def test_models_from_before_there_were_presets_are_read(tmp_path: Path) -> None:
+    """Their settings name no preset; they were trained without the goal, through the encoder."""
+    config = Config("ppo", HUMANOID, "encoder", steps=8, interval=8, **TINY)
+    run(config, tmp_path, workers=0)
+    settings = {name: value for name, value in asdict(config).items() if name != "preset"}
+    before, last = tmp_path / "before.zip", torch.load(tmp_path / LAST, weights_only=True)
+    with zipfile.ZipFile(tmp_path / BEST) as new, zipfile.ZipFile(before, "w") as old:
+        for name in new.namelist():
+            old.writestr(name, json.dumps(settings) if name == "chmarl_pb.json" else new.read(name))
+    assert read_model(before)[0] == config
+    env = chmarl_pb.parallel_env(split="val-unseen", max_steps=4, goal=True)  # what it does not know does no harm
+    policies = [load_policy(path)(env) for path in (tmp_path / BEST, before)]
+    played = [chmarl_pb.rollout(env, policy, seed=1).actions for policy in policies]
+    assert played[0] == played[1]
+    env.close()
+    torch.save({**last, "settings": settings}, tmp_path / LAST)
+    run(config, tmp_path, workers=0)  # goes on, which here means that it is finished
+    assert json.loads((tmp_path / RESULT).read_text())["resumed_at"] == 8
+
+
+def test_rewards_are_scaled_for_learning_only() -> None:
+    env = ScaledRewards(VecMonitor(chmarl_pb.sb3_vec_env(1, HUMANOID, 0, split="val-unseen", max_steps=12)), 0.2)
+    plain = chmarl_pb.sb3_vec_env(1, HUMANOID, 0, split="val-unseen", max_steps=12)
+    for each in (env, plain):
+        each.seed(0)
+        each.reset()
+    rewards = []
+    for action in [0, 1, 2, 3, 7, 7, 7, 0, 8, 8, 8, 8]:
+        scaled, wanted = (each.step(np.array([action])) for each in (env, plain))
+        assert scaled[1] == pytest.approx(0.2 * wanted[1])
+        rewards.append(float(wanted[1][0]))
+    assert any(rewards) and scaled[3][0]["episode"]["r"] == pytest.approx(sum(rewards))
+    env.close()
+    plain.close()
+
+
+def test_progress_is_shown_before_there_are_environments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slow(*arguments: Any, **options: Any) -> None:
+        raise KeyboardInterrupt  # of somebody who waits and sees nothing
+
+    with monkeypatch.context() as patch:
+        patch.setattr(chmarl_pb, "sb3_vec_env", slow)
+        with pytest.raises(KeyboardInterrupt):
+            run(Config("ppo", HUMANOID, **TINY), tmp_path, quiet=False)
+    shown = capsys.readouterr().err
+    assert "ppo on CHMARL/SceneGraphHumanoid-v0, preset goal" in shown and "making environments" in shown
+    run(Config("ppo", HUMANOID, steps=8, interval=8, **TINY), tmp_path, workers=0, quiet=False)
+    assert "steps 8  validation: SR" in capsys.readouterr().err
+
+
+def test_unknown_presets_are_refused() -> None:
+    with pytest.raises(ValueError, match="preset='best' is not known"):
+        Config("ppo", HUMANOID, "best")

@@ -117,6 +117,7 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip
             assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
+            assert (config.preset, config.envs) == ("encoder", 8)  # as the published rows were trained
 
 
 def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:

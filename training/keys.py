@@ -7,6 +7,7 @@ from chmarl_pb.envs.parallel import AGENTS
 
 NODE_CLASS, NODE_STATE, EDGES = GRAPH = ("node_class", "node_state", "edges")
 INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
+MESSAGES, SELF, GOAL = "messages", "self", "goal"
 
 PREFIXES = ("", *(f"{name}_" for name in AGENTS))
 _MOST_IDS = 2**16  # of a table of embeddings; larger numbers are no ids
@@ -36,6 +37,11 @@ def is_picture(space: spaces.Space) -> bool:
 def is_tokens(key: str, space: spaces.Space) -> bool:
     """Return whether a key of a space holds words."""
     return named(key, INSTRUCTION, FEEDBACK) and is_ids(space, 1)
+
+
+def is_goal(key: str, space: spaces.Space) -> bool:
+    """Return whether a key of a space holds the classes of X and Y and whether they are in view."""
+    return named(key, GOAL) and is_ids(space, 1) and space.shape == (4,)
 
 
 def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:

@@ -58,10 +58,12 @@ def _score(
 ) -> dict[str, Any]:
     learners = source_hash(training)
     _forget_other_code(folder, learners)
+    goal = _observes_goal(checkpoint)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
             out=folder / f"{split}.json", reuse=True, progress=partial(_show, split), plays=play_side_by_side,
+            goal=goal,
         )
         for split in splits
     }  # fmt: skip
@@ -79,6 +81,15 @@ def _forget_other_code(folder: Path, learners: str) -> None:
             for name in (f"{split}.json", f"{split}.json.partial"):
                 (folder / name).unlink(missing_ok=True)
         write_atomically(stamp, learners)
+
+
+def _observes_goal(checkpoint: Path) -> bool:
+    """Return whether a checkpoint was trained with the goal among its observations."""
+    if checkpoint.suffix != ".zip":
+        return False
+    from training.sb3.policy import read_model
+
+    return "goal" in read_model(checkpoint)[0].env_options
 
 
 def _facts(checkpoint: Path) -> dict[str, Any]:

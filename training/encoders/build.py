@@ -17,10 +17,11 @@ from training.encoders.detections import SHAPE as DETECTOR_SHAPE
 from training.encoders.detections import DetectionEncoder
 from training.encoders.efficientnet import SHAPE as EFFICIENTNET_SHAPE
 from training.encoders.graphs import GatedGraphEncoder, GraphEncoder
+from training.encoders.numbers import GoalEncoder, Numbers
 from training.encoders.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
 from training.encoders.pictures import IMAGE_ENCODERS, FeatureEncoder
 from training.encoders.resnet import SHAPE as RESNET_SHAPE
-from training.keys import IMAGE, INSTRUCTION, NODE_CLASS, graphs, is_picture, is_tokens, named
+from training.keys import IMAGE, INSTRUCTION, NODE_CLASS, graphs, is_goal, is_picture, is_tokens, named
 
 #: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
 _FROZEN: dict[tuple[int, ...], Callable[[], Part]] = {
@@ -32,7 +33,11 @@ GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": Gat
 
 
 def build_encoder(
-    space: spaces.Space, size: int = 128, image_encoder: str = "cnn", graph_pool: str = "mean"
+    space: spaces.Space,
+    size: int = 128,
+    image_encoder: str = "cnn",
+    graph_pool: str = "mean",
+    numbers_past: bool = False,
 ) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
@@ -46,21 +51,27 @@ def build_encoder(
         image_encoder: of pictures that are observed as such: "cnn" is small and learns; "resnet18" is frozen. Features
             that :class:`training.features.FeatureEnv` gives in their place are known by their shape.
         graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
+        numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
+            appended to the features as they are; see :class:`training.encoders.numbers.Numbers`.
 
     Raises:
         ValueError: the space is of another kind, or there is no such encoder.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder, graph_pool)
+        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past)
     part = _flat_or_image("", space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
 
 class DictEncoder(nn.Module):
-    """Encodes each part of a Dict by itself, and all of them together by two linear layers."""
+    """Encodes each part of a Dict by itself, and all of them together by two linear layers.
 
-    def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str):
+    Attributes:
+        size: number of features, with the numbers that go past the layers.
+    """
+
+    def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str, numbers_past: bool = False):
         """Make the parts that a space needs."""
         super().__init__()
         if graph_pool not in GRAPH_POOLS:
@@ -75,11 +86,15 @@ class DictEncoder(nn.Module):
                 parts[key] = GRAPH_POOLS[graph_pool](box, space[self.graphs[key][0]])
             elif is_tokens(key, box):
                 parts[key] = TokenEncoder(words.setdefault(id_count(box), embedding(id_count(box))))
+            elif is_goal(key, box):
+                parts[key] = GoalEncoder(box)
             elif key not in inside:
                 parts[key] = _flat_or_image(key, box, image_encoder)
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
+        self.numbers = Numbers(space) if numbers_past else None
+        self.size = size + (self.numbers.size if self.numbers else 0)
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return (B, size)."""
@@ -90,7 +105,8 @@ class DictEncoder(nn.Module):
             if isinstance(part, GatedGraphEncoder | DetectionEncoder):
                 beside.append(self._asked(_instruction_beside(key), flat))
             features.append(part(flat[key], *beside))
-        return self.joint(torch.cat(features, dim=1))
+        joint = self.joint(torch.cat(features, dim=1))
+        return torch.cat([joint, self.numbers(observation)], dim=1) if self.numbers else joint
 
     def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
         """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import torch
 from gymnasium import spaces
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import is_image_space
@@ -26,11 +24,13 @@ from chmarl_pb.files import write_atomically
 from training.encoders import GRAPH_POOLS
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.held import held
-from training.sb3.config import ALGORITHMS, Config
+from training.sb3.bar import Bar
+from training.sb3.config import ALGORITHMS, PRESETS, Config
 from training.sb3.features import FeatureVecEnv
 from training.sb3.policy import save_model
 from training.sb3.run import Milestones, Validation, make_logger
 from training.sb3.validation import SPLITS, make_validation, validation_tasks
+from training.sb3.wrappers import ScaledRewards, SelectedKeys
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
 _VALIDATION_ENVS = 2
@@ -55,24 +55,29 @@ def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = 
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     with ExitStack() as stack:
         stack.enter_context(held(folder))
-        env = _wrapped(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options), config)
+        title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
+        bar = stack.enter_context(Bar(title, config.steps, quiet))
+        made = chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options)
+        env = _wrapped(made, config, PRESETS[config.preset].reward_scale)
         stack.callback(env.close)
         validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
         stack.callback(validation_env.close)
-        validation = Validation(validation_env, len(tasks), config.sampled, folder, _Best(config, folder))
-        return _learn(config, folder, env, validation, quiet)
+        validation = Validation(validation_env, len(tasks), config.sampled, folder, _Best(config, folder), bar.say)
+        return _learn(config, folder, env, validation, bar)
 
 
-def _wrapped(env: VecEnv, config: Config) -> VecEnv:
+def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
     if config.frozen:
         env = FeatureVecEnv(env, frozen_encoder(config.image_encoder))
+    if config.keys:
+        env = SelectedKeys(env, config.keys)
     env = VecMonitor(env)
     space = env.observation_space
     pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
-    return VecTransposeImage(env) if pictures else env
+    return ScaledRewards(VecTransposeImage(env) if pictures else env, reward_scale)
 
 
-def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, quiet: bool) -> BaseAlgorithm:
+def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, bar: Bar) -> BaseAlgorithm:
     algorithm, start = ALGORITHMS[config.algo], time.perf_counter()
     settings = config.settings(env.observation_space)
     model = algorithm.model(
@@ -83,7 +88,8 @@ def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, qu
     first = model.num_timesteps
     model.set_logger(make_logger(folder, first))
     if first < config.steps:
-        callbacks = [milestones, _Bar(config.steps, quiet)]
+        callbacks = [milestones, bar]
+        bar.prepare()
         model.learn(config.steps - first, callbacks, log_interval=_log_interval(config), reset_num_timesteps=False)
     rows = validation.rows()
     best = max(rows, key=lambda row: row["plw"])
@@ -97,7 +103,8 @@ def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, qu
 
 def _log_interval(config: Config) -> int:
     """Return how often SB3 logs: on-policy in rollouts, DQN in episodes."""
-    return 200 if config.algo == "dqn" else max(2_048 // (config.envs * ALGORITHMS[config.algo].settings["n_steps"]), 1)
+    settings = PRESETS[config.preset].settings[config.algo]
+    return 200 if config.algo == "dqn" else max(2_048 // (config.envs * settings["n_steps"]), 1)
 
 
 class _Best(BaseCallback):
@@ -112,32 +119,12 @@ class _Best(BaseCallback):
         return True
 
 
-class _Bar(BaseCallback):
-    """Shows progress on standard error."""
-
-    def __init__(self, steps: int, quiet: bool):
-        super().__init__()
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
-        self._task = self._bar.add_task("steps", total=steps)
-
-    def _on_training_start(self) -> None:
-        self._bar.start()
-
-    def _on_step(self) -> bool:
-        self._bar.update(self._task, completed=self.model.num_timesteps)
-        return True
-
-    def _on_training_end(self) -> None:
-        self._bar.stop()
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     torch.set_num_threads(1)  # these networks are too small for more
     try:
         config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
-        if config.observation == "visual" and config.image_encoder in ENCODERS:
+        if config.observation == "visual" and config.image_encoder in ENCODERS and not config.keys:
             config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
         run(config, folder, workers, quiet=False)
     except (ChmarlError, ValueError, OSError) as error:
@@ -147,7 +134,8 @@ def main(arguments: list[str] | None = None) -> int:
     print(
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
     )
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {config.observation}")
+    goal = " --goal" if PRESETS[config.preset].goal else ""
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {config.observation}{goal}")
     return 0
 
 
@@ -171,6 +159,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--env", choices=ENV_IDS, dest="env_id", help="or --observation, as the tables name it")
     parser.add_argument("--observation", choices=("scene_graph", "visual"), help="default: scene_graph")
     parser.add_argument("--humanoid-only", action="store_true", help="the drone follows the search policy")
+    parser.add_argument(
+        "--preset", choices=tuple(PRESETS), default=default["preset"],
+        help="what the network reads, and how it learns: the goal's few numbers, an encoder's features, too, or these "
+        "alone; default: %(default)s",
+    )  # fmt: skip
     parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
     parser.add_argument("--image-encoder", choices=("cnn", *ENCODERS), default="cnn", help="all but cnn are frozen")
@@ -199,7 +192,7 @@ def _name(options: dict[str, object]) -> str:
     """Return the name of a run's folder."""
     parts = [options["algo"], str(options["env_id"]).removeprefix("CHMARL/").removesuffix("-v0").lower()]
     parts += [word for word in ("messages", "feedback") if options[word]]
-    return "-".join([*map(str, parts), f"seed{options['seed']}"])
+    return "-".join([*map(str, parts), str(options["preset"]), f"seed{options['seed']}"])
 
 
 if __name__ == "__main__":

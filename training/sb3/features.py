@@ -9,9 +9,12 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from torch import Tensor
 
-from training.encoders import build_encoder
+from training.encoders import DictEncoder
 from training.encoders.frozen import FrozenEncoder
+from training.encoders.numbers import Numbers
 from training.features import feature_space
+from training.keys import GOAL, is_goal
+from training.sb3.checks import Check
 
 _IMAGE = "image"  # end of the keys of pictures
 
@@ -23,14 +26,59 @@ class HouseholdFeatures(BaseFeaturesExtractor):
     would scale pictures, which the encoder does itself.
     """
 
-    def __init__(self, observation_space: spaces.Space, features_dim: int = 128, graph_pool: str = "mean"):
-        """Make the encoder of a space."""
-        super().__init__(observation_space, features_dim)
-        self.encoder = build_encoder(observation_space, features_dim, graph_pool=graph_pool)
+    def __init__(
+        self,
+        observation_space: spaces.Dict,
+        features_dim: int = 128,
+        graph_pool: str = "mean",
+        numbers_past: bool = False,
+    ):
+        """Make the encoder of a space.
+
+        Args:
+            observation_space: as the environment gives it.
+            features_dim: features that all is encoded to.
+            graph_pool: see :func:`training.encoders.build.build_encoder`.
+            numbers_past: whether ``messages``, ``self`` and the bits of ``goal`` go past the encoder to the heads, too.
+
+        Raises:
+            ValueError: observations are flattened, stacked, normalised or scaled.
+        """
+        check = Check(observation_space)
+        encoder = DictEncoder(observation_space, features_dim, "cnn", graph_pool, numbers_past)
+        super().__init__(observation_space, encoder.size)
+        self.encoder, self._check = encoder, check
 
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
-        """Return (B, features_dim)."""
+        """Return (B, size)."""
+        self._check(observations)
         return self.encoder(observations)
+
+
+class GoalFeatures(BaseFeaturesExtractor):
+    """Nothing but numbers: ``messages``, ``self``, and whether what the instruction asks for is in view.
+
+    The graph, the words and the picture are left out. These few numbers carry a policy without memory further in
+    minutes than an encoder does in hours.
+    """
+
+    def __init__(self, observation_space: spaces.Dict):
+        """Find the numbers in a space.
+
+        Raises:
+            ValueError: the goal is not observed, or observations are flattened, stacked, normalised or scaled.
+        """
+        check = Check(observation_space, GOAL)
+        if not any(is_goal(key, space) for key, space in observation_space.items()):
+            raise ValueError(f"{observation_space} has no {GOAL!r}; make the environment with goal=True")
+        numbers = Numbers(observation_space)
+        super().__init__(observation_space, numbers.size)
+        self.numbers, self._check = numbers, check
+
+    def forward(self, observations: dict[str, Tensor]) -> Tensor:
+        """Return (B, size)."""
+        self._check(observations)
+        return self.numbers(observations)
 
 
 class FeatureVecEnv(VecEnvWrapper):

@@ -16,15 +16,16 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecTransposeImage
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.errors import OptionError
 from chmarl_pb.files import replacing
 from chmarl_pb.planner.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.planner.search import DroneSearch
 from training.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from training.encoders.frozen import FrozenEncoder, frozen_encoder, trained_with
 from training.features import feature_space
-from training.keys import named
+from training.keys import GOAL, PREFIXES, named
 from training.policy import check_size, silenced
-from training.sb3.config import ALGORITHMS, Config
+from training.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from training.sb3.features import encoded
 from training.seal import seal
 from training.spaces import stack
@@ -70,12 +71,53 @@ class Sb3Policies:
         """
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
+        if PRESETS[config.preset].goal and not env.options.goal:
+            raise CheckpointError(
+                f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
+            )
         torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         network = _network(config, env)
         fill(network, weights, self.path)
         network.set_training_mode(False)
         encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
-        return Sb3Policy(network.requires_grad_(False), config, env, encoder)
+        return Sb3Policy(network.requires_grad_(False), env, config.sampled, silenced(asdict(config)), encoder)
+
+
+def policy_of(model: BaseAlgorithm) -> "ModelPolicies":
+    """Return what makes the policy of a model in memory, for ``chmarl_pb.evaluate(policy_of(model), workers=1, ...)``.
+
+    Args:
+        model: of Stable-Baselines3, trained on one of the ids; wrappers may have left keys out, but not changed them.
+
+    Raises:
+        ValueError: the model was trained on normalised observations.
+    """
+    normalised = model.get_vec_normalize_env()
+    if normalised is not None and normalised.norm_obs:
+        raise ValueError("the model knows normalised observations only; train it with VecNormalize(norm_obs=False)")
+    return ModelPolicies(model)
+
+
+class ModelPolicies:
+    """Makes the policies of a model."""
+
+    def __init__(self, model: BaseAlgorithm):
+        """Remember a model."""
+        self._network = model.policy
+        self.deterministic = not hasattr(self._network, "get_distribution")  # as `evaluate` asks
+
+    def __call__(self, env: HouseholdEnv) -> Policy:
+        """Return the policy for an environment.
+
+        Raises:
+            OptionError: the environment does not give all that the model observes.
+        """
+        parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
+        given = parts["humanoid"] | joined(parts)
+        if missing := [key for key in _keys_of(self._network) if key not in given]:
+            raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
+        self._network.set_training_mode(False)
+        return Sb3Policy(self._network, env, not self.deterministic)
 
 
 class Sb3Policy:
@@ -85,9 +127,24 @@ class Sb3Policy:
         crowd: plays so in several episodes at once.
     """
 
-    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, encoder: FrozenEncoder | None):
-        """Take a network over."""
-        self.crowd = Sb3Crowd(network, config, env, encoder)
+    def __init__(
+        self,
+        network: BasePolicy,
+        env: HouseholdEnv,
+        sampled: bool,
+        silenced: tuple[str, ...] = (),
+        encoder: FrozenEncoder | None = None,
+    ):
+        """Take a network over.
+
+        Args:
+            network: what chooses the actions.
+            env: environment to act in.
+            sampled: whether actions are drawn; if not, the best are taken.
+            silenced: names of the keys that read as zeros, as they did in training.
+            encoder: what turns pictures into the features that the network sees; None: it sees pictures.
+        """
+        self.crowd = Sb3Crowd(network, env, sampled, silenced, encoder)
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -101,12 +158,20 @@ class Sb3Policy:
 class Sb3Crowd:
     """Drives the robots of several episodes; each episode draws its actions from a stream of its own."""
 
-    def __init__(self, network: BasePolicy, config: Config, env: HouseholdEnv, encoder: FrozenEncoder | None):
-        """Take a network over."""
+    def __init__(
+        self,
+        network: BasePolicy,
+        env: HouseholdEnv,
+        sampled: bool,
+        silenced: tuple[str, ...],
+        encoder: FrozenEncoder | None,
+    ):
+        """Take a network over; see :class:`Sb3Policy`."""
         self._network: Any = network  # its kinds have no common type
-        self._config, self._encoder = config, encoder
-        self._silenced = silenced(asdict(config))
+        self._sampled, self._silenced, self._encoder = sampled, silenced, encoder
         self._names, self._rooms = env.action_names, env.rooms
+        self._keys = _keys_of(network)
+        self._alone = not any(key.startswith(PREFIXES[1:]) for key in self._keys)
 
     def reset(self, seeds: Sequence[int]) -> None:
         """Begin one episode for each seed."""
@@ -119,19 +184,20 @@ class Sb3Crowd:
     @torch.no_grad()
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""
-        batch = stack([one["humanoid"] if self._config.alone else joined(one) for one in seen])
+        parts = [one["humanoid"] if self._alone else joined(one) for one in seen]
+        batch = stack([{key: part[key] for key in self._keys} for part in parts])
         batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
         if self._encoder is not None:
             batch = encoded(batch, self._encoder)
         numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
         pairs: Iterable[Sequence[int]] = numbers
-        if self._config.alone:
+        if self._alone:
             drones = [
                 self._drones[place].act(self._heard(one["drone"]), info["drone"])
                 for place, one, info in zip(places, seen, told, strict=True)
             ]
             pairs = zip(numbers, drones, strict=True)
-        elif self._config.algo == "dqn":
+        elif isinstance(self._network.action_space, spaces.Discrete):
             pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
         return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
 
@@ -145,7 +211,7 @@ class Sb3Crowd:
 
     def _numbers(self, places: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
         """Return (B) numbers of actions, or (B, 2) for both robots."""
-        if not self._config.sampled:
+        if not self._sampled:
             return self._network._predict(batch, deterministic=True)
         if self._recurrent:
             before = tuple(part[:, places] for part in self._memory)
@@ -162,6 +228,12 @@ class Sb3Crowd:
         return torch.tensor(drawn).squeeze(1)
 
 
+def _keys_of(network: BasePolicy) -> tuple[str, ...]:
+    """Return the keys of the observations that a network was made for."""
+    assert isinstance(network.observation_space, spaces.Dict)
+    return tuple(network.observation_space)
+
+
 def joined(robots: dict[str, Any]) -> dict[str, Any]:
     """Return the keys of both robots as the joint ids name them."""
     return {f"{name}_{key}": value for name in AGENTS for key, value in robots[name].items()}
@@ -170,7 +242,10 @@ def joined(robots: dict[str, Any]) -> dict[str, Any]:
 def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     """Return the network with new weights."""
     parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
-    space = spaces.Dict(parts["humanoid"] if config.alone else joined(parts))
+    seen = parts["humanoid"] if config.alone else joined(parts)
+    # What the network was not trained with, as the goal, is left out.
+    read = config.keys or tuple(name for name in parts["humanoid"] if name != GOAL or PRESETS[config.preset].goal)
+    space = spaces.Dict({key: part for key, part in seen.items() if named(key, *read)})
     if config.frozen:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     for key, part in space.items():
@@ -197,10 +272,11 @@ def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
             if _SETTINGS not in archive.namelist():
                 raise CheckpointError(
                     f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
-                    "they are loaded; to evaluate one that you trust, load it in a module:callable"
+                    "they are loaded; to evaluate one that you trust, load it in a module:callable and return "
+                    "training.sb3.policy_of(model)(env)"
                 )
             with reading(path):
-                config = Config(**json.loads(archive.read(_SETTINGS)))
+                config = Config(**{**BEFORE_PRESETS, **json.loads(archive.read(_SETTINGS))})
                 with archive.open("policy.pth") as file:
                     return config, tensors_of(file, path)
     except (OSError, zipfile.BadZipFile) as error:

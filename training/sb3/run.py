@@ -1,5 +1,6 @@
 """A run of Stable-Baselines3 that can be killed at any moment: validation, checkpoints and log between rollouts."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from chmarl_pb.files import append_line, sealed, write_atomically
 from training.checkpoint import CheckpointError, load, reading, save
 from training.logbook import METRICS, read_rows
+from training.sb3.config import BEFORE_PRESETS
 
 KIND = "sb3"
 _HISTORY = ("evaluations_timesteps", "evaluations_results", "evaluations_length", "evaluations_successes")
@@ -23,17 +25,29 @@ _COUNTERS = ("num_timesteps", "exploration_rate", "_n_updates", "_n_calls", "_ep
 class Validation(EvalCallback):
     """Plays the same validation tasks each time; the mean reward, by which the best weights are chosen, is PLW."""
 
-    def __init__(self, env: VecEnv, tasks: int, sampled: bool, folder: Path, on_best: BaseCallback):
-        """Validate in environments of :func:`training.sb3.validation.make_validation`."""
+    def __init__(
+        self,
+        env: VecEnv,
+        tasks: int,
+        sampled: bool,
+        folder: Path,
+        on_best: BaseCallback,
+        say: Callable[[str], None] = lambda text: None,
+    ):
+        """Validate in environments of :func:`training.sb3.validation.make_validation`; say what came of it."""
         super().__init__(
             env, on_best, n_eval_episodes=tasks, eval_freq=1, log_path=str(folder), deterministic=not sampled,
             verbose=0, warn=False,
         )  # fmt: skip
+        self._say = say
 
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
         torch.manual_seed(0)  # training begins its own stream anew after this
-        return super()._on_step()
+        going_on = super()._on_step()
+        row = self.rows()[-1]
+        self._say(f"steps {row['steps']:,}  validation: SR {100 * row['sr']:.1f}  PLW {100 * row['plw']:.1f}")
+        return going_on
 
     def history(self) -> dict[str, Any]:
         """Return all validations so far, in plain types."""
@@ -80,9 +94,10 @@ class Milestones(BaseCallback):
             self._restore(model, load(self.path, KIND))
 
     def _restore(self, model: BaseAlgorithm, content: dict[str, Any]) -> None:
-        if content["settings"] != self.settings:
+        settings = {**BEFORE_PRESETS, **content["settings"]}
+        if settings != self.settings:
             raise CheckpointError(
-                f"{self.path}: its settings {content['settings']} differ from {self.settings}; use another folder"
+                f"{self.path}: its settings {settings} differ from {self.settings}; use another folder"
             )
         model.set_parameters(content["parameters"])
         for name, value in content["counters"].items():

@@ -82,7 +82,8 @@ def _sb3(name: str, algo: str, observation: str, *options: str) -> Row:
     """Return the row of an algorithm of Stable-Baselines3; pictures are seen through the frozen ResNet-18."""
     steps = {"scene_graph": "200000", "visual": "100000"}[observation]
     encoder = ("--image-encoder", "resnet18") if observation == "visual" else ()
-    given = ("--algo", algo, *options, "--steps", steps, *encoder, "--workers", "1")
+    setting = ("--preset", "encoder", "--envs", "8", "--steps", steps)
+    given = ("--algo", algo, *options, *setting, *encoder, "--workers", "1")
     module, file = "training.sb3", "best.zip"
     return Row(name, observation, given, True, module=module, checkpoint=file, seeds=_SEEDS[observation])
 
