@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError
+from pathlib import Path
 from threading import Event, Thread
 
 import numpy as np
@@ -18,7 +19,9 @@ from chmarl_pb.sensing.home_views import home_views
 from chmarl_pb.sensing.plan_view import draw_plan
 from chmarl_pb.sensing.preview import preview
 from chmarl_pb.world import bullet
+from tests.test_layers import imported
 
+ROOT = Path(__file__).parents[1]
 START = "import chmarl_pb; chmarl_pb.parallel_env().close()"
 
 
@@ -109,3 +112,44 @@ def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tm
     for expected, found in zip(arrays, pictures(), strict=True):
         assert expected.dtype == found.dtype
         np.testing.assert_array_equal(expected, found)
+
+
+VECTORS = """
+import numpy as np
+import chmarl_pb
+
+if __name__ == "__main__":
+    envs = chmarl_pb.vector_env(2, workers=2, split="val-unseen")
+    envs.reset(seed=0)
+    envs.close()
+"""
+TASKS = ("--task", "val-unseen-000", "--task", "val-unseen-001")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("-m", "chmarl_pb.cli", "homes", "check", "home_1"),
+        ("-m", "chmarl_pb.cli", "evaluate", "--policy", "random", "--split", "val-unseen", "--seeds", "1", *TASKS),
+        ("vectors.py",),
+        ("-m", "urdf.build.sheet", "--help"),
+    ],
+    ids=lambda words: " ".join(words[:4]),
+)
+def test_nor_does_any_process_of_a_command(words: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "vectors.py").write_text(VECTORS)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, *words], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "build time" not in done.stdout + done.stderr
+
+
+def test_nothing_else_imports_it() -> None:
+    """Whoever imported it before would let it greet; inside the package, the test of layers sees to that."""
+    files = [
+        path for folder in ("training", "examples", "benchmarks", "urdf") for path in (ROOT / folder).rglob("*.py")
+    ]
+    assert len(files) > 50
+    for path in files:
+        names = [name.partition(".")[0] for name in imported(path.read_text(encoding="utf-8"))]
+        assert "pybullet" not in names, path
