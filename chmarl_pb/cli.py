@@ -32,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ChmarlError as error:
         return _failed(str(error), 2)
     except OSError as error:
-        return _failed(f"{error.filename or 'output'}: {error.strerror}; choose another file or folder", 2)
+        if error.filename is None:
+            return _failed(f"the output cannot be written: {error.strerror or error}", 2)
+        return _failed(f"{error.filename}: {error.strerror}; choose another file or folder", 2)
     except KeyboardInterrupt as error:
         number = error.args[0] if isinstance(error, Stopped) else signal.SIGINT
         return _failed(

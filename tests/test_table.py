@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -15,6 +16,7 @@ from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.paper import SPLITS
 from training import table
+from training.logbook import Logbook
 from training.sb3.command import parse as parse_sb3
 from training.tables.page import NOT_RUN, write_page
 from training.tables.rows import TABLES, Row
@@ -259,6 +261,52 @@ def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
     assert work([run], launch).failed == [run.name]
     lock.close()
     assert work([run], launch).failed == []
+
+
+def test_damaged_rows_and_states_are_noticed(tmp_path: Path) -> None:
+    logbook = Logbook(tmp_path, total=3, quiet=True)
+    for episodes in (8, 16, 24):
+        logbook.write({"episodes": episodes, "train": {"success": 0.5}})
+    logbook.close()
+    path = tmp_path / "metrics.jsonl"
+    path.write_text(path.read_text().replace("16", "17"))
+    with pytest.warns(RuntimeWarning, match=r"metrics\.jsonl: 1 of 3 rows"):
+        assert curve(path)["success"] == [[8, 0.5], [24, 0.5]]
+    run = run_of(tmp_path)
+    run.spend("train", 12.0)
+    state = run.folder / "state.json"
+    state.write_text(state.read_text().replace("12.0", "11.0"))
+    with pytest.raises(ResultError, match=r"state\.json: damaged .*checksum"):
+        run.state()
+    state.write_text(json.dumps({"seconds": {"train": 3.0, "score": 0.0}, "trained": None}))  # of an earlier version
+    assert run.state()["seconds"]["train"] == 3.0
+
+
+SLEEPER = """
+import time
+print("begun", flush=True)
+try:
+    time.sleep(600)
+except KeyboardInterrupt:
+    print("saved", flush=True)
+"""
+
+
+def test_a_step_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
+    (tmp_path / "sleeper.py").write_text(SLEEPER)
+    parent = (
+        "import subprocess, sys, time\n"
+        "from training.tables.schedule import as_step\n"
+        "subprocess.Popen(as_step(['sleeper']), stdin=subprocess.PIPE)\n"
+        "time.sleep(600)"
+    )
+    path = os.pathsep.join([str(Path(__file__).parents[1]), str(tmp_path)])
+    process = subprocess.Popen(
+        [sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
+    )
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    process.kill()
+    assert process.communicate(timeout=60)[0] == "saved\n"
 
 
 def test_no_run_starts_when_the_time_is_up(tmp_path: Path, launch) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomically
+from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomically, writing
 
-METRICS = "metrics.jsonl"
+METRICS, BOARD = "metrics.jsonl", "tensorboard"
 
 
 class Logbook:
@@ -27,7 +27,7 @@ class Logbook:
         """
         self._unit = unit
         self._path = None if folder is None else folder / METRICS
-        self._board = None if folder is None else _tensorboard(folder)
+        self._board: Any = None
         self.rows = rows
         if self._path is not None:
             kept = self._path.read_text().splitlines()[:rows] if self._path.exists() and rows else []
@@ -46,17 +46,24 @@ class Logbook:
         self.rows += 1
         if self._path is not None:
             append_line(self._path, sealed(row))
-        if self._board is not None:
-            for name, value in _flat(row):
-                self._board.add_scalar(name, value, row[self._unit])
+            with writing(self._path.with_name(BOARD), self._path.parent):
+                self._show(row)
         if not self._progress.disable:
             self._progress.console.print(_line(row), highlight=False)
+
+    def _show(self, row: dict[str, Any]) -> None:
+        """Add a row to TensorBoard's events; they begin here, as their writer has no words for a full disk."""
+        if self._board is None and self._path is not None:
+            self._board = _tensorboard(self._path.parent)
+        for name, value in _flat(row) if self._board else ():
+            self._board.add_scalar(name, value, row[self._unit])
 
     def close(self) -> None:
         """End the progress bar and the files."""
         self._progress.stop()
-        if self._board is not None:
-            self._board.close()
+        if self._board and self._path is not None:
+            with writing(self._path.with_name(BOARD), self._path.parent):
+                self._board.close()
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
@@ -86,7 +93,7 @@ def _tensorboard(folder: Path) -> Any:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         return None
-    return SummaryWriter(str(folder / "tensorboard"))
+    return SummaryWriter(str(folder / BOARD))
 
 
 def _flat(row: dict[str, Any], prefix: str = "") -> list[tuple[str, float]]:

@@ -11,9 +11,10 @@ from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 
-from chmarl_pb.files import append_line, sealed, write_atomically
+from chmarl_pb.errors import WriteError
+from chmarl_pb.files import append_line, sealed, write_atomically, writing
 from training.checkpoint import CheckpointError, load, reading, save
-from training.logbook import METRICS, read_rows
+from training.logbook import BOARD, METRICS, read_rows
 from training.sb3.config import BEFORE_PRESETS
 
 KIND = "sb3"
@@ -44,7 +45,13 @@ class Validation(EvalCallback):
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
         torch.manual_seed(0)  # training begins its own stream anew after this
-        going_on = super()._on_step()
+        file = Path(f"{self.log_path}.npz")
+        try:
+            with writing(file):
+                going_on = super()._on_step()
+        except WriteError:
+            file.unlink(missing_ok=True)  # half of it would be worse than none; the checkpoint has its contents
+            raise
         row = self.rows()[-1]
         self._say(f"steps {row['steps']:,}  validation: SR {100 * row['sr']:.1f}  PLW {100 * row['plw']:.1f}")
         return going_on
@@ -170,14 +177,33 @@ class Log(KVWriter):
         """Do nothing: the file is closed after each row."""
 
 
+class Events(KVWriter):
+    """Writes TensorBoard's events, from the first row on, as their writer has no words for a full disk."""
+
+    def __init__(self, folder: Path):
+        """Remember the run's folder."""
+        self._folder = folder
+        self._board: TensorBoardOutputFormat | None = None
+
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
+        """Add a row, if TensorBoard is installed."""
+        with writing(self._folder / BOARD, self._folder):
+            try:
+                self._board = self._board or TensorBoardOutputFormat(str(self._folder / BOARD))
+            except (ImportError, AssertionError):
+                return
+            self._board.write(key_values, key_excluded, step)
+
+    def close(self) -> None:
+        """End the events."""
+        if self._board is not None:
+            with writing(self._folder / BOARD, self._folder):
+                self._board.close()
+
+
 def make_logger(folder: Path, steps: int) -> Logger:
     """Return a logger to ``metrics.jsonl``, and to TensorBoard if it is installed."""
-    writers: list[KVWriter] = [Log(folder, steps)]
-    try:
-        writers.append(TensorBoardOutputFormat(str(folder / "tensorboard")))
-    except (ImportError, AssertionError):
-        pass  # TensorBoard is not installed
-    return Logger(str(folder), writers)
+    return Logger(str(folder), [Log(folder, steps), Events(folder)])
 
 
 def _content(buffer: Any) -> dict[str, Any]:
