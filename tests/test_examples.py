@@ -24,8 +24,7 @@ def example(name: str) -> ModuleType:
     return module
 
 
-def test_custom_learner_is_short_and_learns(capsys: pytest.CaptureFixture[str]) -> None:
-    assert len((EXAMPLES / "custom_learner.py").read_text().splitlines()) < 60
+def test_custom_learner(capsys: pytest.CaptureFixture[str]) -> None:
     example("custom_learner").main(["--episodes", "2", "--split", "val-unseen"])
     assert "episode 1: return" in capsys.readouterr().out
 
@@ -53,11 +52,6 @@ def test_rllib_ppo(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("ray.rllib")
     example("rllib_ppo").main(["--iterations", "1", "--batch", "56"])
     assert "iteration 0: mean return" in capsys.readouterr().out
-
-
-def test_all_examples_are_short() -> None:
-    lengths = {path.name: len(path.read_text().splitlines()) for path in EXAMPLES.glob("*.py")}
-    assert len(lengths) >= 4 and max(lengths.values()) < 60, lengths
 
 
 def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
