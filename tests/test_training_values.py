@@ -14,7 +14,7 @@ from training.games import TwoStepGame  # noqa: E402
 from training.losses import Batch, Unrolled, best_legal, mean_square, qtran_loss, td_loss  # noqa: E402
 from training.mixers import Independent, QMixer, QtranNetworks, Sum, make_mixer  # noqa: E402
 from training.spaces import Interface, interface_of  # noqa: E402
-from training.theory import additive_fit, monotonic_fit  # noqa: E402
+from training.theory import additive_fit, monotonic_fit, supermodular_fit  # noqa: E402
 
 NUMBERS = st.floats(-20, 20, width=32)
 
@@ -68,6 +68,29 @@ def test_fits_are_of_their_class_and_keep_the_mean(numbers: list[float]) -> None
     monotonic = monotonic_fit(table, order)
     assert (np.diff(monotonic, axis=0) >= -1e-3).all() and (np.diff(monotonic, axis=1) >= -1e-3).all()
     assert ((monotonic - table) ** 2).sum() <= ((table.mean() - table) ** 2).sum() + 1e-3
+
+    supermodular = supermodular_fit(table, order)
+    assert (np.diff(np.diff(supermodular, axis=0), axis=1) >= -1e-3).all() and (np.diff(supermodular) >= -1e-3).all()
+    assert ((monotonic - table) ** 2).sum() <= ((supermodular - table) ** 2).sum() + 1e-2
+
+
+@given(st.lists(NUMBERS, min_size=3, max_size=3), st.integers(0, 9), *[st.floats(0, 10, width=32)] * 2)
+def test_qmix_is_supermodular(values: list[float], seed: int, one: float, other: float) -> None:
+    """To raise two agents' values brings no less than to raise each alone."""
+    torch.manual_seed(seed)
+    mixer, state = QMixer(3, 5, 8), torch.randn(4, 5)
+    table = torch.tensor([values] * 4)
+    table[[1, 3], 0] += one
+    table[[2, 3], 1] += other
+    low, first, second, both = mixer(table.double().float(), state[:1].expand(4, 5)).flatten().tolist()
+    assert both - first - second + low >= -1e-3
+
+
+def test_an_or_is_monotonic_and_beyond_qmix() -> None:
+    table = np.array([[0.0, 8.0], [8.0, 8.0]])
+    np.testing.assert_allclose(monotonic_fit(table, table), table, atol=1e-6)
+    np.testing.assert_allclose(supermodular_fit(table, table), [[-2, 6], [6, 6]] + 4 * np.eye(2), atol=1e-6)
+    np.testing.assert_allclose(supermodular_fit(8 - table, 8 - table), 8 - table, atol=1e-6)  # an AND
 
 
 # Two agents with two actions, one episode of two steps; the values are given, so the losses can be computed by hand.

@@ -12,8 +12,10 @@ Observations = dict[str, np.ndarray]
 MATRIX_GAMES: dict[str, np.ndarray] = {
     # Son et al. 2019 (QTRAN), table 1: the best action of one depends on the other's, so no monotonic mixer holds it.
     "non-monotonic": np.array([[8.0, -12.0, -12.0], [-12.0, 0.0, 0.0], [-12.0, 0.0, 0.0]]),
-    # The same without the penalty: monotonic, so QMIX can hold it, but not additive.
+    # The same without the penalty: an AND. It is monotonic and supermodular, so QMIX can hold it, but not additive.
     "monotonic": np.array([[8.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+    # An OR: monotonic, but one agent's B makes the other's worth less, which no mixer with one convex layer holds.
+    "or": np.array([[0.0, 8.0], [8.0, 8.0]]),
     # Sums of what each agent brings: all four can hold it.
     "additive": np.array([[6.0, 5.0, 2.0], [4.0, 3.0, 0.0], [2.0, 1.0, -2.0]]),
 }

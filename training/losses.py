@@ -145,7 +145,7 @@ def qtran_loss(
 
         Q'(tau, u) - Q_jt(tau, u) + V_jt(tau)  is 0 for u = u* (4a), and >= 0 for every other u (4b).
 
-    Then u* is also the argmax of Q_jt, whatever Q_jt is. QMIX restricts Q_jt to what is monotonic in the Q_i; QTRAN
+    Then u* is also the argmax of Q_jt, whatever Q_jt is. QMIX restricts Q_jt to functions that rise with the Q_i; QTRAN
     does not, and asks for agreement by losses instead:
 
         L_td   = (Q_jt(tau, u) - y)^2,  y = r + gamma Q_jt^-(tau', u'*)

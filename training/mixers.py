@@ -30,13 +30,17 @@ class Sum(nn.Module):
 
 
 class QMixer(nn.Module):
-    """QMIX (Rashid et al. 2018, https://arxiv.org/abs/1803.11485): Q_tot is any function with dQ_tot / dQ_i >= 0.
+    """QMIX (Rashid et al. 2018, https://arxiv.org/abs/1803.11485): Q_tot is a function with dQ_tot / dQ_i >= 0.
 
     So the joint argmax is that of each agent by itself. A mixing network of two layers,
 
         Q_tot = |W2(s)|^T elu(|W1(s)|^T Q + b1(s)) + b2(s),
 
     has weights and biases that hypernetworks make of the state s: all are linear but b2, which has a hidden layer.
+
+    Not every monotonic function is within reach: ELU is convex, so Q_tot is a sum of convex functions of weighted sums,
+    and its mixed second differences are at least 0 (it is supermodular): a high value of one agent never makes that of
+    another count for less. An AND of two agents is held, an OR is not, see :func:`training.theory.supermodular_fit`.
     """
 
     def __init__(self, agents: int, state_size: int, embedding: int):

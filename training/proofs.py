@@ -29,7 +29,7 @@ from training.losses import unroll
 from training.mixers import QtranNetworks
 from training.replay import Replay
 from training.spaces import interface_of
-from training.theory import additive_fit, independent_fit, monotonic_fit
+from training.theory import additive_fit, independent_fit, supermodular_fit
 from training.validation import play_greedily
 
 GAMES = (*MATRIX_GAMES, "two-step")
@@ -171,7 +171,7 @@ def _fit(algorithm: str, table: np.ndarray, learned: np.ndarray) -> np.ndarray:
         return independent_fit(table)
     if algorithm == "vdn":
         return additive_fit(table)
-    return monotonic_fit(table, learned) if algorithm == "qmix" else table
+    return supermodular_fit(table, learned) if algorithm == "qmix" else table
 
 
 def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | None:
