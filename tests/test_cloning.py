@@ -15,6 +15,7 @@ from chmarl_pb.data.recipe import Recipe  # noqa: E402
 from chmarl_pb.envs.parallel import HouseholdEnv  # noqa: E402
 from chmarl_pb.envs.rollout import rollout  # noqa: E402
 from chmarl_pb.tasks.splits import load_tasks  # noqa: E402
+from tests.stopping import in_pieces  # noqa: E402
 from training.bc import cloning  # noqa: E402
 from training.bc.clones import NO_ACTION, CloningConfig  # noqa: E402
 from training.bc.cloning import clone, load_policy  # noqa: E402
@@ -84,6 +85,20 @@ def test_an_interrupted_run_ends_with_the_same_numbers(
     save(cut / "last.pt", "bc-unfinished", load(cut / "last.pt") | {"data": "another"})
     with pytest.raises(CheckpointError, match=r"other settings \(data\)"):
         clone(config, cut, data)
+
+
+@pytest.mark.parametrize("dropout", [0.0, 0.3])
+def test_a_run_that_is_asked_to_end_goes_on_from_its_last_batch(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dropout: float
+) -> None:
+    config = replace(SMALL, epochs=3, dropout=dropout)
+    clone(config, tmp_path / "whole", data)
+    _, times = in_pieces(lambda: clone(config, tmp_path / "pieces", data), 2, monkeypatch)
+    assert times >= 4
+    for one, other in zip(weights(tmp_path / "whole").values(), weights(tmp_path / "pieces").values(), strict=True):
+        assert torch.equal(one, other)
+    rows = [[row["drone_loss"] for row in read_metrics(tmp_path / name)] for name in ("whole", "pieces")]
+    assert rows[0] == rows[1] and len(rows[0]) == config.epochs
 
 
 def test_clones_repeat_what_they_have_seen(data: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch")
 
 from chmarl_pb.errors import ChmarlError  # noqa: E402
 from tests.damage import flipped  # noqa: E402
+from tests.stopping import in_pieces  # noqa: E402
 from training.encoders import labeller, residual  # noqa: E402
 from training.encoders.detections import LABELS  # noqa: E402
 from training.encoders.frozen import frozen_encoder  # noqa: E402
@@ -87,6 +88,16 @@ def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views,
     assert (torch.load(tmp_path / "cut.pt", weights_only=True)[RANGES] > 0).all()
     assert 0 < whole["home_6"]["mean_average_precision"] <= 1
     assert is_sealed(tmp_path / "cut.pt")
+
+
+def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
+    tmp_path: Path, views: Views, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = pretrain("resnet18", tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+    again, times = in_pieces(
+        lambda: pretrain("resnet18", tmp_path / "cut.pt", views, views, 3, 0, Bar(99)), 2, monkeypatch
+    )
+    assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
 
 
 def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:

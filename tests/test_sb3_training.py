@@ -21,11 +21,13 @@ import chmarl_pb
 from chmarl_pb.evaluation.policies import find_policy, register_loader
 from chmarl_pb.planner.policy import Policy
 from tests.damage import Evil, flipped
+from tests.stopping import in_pieces
 from training.checkpoint import CheckpointError
 from training.encoders import build_encoder
 from training.encoders.frozen import FrozenEncoder
 from training.encoders.residual import ResNet18
 from training.encoders.resnet import FEATURES
+from training.logbook import read_metrics
 from training.sb3 import load_policy
 from training.sb3.command import BEST, LAST, RESULT, main, parse, run
 from training.sb3.config import PRESETS, Config
@@ -141,6 +143,29 @@ def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkey
     run(config, tmp_path / "killed", workers=0)  # a finished run is not played again
     with pytest.raises(CheckpointError, match="differ"):
         run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
+    algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two milestones, too: in the middle of episodes and of validations."""
+    config = Config(algo, HUMANOID, steps=48, interval=24, **TINY)
+    monkeypatch.setattr("training.sb3.command._log_interval", lambda config: 2 if config.algo == "dqn" else 8)
+    whole = weights(run(config, tmp_path / "whole", workers=0))
+    model, times = in_pieces(lambda: run(config, tmp_path / "pieces", workers=0), 17, monkeypatch)
+    assert times >= 3
+    assert all(torch.equal(value, weights(model)[name]) for name, value in whole.items())
+    results = [json.loads((tmp_path / name / RESULT).read_text()) for name in ("whole", "pieces")]
+    assert results[0]["validations"] == results[1]["validations"]
+    rows = [
+        [
+            {name: value for name, value in row.items() if not name.startswith("time/")}
+            for row in read_metrics(tmp_path / folder)
+        ]
+        for folder in ("whole", "pieces")
+    ]
+    assert rows[0] == rows[1] and len(rows[0]) >= 6
 
 
 def killed_at_row(number: int) -> Any:

@@ -95,6 +95,7 @@ class Collector:
         count: int,
         teacher: Callable[[Any], Teacher | Policy] | None = None,
         horizon: int | None = None,
+        check: Callable[[], None] = lambda: None,
     ):
         """Make the environments.
 
@@ -103,8 +104,9 @@ class Collector:
             count: how many.
             teacher: makes a teacher in each of them, if wanted.
             horizon: most steps of an episode; None: any number.
+            check: called before every joint step; may raise an error to end the episodes.
         """
-        self._horizon = horizon
+        self._horizon, self._check = horizon, check
         self.envs = [env_fn() for _ in range(count)]
         self._teachers = [as_teacher(teacher(env)) for env in self.envs] if teacher else []
         self.interface: Interface = interface_of(self.envs[0])
@@ -140,6 +142,7 @@ class Collector:
         for teacher, seed in zip(teachers, seeds, strict=False):
             teacher.reset(seed)
         while running := [number for number, env in enumerate(self.envs[: len(episodes)]) if env.agents]:
+            self._check()
             for number in running if teachers else ():
                 episode = episodes[number]
                 episode.labels.append(teachers[number].propose(episode.observations[-1], episode.info))

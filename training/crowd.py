@@ -25,6 +25,7 @@ from training.features import all_with_features
 from training.losses import best_legal
 from training.policy import LearnedPolicy
 from training.spaces import stack, tensors
+from training.threads import threads
 
 WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
 
@@ -118,6 +119,7 @@ class LearnedCrowd:
         """Begin one episode for each seed."""
         self._player = Player(self.policy.agents, len(seeds))
 
+    @threads(1)
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each agent's best legal action."""
         seen = all_with_features(seen, self.policy.encoder) if self.policy.encoder else seen
@@ -147,6 +149,7 @@ class ClonedCrowd:
         self._hidden = [torch.zeros(1, len(seeds), self.config.hidden) for _ in self.minds]
         self._last = {name: torch.full((len(seeds),), NO_ACTION) for name in AGENTS}
 
+    @threads(1)
     @torch.no_grad()
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return each robot's likeliest action."""

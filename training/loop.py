@@ -13,14 +13,17 @@ import numpy as np
 from torch import nn
 
 from chmarl_pb.planner.policy import Policy
+from training import interrupts
 from training.algorithms import Learning, make_learner
 from training.checkpoint import CheckpointError, load, reading, save
 from training.collect import Collector, Teacher
 from training.config import CONFIGS, MappoConfig, RunConfig
 from training.held import held
+from training.interrupts import Asked, Signals
 from training.logbook import Logbook
 from training.replay import Episode, Replay
 from training.spaces import Interface
+from training.threads import threads as torch_threads
 from training.validation import Validate, by_return
 
 LAST, BEST = "last.pt", "best.pt"
@@ -50,13 +53,16 @@ def train(
     setting: dict[str, Any] | None = None,
     quiet: bool = True,
     teacher: Callable[[Any], Teacher | Policy] | None = None,
+    threads: int = 1,
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
 
     Agents may differ in their Discrete actions and in their Box, Discrete or Dict observations. Mixers see
     ``env.state()``, or all observations if there is none, and learn from the mean of the agents' rewards; IQL learns
     from each agent's own. Actions are masked only if infos have an ``action_mask``. With a folder, the same call goes
-    on with an interrupted run from its last checkpoint, and ends with the same numbers.
+    on with an interrupted run from its last checkpoint, and ends with the same numbers. The first SIGINT (Ctrl-C),
+    SIGTERM or SIGHUP saves at once and ends the run, a second one ends it without that; a killed run loses a minute at
+    most.
 
     Args:
         env_fn: makes an environment.
@@ -68,28 +74,39 @@ def train(
         quiet: whether no progress is shown.
         teacher: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
             :class:`training.collect.Teacher`.
+        threads: of torch, while this runs; networks as small as these are fastest with one.
 
     Raises:
+        Interrupted: a signal asked the run to end.
         ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     if algorithm == "imitation" and teacher is None:
         raise ValueError("imitation needs a teacher")
     config = config or CONFIGS.get(algorithm, RunConfig)()
-    with held(folder), closing(Collector(env_fn, config.envs, teacher, config.horizon)) as collector:
+    signals = Signals()
+    with (
+        torch_threads(threads), held(folder),
+        closing(Collector(env_fn, config.envs, teacher, config.horizon, signals.check)) as collector,
+    ):  # fmt: skip
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
         last = None if folder is None else folder / LAST
         if last is not None and last.exists():
             with reading(last):
                 run.restore(load(last, "run"), last)
-        with closing(Logbook(folder, config.episodes, run.rows, quiet)) as logbook:
-            while run.episodes < config.episodes:
-                run.advance(logbook)
+        with closing(Logbook(folder, config.episodes, run.rows, quiet)) as logbook, signals:
+            try:
+                while not run.is_over:
+                    run.advance(logbook)
+                    signals.check()
+            except Asked:
+                run.save()
+                raise signals.interrupted(f"{run.episodes} episodes", last) from None
         return Result(run.learner, run.learner.agents, run.best_score)
 
 
 class Run:
-    """A training run; between two waves, all of it can be saved.
+    """A training run; all of it can be saved between two waves, and in one before its validation.
 
     Attributes:
         learner: networks and optimizer.
@@ -115,26 +132,51 @@ class Run:
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
+        self._unreported: int | None = None  # episodes before a wave that is learned from, until its row is written
+        self._saved = time.monotonic()
         self._window: dict[str, list[float]] = defaultdict(list)
         self._clock = {"rollout": 0.0, "updates": 0.0, "steps": 0, "transitions": 0, "gradients": 0}
 
+    @property
+    def is_over(self) -> bool:
+        """Whether all episodes are played, learned from and reported."""
+        return self.episodes >= self.config.episodes and self._unreported is None
+
     def advance(self, logbook: Logbook) -> None:
-        """Play a wave, learn from it, and do what is due after it."""
-        before = self.episodes
-        self._play()
-        if self.episodes >= min(self.config.learning_starts, self.config.episodes):
-            self._learn()
+        """Play a wave, learn from it, and do what is due after it; what was left of the last wave comes first.
+
+        Raises:
+            Asked: the run is to end; its state is that of before the wave, or of before its validation.
+        """
+        if self._unreported is None:
+            before = self.episodes
+            self._play()
+            if self.episodes >= min(self.config.learning_starts, self.config.episodes):
+                self._learn()
+            self._unreported = before
+        self._report(self._unreported, logbook)
+
+    def _report(self, before: int, logbook: Logbook) -> None:
+        """Validate, log and save, as it is due after a wave that began after some episodes."""
         row: dict[str, Any] = {}
-        if self._due(before, self.config.log_interval):
-            row |= self._figures()
         if self._due(before, self.config.validation_interval):
+            self.save()  # validation takes its time
             row["validation"] = self._score()
+        if self._due(before, self.config.log_interval):
+            row = self._figures() | row
         if row:
             logbook.write({"episodes": self.episodes, **row})
             self.rows = logbook.rows
         logbook.advance(self.episodes)
-        if self.folder is not None and self._due(before, self.config.checkpoint_interval):
+        self._unreported = None
+        if self._due(before, self.config.checkpoint_interval) or time.monotonic() > self._saved + interrupts.EVERY:
+            self.save()
+
+    def save(self) -> None:
+        """Write the checkpoint that a run goes on from, if there is a folder."""
+        if self.folder is not None:
             save(self.folder / LAST, "run", self.state())
+            self._saved = time.monotonic()
 
     def state(self) -> dict[str, Any]:
         """Return all that the run needs to go on; a finished one needs no replay buffer."""
@@ -143,6 +185,7 @@ class Run:
         return {
             **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
             "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
+            "unreported": self._unreported,
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
@@ -165,12 +208,19 @@ class Run:
             stream.bit_generator.state = json.loads(state["streams"][name])
         self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
         self._window = defaultdict(list, state["window"])
+        self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
 
     def _play(self) -> None:
         config, steps, start = self.config, self._collector.steps, time.perf_counter()
+        before = {name: stream.bit_generator.state for name, stream in self._streams.items()}
         seeds = self._streams["tasks"].integers(2**31, size=config.envs).tolist()
         choose = self.learner.choose(self.episodes)
-        played = self._collector.play(self.learner.agents, choose, self._streams["actions"], seeds, taught=True)
+        try:
+            played = self._collector.play(self.learner.agents, choose, self._streams["actions"], seeds, taught=True)
+        except Asked:
+            for name, state in before.items():  # the wave is played again
+                self._streams[name].bit_generator.state = state
+            raise
         for episode in played:
             self._window["return"].append(episode.gain)
             self.replay.add(_scaled(episode, config.reward_scale))

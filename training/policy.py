@@ -18,6 +18,7 @@ from training.encoders.frozen import FrozenEncoder, trained_with
 from training.features import FeatureEnv, with_features
 from training.losses import best_legal
 from training.spaces import over, spaces_of
+from training.threads import threads
 
 
 class LearnedPolicy:
@@ -38,6 +39,7 @@ class LearnedPolicy:
         """Forget the last episode."""
         self._player = Player(self.agents, 1)
 
+    @threads(1)
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return each agent's best legal action."""
         actions = {}
@@ -93,7 +95,6 @@ class ValuePolicies:
 
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, content["setting"], self.path)
-        torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)

@@ -1,16 +1,16 @@
 """Train a frozen encoder of pictures on views of the homes of training: which classes are to be seen, and where.
 
 ``python -m training.pretrain`` draws views of homes 1 to 5 by both robots' cameras, with labels from the segmentation,
-learns from them, and measures on views of home 6. Killed, it goes on from the last whole epoch. Neither the home of the
-unseen tests nor any layout of a validation or test task of homes 1 to 5 is used.
+learns from them, and measures on views of home 6. Interrupted, it goes on where it was. Neither the home of the unseen
+tests nor any layout of a validation or test task of homes 1 to 5 is used.
 """
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Iterator
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,14 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
-from chmarl_pb.errors import ChmarlError
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
-from training import checkpoint
+from training import checkpoint, interrupts
 from training.encoders.detector import Detector
 from training.encoders.frozen import FrozenEncoder, weights_file
 from training.encoders.int8 import RANGES, ranges_of
 from training.encoders.labeller import Labeller
 from training.encoders.residual import folded
+from training.interrupts import Asked, Signals, run_command
 from training.seal import seal
 from training.views import Views, random_views
 
@@ -40,10 +40,10 @@ RANGED = 256  # views that the ranges are taken from
 NETWORKS: dict[str, type[Labeller] | type[Detector]] = {"resnet18": Labeller, "detector": Detector}
 
 
-def batches(count: int, size: int, seed: int, epoch: int) -> Iterator[np.ndarray]:
-    """Yield the numbers of all views in shuffled batches; a last small one is left out."""
+def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iterator[np.ndarray]:
+    """Yield the numbers of all views in shuffled batches, without some of the first; a last small one is left out."""
     order = np.random.default_rng([seed, epoch]).permutation(count)
-    for first in range(0, count - size + 1, size):
+    for first in range(skip * size, count - size + 1, size):
         yield np.sort(order[first : first + size])
 
 
@@ -58,32 +58,22 @@ def pretrain(name: str, out: Path, views: Views, checked: Views, epochs: int, se
         epochs: passes over the views.
         seed: of weights and order.
         bar: shows the batches.
+
+    Raises:
+        Interrupted: a signal asked the training to end; it was saved.
     """
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        pupil = NETWORKS[name]().to(memory_format=torch.channels_last)
-    optimizer = torch.optim.AdamW(pupil.parameters(), pupil.learning_rate, weight_decay=WEIGHT_DECAY)
-    per_epoch = len(views) // pupil.batch
-    total = epochs * per_epoch
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, pupil.learning_rate, total_steps=total)
-    facts = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
-    kept = out.with_suffix(".unfinished")
-    parts: dict[str, Any] = {"pupil": pupil, "optimizer": optimizer, "schedule": schedule}
-    begun = _restore(kept, facts, parts)
-    task = bar.add_task("learn", total=total, completed=begun * per_epoch)
-    for epoch in range(begun, epochs):
-        pupil.train()
-        for rows in batches(len(views), pupil.batch, seed, epoch):
-            with torch.autocast("cpu", torch.bfloat16):
-                loss = pupil.loss(views, rows, epoch / epochs)
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-            schedule.step()
-            bar.update(task, advance=1, description=f"learn, loss {loss.item():.3f}")
-        state = {key: part.state_dict() for key, part in parts.items()}
-        checkpoint.save(kept, KIND, {"facts": facts, "epoch": epoch + 1, **state})
-    pupil.eval()
+    training, signals = _Training(name, views, epochs, seed, out.with_suffix(".unfinished")), Signals()
+    training.restore()
+    task = bar.add_task("learn", total=training.total, completed=training.done)
+    with signals:
+        try:
+            for loss in training.losses():
+                bar.update(task, advance=1, description=f"learn, loss {loss:.3f}")
+                signals.check()
+        except Asked:
+            training.save()
+            raise signals.interrupted(f"{training.done} of {training.total} batches", training.kept) from None
+    pupil = training.pupil.eval()
     weights = with_ranges(pupil, views.images)
     with replacing(out) as temporary:
         torch.save(weights, temporary)
@@ -91,9 +81,72 @@ def pretrain(name: str, out: Path, views: Views, checked: Views, epochs: int, se
     frozen = FrozenEncoder(name, weights)
     measured, exact = pupil.measure(frozen, checked), pupil.measure(pupil.features, checked)
     measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]
-    figures = {**facts, "fingerprint": frozen.fingerprint, "home_6": measured}
-    kept.unlink(missing_ok=True)
+    figures = {**training.facts, "fingerprint": frozen.fingerprint, "home_6": measured}
+    training.kept.unlink(missing_ok=True)
     return figures
+
+
+class _Training:
+    """A training in progress; it can be saved after every batch.
+
+    Attributes:
+        pupil: what is trained.
+        done: batches that were learned from, of ``total``.
+        facts: what fixes the numbers.
+        kept: file of its state.
+    """
+
+    def __init__(self, name: str, views: Views, epochs: int, seed: int, kept: Path):
+        """Begin."""
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            pupil = NETWORKS[name]().to(memory_format=torch.channels_last)
+        optimizer = torch.optim.AdamW(pupil.parameters(), pupil.learning_rate, weight_decay=WEIGHT_DECAY)
+        self._per_epoch = len(views) // pupil.batch
+        self.done, self.total = 0, epochs * self._per_epoch
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, pupil.learning_rate, total_steps=self.total)
+        self.pupil, self._optimizer, self._schedule = pupil, optimizer, schedule
+        self._parts: dict[str, Any] = {"pupil": pupil, "optimizer": optimizer, "schedule": schedule}
+        self._views, self.kept, self._saved = views, kept, time.monotonic()
+        self.facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
+
+    def losses(self) -> Iterator[float]:
+        """Learn from all batches that are left, and yield the loss of each."""
+        while self.done < self.total:
+            epoch, begun = divmod(self.done, self._per_epoch)
+            self.pupil.train()
+            for rows in batches(len(self._views), self.pupil.batch, self.facts["seed"], epoch, begun):
+                with torch.autocast("cpu", torch.bfloat16):
+                    loss = self.pupil.loss(self._views, rows, epoch / self.facts["epochs"])
+                self._optimizer.zero_grad()
+                loss.backward()
+                self._optimizer.step()
+                self._schedule.step()
+                self.done += 1
+                if self.done % self._per_epoch == 0 or time.monotonic() > self._saved + interrupts.EVERY:
+                    self.save()
+                yield loss.item()
+
+    def save(self) -> None:
+        """Write the state, so that the same command goes on from it."""
+        state = {key: part.state_dict() for key, part in self._parts.items()}
+        checkpoint.save(self.kept, KIND, {"facts": self.facts, "done": self.done, **state})
+        self._saved = time.monotonic()
+
+    def restore(self) -> None:
+        """Go on from an unfinished training of the same facts, if there is one.
+
+        Raises:
+            CheckpointError: its file is damaged.
+        """
+        if not self.kept.is_file():
+            return
+        content = checkpoint.load(self.kept, KIND)
+        with checkpoint.reading(self.kept):
+            if content["facts"] == self.facts:
+                for name, part in self._parts.items():
+                    part.load_state_dict(content[name])
+                self.done = content["done"] if "done" in content else content["epoch"] * self._per_epoch
 
 
 @torch.no_grad()
@@ -102,18 +155,6 @@ def with_ranges(pupil: Labeller | Detector, images: np.ndarray) -> dict[str, Ten
     weights = {name: value.clone().contiguous() for name, value in pupil.weights().items()}
     chosen = images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
     return weights | {RANGES: ranges_of(folded(deepcopy(pupil.network)), torch.from_numpy(chosen))}
-
-
-def _restore(kept: Path, facts: dict[str, Any], parts: dict[str, Any]) -> int:
-    """Load an unfinished training of the same facts, if there is one; return its finished epochs."""
-    if not kept.is_file():
-        return 0
-    content = checkpoint.load(kept, KIND)
-    if content["facts"] != facts:
-        return 0
-    for name, part in parts.items():
-        part.load_state_dict(content[name])
-    return int(content["epoch"])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -138,15 +179,10 @@ def main(arguments: list[str] | None = None) -> int:
     for name in ("out", "figures"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
-    try:
-        _make(chosen)
-    except (ChmarlError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return run_command(partial(_make, chosen))
 
 
-def _make(chosen: argparse.Namespace) -> None:
+def _make(chosen: argparse.Namespace) -> int:
     """Draw the views, learn from them, and print the figures."""
     out = chosen.out or weights_file(chosen.network)
     folder = open_folder(out.parent) / "labelled_views"
@@ -161,6 +197,7 @@ def _make(chosen: argparse.Namespace) -> None:
     if chosen.figures:
         write_atomically(chosen.figures, text + "\n")
     print(text, f"weights: {out}", sep="\n")
+    return 0
 
 
 def _drawn(bar: Progress, split: str, count: int, seed: int, folder: Path, workers: int) -> Views:

@@ -7,7 +7,7 @@ Every joint action is played equally often (epsilon = 1), so theory gives the ta
 import argparse
 import json
 import platform
-import sys
+import shutil
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,11 +18,11 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
-from chmarl_pb.errors import ChmarlError
 from chmarl_pb.files import write_atomically
 from training.collect import Collector, advance, begin
 from training.config import ALGORITHMS, Config
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
+from training.interrupts import run_command
 from training.learner import Learner
 from training.loop import train
 from training.losses import unroll
@@ -67,10 +67,18 @@ class Proof:
     theorem: tuple[float, float] | None = None
 
 
-def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG) -> Proof:
-    """Learn a game and compare with theory."""
+def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, folder: Path | None = None) -> Proof:
+    """Learn a game and compare with theory.
+
+    Args:
+        game: one of ``GAMES``.
+        algorithm: one of ``ALGORITHMS``.
+        seed: of the training.
+        config: of the training, but for the seed.
+        folder: that an interrupted training goes on from; None: nothing is kept.
+    """
     env_fn, paths, best = _game(game)
-    learner = train(env_fn, algorithm, replace(config, seed=seed)).learner
+    learner = train(env_fn, algorithm, replace(config, seed=seed), folder).learner
     assert isinstance(learner, Learner)
     tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
@@ -124,23 +132,25 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.out and options.out.is_dir():
         parser.error(f"--out {options.out}: is a folder; name a file in it")
-    torch.set_num_threads(1)
+    return run_command(partial(_main, options), ValueError)
+
+
+def _main(options: argparse.Namespace) -> int:
     console = Console()
+    unfinished = options.out.with_suffix(".unfinished") if options.out else None
     proofs = []
     for game in options.game or GAMES:
         for algorithm in options.algo or ALGORITHMS:
-            proofs.append(prove(game, algorithm, options.seed))
+            folder = unfinished / f"{game}-{algorithm}-seed{options.seed}" if unfinished else None
+            proofs.append(prove(game, algorithm, options.seed, folder=folder))
             console.print(f"{game} / {algorithm}: largest difference from theory {proofs[-1].error}")
     console.print(_summary(proofs))
     if options.out:
         about = {"command": "python -m training.proofs --out results/proofs.json", "config": asdict(CONFIG)}
         about |= {"seed": options.seed, "torch": torch.__version__, "python": platform.python_version()}
         text = json.dumps({**about, "proofs": [asdict(proof) for proof in proofs]}, indent=1)
-        try:
-            write_atomically(options.out, text + "\n")
-        except ChmarlError as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 1
+        write_atomically(options.out, text + "\n")
+        shutil.rmtree(options.out.with_suffix(".unfinished"))
     return int(any(proof.error > TOLERANCE for proof in proofs))
 
 

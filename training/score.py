@@ -2,7 +2,6 @@
 
 import argparse
 import importlib
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -15,7 +14,6 @@ import torch
 import chmarl_pb
 import training
 from chmarl_pb.envs.provenance import file_hash, machine, source_hash, versions
-from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.policies import register_loader
 from chmarl_pb.evaluation.result import Report
@@ -23,6 +21,8 @@ from chmarl_pb.files import Lock, sealed, write_atomically
 from training.checkpoint import CheckpointError, load, reading
 from training.config import FROZEN
 from training.crowd import play_side_by_side
+from training.interrupts import run_command
+from training.threads import threads
 
 SCORES = "scores.json"
 STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
@@ -162,13 +162,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--splits", nargs="+", choices=SPLITS, default=SPLITS)
-    chosen = parser.parse_args(arguments)
-    torch.set_num_threads(1)  # these networks are too small for more
-    try:
-        score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
-    except (ChmarlError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    return run_command(partial(_main, parser.parse_args(arguments)))
+
+
+@threads(1)  # these networks are too small for more
+def _main(chosen: argparse.Namespace) -> int:
+    score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
     return 0
 
 

@@ -6,18 +6,18 @@ have one are skipped.
 
 import argparse
 import fnmatch
-import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from types import FrameType
 
 from chmarl_pb.errors import ChmarlError, OptionError
+from training.interrupts import run_command
 from training.tables.page import write_page
 from training.tables.rows import TABLES, Row
 from training.tables.runs import Run, python
-from training.tables.schedule import Schedule
+from training.tables.schedule import Schedule, end
 
 RESULTS, OUT, PAGE = Path("results"), Path("out/tables"), Path("docs/results.md")
 
@@ -34,17 +34,12 @@ def main(arguments: list[str] | None = None) -> int:
     if extra and chosen.results == RESULTS:
         parser.error("options after -- make other results: name another folder for them by --results")
     page = PAGE if chosen.results == RESULTS else chosen.results / PAGE.name
-    for name in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(name, _interrupt)
-    try:
-        failed = [] if chosen.show else _work(chosen, extra, page)
-        write_page(chosen.results, page)
-    except KeyboardInterrupt:
-        print("\ninterrupted: the same command goes on", file=sys.stderr)
-        return 130
-    except (ChmarlError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    return run_command(partial(_main, chosen, extra, page))
+
+
+def _main(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> int:
+    failed = [] if chosen.show else _work(chosen, extra, page)
+    write_page(chosen.results, page)
     print(page)
     return 1 if failed else 0
 
@@ -101,11 +96,20 @@ def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
         from training.encoders.frozen import weights_file
 
         if not weights_file(name).is_file():
-            if subprocess.run(python(["training.pretrain", "--network", name])).returncode != 0:
+            if _finished(python(["training.pretrain", "--network", name])) != 0:
                 raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
     cloned = [run.row for run in runs if run.row.clones and not _is_trained(run)]
     for observation, encoder in dict.fromkeys((row.observation, row.image_encoder) for row in cloned):
         _prepare_data(observation, encoder, data, workers)
+
+
+def _finished(command: list[str]) -> int:
+    """Run a command to its end, and return its exit code; an interrupt is passed on, and it may save what it has."""
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        return process.wait()
+    finally:
+        end(process)
 
 
 def _is_trained(run: Run) -> bool:
@@ -127,10 +131,6 @@ def _prepare_data(observation: str, image_encoder: str, data: Path, workers: int
         from training.features import kept_features
 
         kept_features(dataset, frozen_encoder(image_encoder))
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _parser() -> argparse.ArgumentParser:

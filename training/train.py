@@ -8,17 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.envs.rollout import make_policy
-from chmarl_pb.errors import ChmarlError
 from training.bc.clones import CloningConfig
 from training.benchmark import benchmark
 from training.config import CONFIGS, MappoConfig
 from training.encoders.frozen import ENCODERS
 from training.encoders.pictures import IMAGE_ENCODERS
 from training.flags import add_flags
+from training.interrupts import run_command
 from training.loop import BEST, train
 from training.mappo import check_start
 from training.validation import by_tasks
@@ -30,19 +28,15 @@ _SHARED = ("observation", "messages", "feedback", "centralized", "seed", "image_
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     options, settings = parse(sys.argv[1:] if arguments is None else arguments)
-    torch.set_num_threads(options.threads)
+    if options.centralized and options.algo != "bc":
+        print("error: --centralized is for --algo bc; all others act decentralized", file=sys.stderr)
+        return 2
+    return run_command(partial(_train, options, settings), ValueError)
+
+
+def _train(options: argparse.Namespace, settings: dict[str, Any]) -> int:
     folder = options.out or Path("out/train") / _name(options)
-    try:
-        if options.algo == "bc":
-            _clone(options, settings, folder)
-        elif options.centralized:
-            print("error: --centralized is for --algo bc; all others act decentralized", file=sys.stderr)
-            return 2
-        else:
-            _learn(options, settings, folder)
-    except (ChmarlError, ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    (_clone if options.algo == "bc" else _learn)(options, settings, folder)
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
     return 0
@@ -57,7 +51,7 @@ def _learn(options: argparse.Namespace, settings: dict[str, Any], folder: Path) 
     if isinstance(config, MappoConfig) and config.start:
         check_start(Path(config.start), setting)
     teacher = partial(make_policy, "search") if options.algo == "imitation" else None
-    train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher)
+    train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher, options.threads)
 
 
 def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
@@ -65,7 +59,7 @@ def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) 
 
     names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
     shared = {name: getattr(options, name) for name in names}
-    clone(CloningConfig(**shared, **settings), folder, options.data, quiet=False)
+    clone(CloningConfig(**shared, **settings), folder, options.data, quiet=False, threads=options.threads)
 
 
 def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]:

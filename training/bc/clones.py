@@ -14,6 +14,7 @@ from training.encoders import build_encoder
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.features import feature_space, with_features
 from training.keys import named
+from training.threads import threads
 
 KIND = "bc"  # of checkpoints
 
@@ -150,6 +151,7 @@ class ClonedPolicy:
         self._last = dict.fromkeys(AGENTS, NO_ACTION)
         self._rng = torch.Generator().manual_seed(seed or 0)
 
+    @threads(1)
     @torch.no_grad()
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""

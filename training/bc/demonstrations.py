@@ -65,11 +65,11 @@ class Demonstrations:
         last[:, 0] = NO_ACTION
         return Batch({key: part[rows] for key, part in self.observations.items()}, last, self.labels[rows], mask)
 
-    def batches(self, size: int, seed: Sequence[int] | None = None) -> Iterator[Batch]:
-        """Yield all episodes in batches, shuffled if there is a seed."""
+    def batches(self, size: int, seed: Sequence[int] | None = None, skip: int = 0) -> Iterator[Batch]:
+        """Yield all episodes in batches, shuffled if there is a seed, without some of the first batches."""
         count = len(self.lengths)
         order = np.arange(count) if seed is None else np.random.default_rng(seed).permutation(count)
-        for first in range(0, count, size):
+        for first in range(skip * size, count, size):
             yield self.batch(torch.from_numpy(order[first : first + size]))
 
 

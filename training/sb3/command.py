@@ -9,8 +9,8 @@ from contextlib import ExitStack
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -19,51 +19,64 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeIma
 
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
-from chmarl_pb.errors import ChmarlError
+from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from training.encoders import GRAPH_POOLS
 from training.encoders.frozen import ENCODERS, frozen_encoder
 from training.held import held
+from training.interrupts import Asked, Signals, run_command
 from training.sb3.bar import Bar
 from training.sb3.config import ALGORITHMS, PRESETS, Config
 from training.sb3.features import FeatureVecEnv
+from training.sb3.journal import Journal
 from training.sb3.policy import save_model
 from training.sb3.run import Milestones, Validation, make_logger
 from training.sb3.validation import SPLITS, make_validation, validation_tasks
 from training.sb3.wrappers import ScaledRewards, SelectedKeys
+from training.threads import threads as torch_threads
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
 _VALIDATION_ENVS = 2
 
 
-def run(config: Config, folder: Path, workers: int | None = None, quiet: bool = True) -> BaseAlgorithm:
+def run(
+    config: Config, folder: Path, workers: int | None = None, quiet: bool = True, threads: int = 1
+) -> BaseAlgorithm:
     """Train a model, or go on with an interrupted run from its last checkpoint; it ends with the same numbers.
+
+    The first signal that asks the run to end has it saved as it was when the present rollout began; a killed run loses
+    a minute at most.
 
     Args:
         config: everything that fixes the run.
         folder: for the best weights, checkpoints, log and result.
         workers: processes of the environments; see :func:`chmarl_pb.sb3_vec_env`.
         quiet: whether no progress is shown.
+        threads: of torch, while this runs; networks as small as these are fastest with one.
 
     Returns:
         The model with the last weights.
 
     Raises:
+        Interrupted: a signal asked the run to end.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     tasks = validation_tasks(config.tasks)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
+    signals = Signals()
     with ExitStack() as stack:
+        stack.enter_context(torch_threads(threads))
         stack.enter_context(held(folder))
         title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
         bar = stack.enter_context(Bar(title, config.steps, quiet))
-        made = chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options)
-        env = _wrapped(made, config, PRESETS[config.preset].reward_scale)
+        journal = Journal(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options))
+        env = _wrapped(journal, config, PRESETS[config.preset].reward_scale)
         stack.callback(env.close)
         validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
         stack.callback(validation_env.close)
-        validation = Validation(validation_env, len(tasks), config.sampled, folder, _Best(config, folder), bar.say)
-        return _learn(config, folder, env, validation, bar)
+        best = _Best(config, folder)
+        validation = Validation(validation_env, len(tasks), config.sampled, folder, best, bar.say, signals.check)
+        return _learn(config, folder, env, journal, validation, signals, bar)
 
 
 def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
@@ -77,20 +90,32 @@ def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
     return ScaledRewards(VecTransposeImage(env) if pictures else env, reward_scale)
 
 
-def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, bar: Bar) -> BaseAlgorithm:
+def _learn(
+    config: Config, folder: Path, env: VecEnv, journal: Journal, validation: Validation, signals: Signals, bar: Bar
+) -> BaseAlgorithm:
     algorithm, start = ALGORITHMS[config.algo], time.perf_counter()
     settings = config.settings(env.observation_space)
     model = algorithm.model(
         algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device="cpu", **settings
     )
-    milestones = Milestones(validation, folder / LAST, asdict(config), config.seed, config.interval)
+    own_log = 0 if config.algo == "dqn" else _log_interval(config)
+    milestones = Milestones(
+        validation, folder / LAST, asdict(config), config.seed, config.interval, journal, own_log, signals.check
+    )
     milestones.resume(model)
     first = model.num_timesteps
     model.set_logger(make_logger(folder, first))
-    if first < config.steps:
-        callbacks = [milestones, bar]
+    if not milestones.finished:
+        every: Any = None if own_log else _log_interval(config)
         bar.prepare()
-        model.learn(config.steps - first, callbacks, log_interval=_log_interval(config), reset_num_timesteps=False)
+        with signals:
+            try:
+                model.learn(config.steps - first, [milestones, bar], log_interval=every, reset_num_timesteps=False)
+            except (Asked, WorkerError) as error:
+                if isinstance(error, WorkerError) and signals.number is None:  # else the signal has ended the workers
+                    raise
+                milestones.save()
+                raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
     rows = validation.rows()
     best = max(rows, key=lambda row: row["plw"])
     result = {
@@ -102,9 +127,11 @@ def _learn(config: Config, folder: Path, env: VecEnv, validation: Validation, ba
 
 
 def _log_interval(config: Config) -> int:
-    """Return how often SB3 logs: on-policy in rollouts, DQN in episodes."""
-    settings = PRESETS[config.preset].settings[config.algo]
-    return 200 if config.algo == "dqn" else max(2_048 // (config.envs * settings["n_steps"]), 1)
+    """Return how often a row is logged: on-policy in steps, DQN in episodes."""
+    if config.algo == "dqn":
+        return 200
+    rollout = config.envs * int(PRESETS[config.preset].settings[config.algo]["n_steps"])
+    return max(2_048 // rollout, 1) * rollout
 
 
 class _Best(BaseCallback):
@@ -121,15 +148,14 @@ class _Best(BaseCallback):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    torch.set_num_threads(1)  # these networks are too small for more
-    try:
-        config, folder, workers = parse(sys.argv[1:] if arguments is None else arguments)
-        if config.observation == "visual" and config.image_encoder in ENCODERS and not config.keys:
-            config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
-        run(config, folder, workers, quiet=False)
-    except (ChmarlError, ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    return run_command(partial(_main, sys.argv[1:] if arguments is None else arguments), ValueError)
+
+
+def _main(arguments: Sequence[str]) -> int:
+    config, folder, workers = parse(arguments)
+    if config.observation == "visual" and config.image_encoder in ENCODERS and not config.keys:
+        config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
+    run(config, folder, workers, quiet=False)
     best = json.loads((folder / RESULT).read_text())["best"]
     print(
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"

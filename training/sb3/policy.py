@@ -29,6 +29,7 @@ from training.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from training.sb3.features import encoded
 from training.seal import seal
 from training.spaces import stack
+from training.threads import threads
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
 
@@ -75,7 +76,6 @@ class Sb3Policies:
             raise CheckpointError(
                 f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
             )
-        torch.set_num_threads(1)  # one observation at a time: more threads only wait for each other
         network = _network(config, env)
         fill(network, weights, self.path)
         network.set_training_mode(False)
@@ -181,6 +181,7 @@ class Sb3Crowd:
             layers, _, units = self._network.lstm_hidden_state_shape
             self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]
 
+    @threads(1)
     @torch.no_grad()
     def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""

@@ -1,5 +1,6 @@
 """A run of Stable-Baselines3 that can be killed at any moment: validation, checkpoints and log between rollouts."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,14 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
+from training import interrupts
 from training.checkpoint import CheckpointError, load, reading, save
 from training.logbook import BOARD, METRICS, read_rows
 from training.sb3.config import BEFORE_PRESETS
+from training.sb3.journal import Journal, buffer_content, counters, fill_buffer, go_back, moment
 
 KIND = "sb3"
 _HISTORY = ("evaluations_timesteps", "evaluations_results", "evaluations_length", "evaluations_successes")
-#: Of SB3's algorithms, where they have them: all that weights and the replay buffer do not hold.
-_COUNTERS = ("num_timesteps", "exploration_rate", "_n_updates", "_n_calls", "_episode_num")
 
 
 class Validation(EvalCallback):
@@ -34,13 +35,28 @@ class Validation(EvalCallback):
         folder: Path,
         on_best: BaseCallback,
         say: Callable[[str], None] = lambda text: None,
+        check: Callable[[], None] = lambda: None,
     ):
-        """Validate in environments of :func:`training.sb3.validation.make_validation`; say what came of it."""
+        """Validate in environments of :func:`training.sb3.validation.make_validation`.
+
+        Args:
+            env: the environments.
+            tasks: number of tasks.
+            sampled: whether actions are drawn.
+            folder: of the run.
+            on_best: called when the weights are the best so far.
+            say: tells what came of a validation.
+            check: called before each step; an error ends the validation.
+        """
         super().__init__(
             env, on_best, n_eval_episodes=tasks, eval_freq=1, log_path=str(folder), deterministic=not sampled,
             verbose=0, warn=False,
         )  # fmt: skip
-        self._say = say
+        self._say, self._check = say, check
+
+    def _log_success_callback(self, locals_: dict[str, Any], globals_: dict[str, Any]) -> None:
+        self._check()
+        super()._log_success_callback(locals_, globals_)
 
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
@@ -71,10 +87,21 @@ class Milestones(BaseCallback):
     """Validates, saves, and begins all random streams and episodes anew, every so many steps and at the end.
 
     What follows depends on the checkpoint, the seed and the number of steps only, so that an interrupted run ends with
-    the same numbers. SB3 saves neither its random streams nor the episodes that are being played.
+    the same numbers. Between two milestones a checkpoint also holds where the random streams are, and the actions since
+    the last milestone: played again, they bring the environments back to where they were, bit by bit.
     """
 
-    def __init__(self, validation: Validation, path: Path, settings: dict[str, Any], seed: int, interval: int):
+    def __init__(
+        self,
+        validation: Validation,
+        path: Path,
+        settings: dict[str, Any],
+        seed: int,
+        interval: int,
+        journal: Journal,
+        log_interval: int,
+        check: Callable[[], None],
+    ):
         """Remember what to do.
 
         Args:
@@ -83,11 +110,20 @@ class Milestones(BaseCallback):
             settings: of the run.
             seed: of all random streams.
             interval: steps between two milestones.
+            journal: the innermost environments, with their actions since the last milestone.
+            log_interval: steps between two rows of the log; 0: the algorithm writes them itself.
+            check: called where the run can end; see :class:`training.interrupts.Signals`.
         """
         super().__init__()
         self.validation, self.path, self.settings = validation, path, settings
         self.seed, self.interval = seed, interval
+        self.finished = False
+        self._journal, self._log_interval, self._check = journal, log_interval, check
         self._begun: int | None = None
+        self._logged, self._saved = 0, time.monotonic()
+        self._moment: dict[str, Any] = {}
+        self._played = 0  # actions of the journal that led to the moment
+        self._kept_log: list[Any] = []
 
     def resume(self, model: BaseAlgorithm) -> None:
         """Go on from the checkpoint, if there is one; no code of the file is run.
@@ -107,36 +143,65 @@ class Milestones(BaseCallback):
                 f"{self.path}: its settings {settings} differ from {self.settings}; use another folder"
             )
         model.set_parameters(content["parameters"])
-        for name, value in content["counters"].items():
+        kept = content.get("moment")
+        for name, value in (kept or content)["counters"].items():
             setattr(model, name, value)
-        _fill(getattr(model, "replay_buffer", None), content["replay"])
+        fill_buffer(getattr(model, "replay_buffer", None), content["replay"])
         self.validation.best_mean_reward = content["best"]
         for name, value in content["history"].items():
             setattr(self.validation, name, value)
+        self._logged = model.num_timesteps
+        self.finished = kept is None and model.num_timesteps >= self.settings["steps"]
+        if kept is not None:
+            self._begin(model, content["begun"])
+            self._journal.play_again(model, content["played"].numpy())
+            go_back(model, kept)
+            self._kept_log = kept["log"]
 
     def _init_callback(self) -> None:
         self.validation.init_callback(self.model)
 
+    def _on_training_start(self) -> None:
+        logger = self.model.logger
+        for name, value, count in self._kept_log:
+            logger.name_to_value[name], logger.name_to_count[name], logger.name_to_excluded[name] = value, count, ()
+
     def _on_rollout_start(self) -> None:
         steps = self.model.num_timesteps
         if self._begun is None:
-            self._begin(steps)
-        elif steps // self.interval > self._begun // self.interval:
+            self._begin(self.model, steps)
+        self._note()
+        if steps // self.interval > (self._begun or 0) // self.interval:
             self._pause()
-            self._begin(steps)
+            self._begin(self.model, steps)
+            self._note()
+        elif time.monotonic() > self._saved + interrupts.EVERY:
+            self.save()
 
     def _on_step(self) -> bool:
+        self._check()
         return True
 
     def _on_training_end(self) -> None:
+        self._note()
         self._pause()
 
-    def _begin(self, steps: int) -> None:
+    def _note(self) -> None:
+        """Log if it is due, as SB3 would count from the last interruption, and note where the run is."""
+        steps = self.model.num_timesteps
+        if self._log_interval and steps // self._log_interval > self._logged // self._log_interval:
+            self._logged = steps
+            self.model.dump_logs()
+        self._moment, self._played = moment(self.model), len(self._journal.actions)
+
+    def _begin(self, model: BaseAlgorithm, steps: int) -> None:
         """Begin all random streams and episodes anew."""
-        model, self._begun = self.model, steps
-        env = self.training_env
+        self._begun = steps
+        env = model.get_env()
+        assert env is not None
         model.set_random_seed(int(np.random.SeedSequence([self.seed, steps]).generate_state(1)[0]) // 2)
-        model._last_obs = env.reset()  # type: ignore[assignment]  # SB3 has no public way to do this between two rollouts
+        # SB3 has no public way to do this between two rollouts.
+        model._last_obs = env.reset()  # type: ignore[assignment]
         model._last_episode_starts = np.ones(env.num_envs, dtype=bool)
         for buffer in (model.ep_info_buffer, model.ep_success_buffer):
             if buffer is not None:
@@ -144,17 +209,33 @@ class Milestones(BaseCallback):
 
     def _pause(self) -> None:
         """Validate and save."""
+        self.save()  # validation takes its time
         self.validation.on_step()
-        model, finished = self.model, self.model.num_timesteps >= self.model._total_timesteps
+        self.finished = self.model.num_timesteps >= self.model._total_timesteps
+        self._write({"counters": counters(self.model)})
+
+    def save(self) -> None:
+        """Write where the run was when the present rollout began."""
+        if self._moment:
+            played = torch.from_numpy(np.array(self._journal.actions[: self._played], dtype=np.int64))
+            self._write({"moment": self._moment, "begun": self._begun, "played": played})
+
+    @property
+    def saved_steps(self) -> int:
+        """Steps up to the moment that ``save`` writes."""
+        return int(self._moment["counters"]["num_timesteps"]) if self._moment else 0
+
+    def _write(self, where: dict[str, Any]) -> None:
+        model = self.model
         content = {
             "settings": self.settings,
             "parameters": model.get_parameters(),
-            "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
-            "replay": {} if finished else _content(getattr(model, "replay_buffer", None)),
+            "replay": {} if self.finished else buffer_content(getattr(model, "replay_buffer", None)),
             "best": float(self.validation.best_mean_reward),
             "history": self.validation.history(),
         }
-        save(self.path, KIND, content)
+        save(self.path, KIND, content | where)
+        self._saved = time.monotonic()
 
 
 class Log(KVWriter):
@@ -204,30 +285,3 @@ class Events(KVWriter):
 def make_logger(folder: Path, steps: int) -> Logger:
     """Return a logger to ``metrics.jsonl``, and to TensorBoard if it is installed."""
     return Logger(str(folder), [Log(folder, steps), Events(folder)])
-
-
-def _content(buffer: Any) -> dict[str, Any]:
-    """Return what is in a replay buffer, as tensors; {} if there is no buffer."""
-    if buffer is None:
-        return {}
-    end = buffer.buffer_size if buffer.full else buffer.pos
-    cut = {name: _cut(value, end) for name, value in vars(buffer).items() if _cut(value, end) is not None}
-    return {"pos": buffer.pos, "full": buffer.full, "arrays": cut}
-
-
-def _cut(value: Any, end: int) -> Any:
-    if isinstance(value, np.ndarray):
-        return torch.from_numpy(value[:end])
-    if isinstance(value, dict) and value and all(isinstance(part, np.ndarray) for part in value.values()):
-        return {key: torch.from_numpy(part[:end]) for key, part in value.items()}
-    return None
-
-
-def _fill(buffer: Any, content: dict[str, Any]) -> None:
-    if buffer is None or not content:
-        return
-    buffer.pos, buffer.full = content["pos"], content["full"]
-    for name, kept in content["arrays"].items():
-        own = getattr(buffer, name)
-        for target, source in [(own[key], kept[key]) for key in kept] if isinstance(kept, dict) else [(own, kept)]:
-            target[: len(source)] = source.numpy()

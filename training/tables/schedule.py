@@ -1,10 +1,10 @@
 """Work through runs, some side by side, each step in a process of its own; interrupted, nothing finished is lost."""
 
-import signal
 import subprocess
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from os import environ
 from statistics import fmean
@@ -168,17 +168,13 @@ class Schedule:
 
     def _stop(self) -> None:
         """Interrupt what is still at work; all of it goes on when the same runs are worked through again."""
-        for worker in self._workers:
-            worker.process.send_signal(signal.SIGINT)
-        for worker in self._workers:
-            try:
-                worker.process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                worker.process.kill()
-                worker.process.wait()
-            _note(worker)
-            worker.lock.close()
-        self._workers.clear()
+        try:
+            end(*(worker.process for worker in self._workers))
+        finally:
+            for worker in self._workers:
+                _note(worker)
+                worker.lock.close()
+            self._workers.clear()
 
     def _show(self, line: TaskID) -> None:
         for worker in self._workers:
@@ -202,6 +198,21 @@ class Schedule:
         waiting = sum(means.get(_kind(run), other) for run in self.waiting)
         working = [max(means.get(_kind(one.run), other) - _spent(one.run), 0.0) for one in self._workers]
         return max((waiting + sum(working)) / self.jobs, *working, 0.0) if working else waiting / self.jobs
+
+
+def end(*processes: subprocess.Popen) -> None:
+    """Ask processes that are not over to end, and give them time to save what they have."""
+    deadline = time.monotonic() + GRACE
+    try:
+        for process in processes:
+            process.terminate()  # jobs in the background of a shell may ignore SIGINT
+        for process in processes:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(max(deadline - time.monotonic(), 0))
+    finally:  # at once, if this is interrupted, too
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 def _kind(run: Run) -> tuple[str, ...]:
