@@ -1,5 +1,6 @@
 """Layout files, walls, and the URDFs that the assembler builds from them."""
 
+import os
 import re
 from itertools import combinations, product
 from pathlib import Path
@@ -211,6 +212,25 @@ def test_a_bad_layout_is_refused_with_its_place(case, tmp_path):
 def test_a_missing_layout_is_refused(tmp_path):
     with pytest.raises(HomeError, match=r"nowhere\.toml"):
         load_layout(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda path: (path.unlink(), os.mkfifo(path)),
+        lambda path: os.truncate(path, 50 * 2**30),
+        lambda path: path.write_text(f"name = {'[' * 100_000}"),
+        lambda path: path.write_text(GOOD + 'door = "' + "x" * 10**6 + '"'),
+        lambda path: path.write_text(GOOD.replace("width = 1.0", "width = 1" + "0" * 400)),
+    ],
+    ids=["pipe", "50 GB", "lists in lists", "long value", "large number"],
+)
+def test_a_layout_from_strangers_is_refused_in_few_words(spoil, tmp_path):
+    path = write(tmp_path, GOOD)
+    spoil(path)
+    with pytest.raises(HomeError, match=re.escape(str(path))) as caught:
+        load_layout(path)
+    assert len(str(caught.value)) < 1000
 
 
 @pytest.mark.parametrize("home", HOMES)

@@ -141,9 +141,14 @@ def test_document_types_are_refused(write_home: Write, declaration: str) -> None
             '<child link="livingroom/door_1"/></joint>',
             ["livingroom/door_1", "no name"],
         ),
+        (
+            '<link name="a"/><link name="b"/><joint name="hinge" type="fixed"><parent link="world"/><child link="a"/>'
+            '</joint><joint name="hinge" type="fixed"><parent link="world"/><child link="b"/></joint>',
+            ["'hinge'", "twice", "'a'", "'b'", "its own name"],
+        ),
     ],
     ids=["duplicate link", "nameless link", "missing parent", "no child", "moving joint", "typeless joint",
-         "second parent", "island", "cycle", "own parent", "nameless joint"],
+         "second parent", "island", "cycle", "own parent", "nameless joint", "duplicate joint"],
 )  # fmt: skip
 def test_links_and_joints(write_home: Write, extra: str, words: list[str]) -> None:
     refused(write_home(home_text(extra=extra)), *words)
@@ -180,6 +185,30 @@ def test_bad_pose(write_home: Write, origin: str) -> None:
 def test_bad_joint_pose(write_home: Write, origin: str) -> None:
     extra = collision('<box size="1 1 1"/>').replace("</joint>", f'<origin xyz="{origin}"/></joint>')
     refused(write_home(home_text(extra=extra)), "livingroom/box_1|to_box")
+
+
+@pytest.mark.parametrize(
+    ("boxes", "words"),
+    [
+        ({"livingroom/floor_1": ((30, 30, 0.1), (0, 0, -0.05))}, ["900 m2", "400 m2"]),
+        ({"livingroom/floor_1": ((70, 1, 0.1), (0, 0, -0.05))}, ["70 m", "60 m"]),
+        ({**SMALL_HOME, "livingroom/desk_2": ((11, 11, 0.8), (0, 0, 0.4))}, ["livingroom/desk_2", "100 m2"]),
+        ({**SMALL_HOME, "livingroom/lamp_1": ((1, 1, 1), (2000, 0, 0.5))}, ["livingroom/lamp_1", "1,000 m"]),
+        ({f"livingroom/wall_{n}": ((1, 1, 1), (0, 0, 1)) for n in range(601)}, ["601 <visual>|601 <collision>"]),
+    ],
+    ids=["area", "width", "tops", "far away", "collisions"],
+)
+def test_homes_have_limits(write_home: Write, boxes: dict, words: list[str]) -> None:
+    path = write_home(home_text(boxes))
+    with pytest.raises(HomeError) as caught:
+        space_of(load_home(path)).surfaces  # noqa: B018
+    for word in words:
+        assert re.search(word, str(caught.value))
+
+
+@pytest.mark.parametrize("rgba", ["1 0 0", "nan 0 0 1", "255 0 0 1", "-1 0 0 1"])
+def test_bad_colour(write_home: Write, rgba: str) -> None:
+    refused(write_home(home_text(extra=f'<material name="m"><color rgba="{rgba}"/></material>')), "'m'", "rgba")
 
 
 @pytest.mark.parametrize("size", ["nan 1 1", "1 1", "a b c"])

@@ -37,8 +37,8 @@ class Stage(Uncopied):
         for problem in limits(self.home):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
-        # Derive the lattice first: a home that robots cannot move in is refused before physics loads it.
-        self.rooms = tuple(self.space.lattice.anchors)
+        # Derive lattice and surfaces first: a home that robots cannot move in is refused before physics loads it.
+        self.rooms, _ = tuple(self.space.lattice.anchors), self.space.surfaces
         self.room_names = tuple(self.home.rooms)
         # Where each room of the home stands in ``rooms``; after the last if it is none of them.
         self.room_numbers = [

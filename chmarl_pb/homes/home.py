@@ -11,10 +11,13 @@ from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.solids import Points, Solid, inside
+from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
 
 #: Metres that a home may measure from one end of its floors to the other: its lattice must fit into memory.
 WIDEST = 60
+#: Square metres of all floors, for the same reason; the benchmark's homes have 71 to 105.
+LARGEST = 400
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
 
@@ -84,6 +87,9 @@ class Home:
         rooms: name -> room, in the order of the file.
         things: furniture and scenery, in the order of the file: the static nodes of scene graphs.
         structure: floors and walls.
+        links: all of them with their shapes, as physics and cameras need them.
+        files: the URDF and all that it names, as they were read.
+        content: the sha256 of those files.
     """
 
     name: str
@@ -91,6 +97,9 @@ class Home:
     rooms: dict[str, Room]
     things: tuple[Thing, ...]
     structure: tuple[Thing, ...]
+    links: tuple[Link, ...]
+    files: tuple[Path, ...]
+    content: str
 
     @property
     def goto_rooms(self) -> tuple[str, ...]:
@@ -133,12 +142,14 @@ def home_path(name_or_path: str | Path) -> Path:
     Raises:
         HomeError: there is neither a home of this name nor such a file.
     """
-    packaged = SCENES_DIR / f"{name_or_path}.urdf"
-    path = packaged if packaged.is_file() else Path(name_or_path)
-    if not path.is_file():
-        known = ", ".join(home_names())
-        raise HomeError(f"{name_or_path}: no such home; give a path to a home's URDF or one of: {known}")
-    return path.resolve()
+    packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(name_or_path)
+    try:
+        found = next((file for file in (packaged, path) if file.exists() and not file.is_dir()), None)
+        if found is not None:
+            return found.resolve()
+    except (OSError, RuntimeError):  # too long a name, a loop of links
+        pass
+    raise HomeError(f"{name_or_path}: no such home; give a path to a home's URDF or one of: {', '.join(home_names())}")
 
 
 def load_home(name_or_path: str | Path) -> Home:
@@ -154,11 +165,13 @@ def load_home(name_or_path: str | Path) -> Home:
 
 @lru_cache(maxsize=32)
 def _read_home(path: Path, _modified: int) -> Home:
-    things = [_thing(path, link) for link in read_links(path) if link.solids or link.has_visual]
+    source = Source(path)
+    links = tuple(link for link in read_links(source) if link.visuals or link.collisions)
+    things = [_thing(path, link) for link in links]
     rooms = _rooms(path, things)
     structure = tuple(thing for thing in things if thing.class_name in catalog.STRUCTURE)
     furniture = tuple(thing for thing in things if thing.class_name not in catalog.STRUCTURE)
-    return Home(path.stem, path, rooms, furniture, structure)
+    return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content)
 
 
 def _thing(path: Path, link: Link) -> Thing:
@@ -190,6 +203,9 @@ def _rooms(path: Path, things: list[Thing]) -> dict[str, Room]:
     width = float(np.ptp(np.concatenate([polygon for room in rooms.values() for polygon in room.floors]), axis=0).max())
     if width > WIDEST:
         raise HomeError(f"{path}: {width:,.0f} m wide, at most {WIDEST} m can be played; a URDF's unit is the metre")
+    area = sum(room.area for room in rooms.values())
+    if area > LARGEST:
+        raise HomeError(f"{path}: {area:,.0f} m2 of floor, at most {LARGEST} m2 can be played; make it smaller")
     return rooms
 
 

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.solids import Points, Solid, segments_hit
+from chmarl_pb.homes.solids import Points, Solid, apart, inside, segments_hit
 
 SPACING = 0.25  # metres between neighbouring positions of the humanoid
 HEADINGS = 12  # of 30 degrees each; heading 0 looks along +x, 3 along +y
@@ -36,6 +36,7 @@ FORWARD_CELLS = np.array(
     ],
     dtype=int,
 )
+_OBSTACLES_AT_ONCE, _CORNERS_AT_ONCE = 64, 2**20  # tested together, so that memory is bounded in any home
 _DRIVE_CELLS = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j])
 #: The drone's moves forward, backward, left, right in cells of its lattice.
 DRONE_CELLS = np.array([(0, 2), (0, -2), (-2, 0), (2, 0)])
@@ -185,8 +186,12 @@ def _cells_on_floors(home: Home, spacing: float) -> tuple[NDArray[np.int64], NDA
     ]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2).astype(int)
     rooms = np.full(len(cells), -1, dtype=np.int32)
+    points = cells * spacing
     for number, room in enumerate(home.rooms.values()):
-        rooms[(rooms < 0) & room.contains(cells * spacing)] = number
+        for floor in room.floors:
+            near = (points > floor.min(axis=0) - 1e-6).all(axis=1) & (points < floor.max(axis=0) + 1e-6).all(axis=1)
+            there = np.flatnonzero((rooms < 0) & near)
+            rooms[there[inside(floor, points[there])]] = number
     return cells[rooms >= 0], rooms[rooms >= 0]
 
 
@@ -214,17 +219,28 @@ def _links(
 
 def _blocked(obstacles: list[Solid], starts: Points, ends: Points) -> NDArray[np.bool_]:
     """Return which straight drives of the humanoid's footprint touch an obstacle."""
-    low, high = np.minimum(starts, ends) - FOOTPRINT_RADIUS, np.maximum(starts, ends) + FOOTPRINT_RADIUS
     blocked = np.zeros(len(starts), dtype=bool)
     for corners in sorted({len(solid.polygon) for solid in obstacles}):
         outlines = np.stack([solid.polygon for solid in obstacles if len(solid.polygon) == corners], axis=1)
-        (x0, y0), (x1, y1) = outlines.min(axis=0).T, outlines.max(axis=0).T
-        near = (low[:, :1] < x1) & (low[:, 1:] < y1) & (high[:, :1] > x0) & (high[:, 1:] > y0)
-        drives, solids = np.nonzero(near)
-        # A hair less than the radius: a doorway of exactly the footprint's width is passable.
-        hit = segments_hit(outlines[:, solids], starts[drives], ends[drives], FOOTPRINT_RADIUS - 1e-6)
-        blocked[drives[hit]] = True
+        for first in range(0, outlines.shape[1], _OBSTACLES_AT_ONCE):
+            some, left = outlines[:, first : first + _OBSTACLES_AT_ONCE], np.flatnonzero(~blocked)
+            drives, solids = _near(some, starts[left], ends[left])
+            step = _CORNERS_AT_ONCE // corners + 1
+            for part in (slice(at, at + step) for at in range(0, len(drives), step)):
+                there, outline = left[drives[part]], some[:, solids[part]]
+                close = ~apart(outline, starts[there], ends[there], FOOTPRINT_RADIUS)
+                there, outline = there[close], outline[:, close]
+                # A hair less than the radius: a doorway of exactly the footprint's width is passable.
+                hit = segments_hit(outline, starts[there], ends[there], FOOTPRINT_RADIUS - 1e-6)
+                blocked[there[hit]] = True
     return blocked
+
+
+def _near(outlines: Points, starts: Points, ends: Points) -> tuple[NDArray[np.intp], ...]:
+    """Return the numbers of drives and of outlines (k, n, 2) whose bounding boxes meet."""
+    low, high = np.minimum(starts, ends) - FOOTPRINT_RADIUS, np.maximum(starts, ends) + FOOTPRINT_RADIUS
+    (x0, y0), (x1, y1) = outlines.min(axis=0).T, outlines.max(axis=0).T
+    return np.nonzero((low[:, :1] < x1) & (low[:, 1:] < y1) & (high[:, :1] > x0) & (high[:, 1:] > y0))
 
 
 def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> csr_array:

@@ -11,7 +11,8 @@ from typing import Any, TypeGuard, cast
 from chmarl_pb.catalog import ROOMS, room_kind
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.furniture import Model, load_model
-from chmarl_pb.homes.walls import Gap, Rect, boundary, gap_in
+from chmarl_pb.homes.source import read_regular
+from chmarl_pb.homes.walls import Gap, Rect, Wall, boundary, gap_in
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -28,6 +29,10 @@ SIDES = {"north": 270.0, "west": 0.0, "south": 90.0, "east": 180.0}
 """Yaw in degrees of furniture that stands with its back against a room's side."""
 
 _TOLERANCE = 0.01
+_LARGEST = 1e6  # of any number
+_MOST_BYTES = 2**20
+_MOST_RECTS, _MOST_DOORS, _MOST_FURNITURE = 64, 64, 1000
+_LONGEST_PROBLEM = 500  # characters
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,8 @@ class _Table:
         self.values = values
 
     def error(self, problem: str) -> HomeError:
-        return HomeError(f"{self.place}: {problem}")
+        cut = "..." if len(problem) > _LONGEST_PROBLEM else ""
+        return HomeError(f"{self.place}: {problem[:_LONGEST_PROBLEM]}{cut}")
 
     def allow(self, keys: str) -> None:
         """Refuse keys that are not in a list of words."""
@@ -133,16 +139,18 @@ class _Table:
         red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (1, 3, 5))
         return red, green, blue
 
-    def tables(self, key: str) -> list["_Table"]:
+    def tables(self, key: str, most: int) -> list["_Table"]:
         rows = self.values.get(key, [])
         if not isinstance(rows, list):
             raise self.error(f"{key!r} must be an array of tables, got {rows!r}")
+        if len(rows) > most:
+            raise self.error(f"{len(rows):,} tables {key!r}, at most {most:,} are read; remove some")
         places = [f"{self.place}: {key} {number}" for number in range(1, len(rows) + 1)]
         return [_Table(row, place, self.palette) for row, place in zip(rows, places, strict=True)]
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _LARGEST  # not NaN
 
 
 def load_layout(path: str | Path) -> Layout:
@@ -152,21 +160,22 @@ def load_layout(path: str | Path) -> Layout:
         HomeError: the file cannot be read, or a table or value in it cannot be used; the message names it.
     """
     try:
-        values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        values = tomllib.loads(read_regular(Path(path), _MOST_BYTES).decode("utf-8"))
+    except (ValueError, RecursionError) as problem:  # not a file of such a size, not UTF-8, not TOML, tables in tables
         raise HomeError(f"{path}: cannot be read as TOML: {problem}") from problem
     top = _Table(values, str(path), _Table(values.get("palette", {}), f"{path}: palette").values)
     top.allow("name wall_height wall_thickness palette room door furniture")
     thickness = top.number("wall_thickness", 0.1, low=0.02)
     rooms = _read_rooms(top)
-    doors = tuple(_read_door(table, rooms) for table in top.tables("door"))
-    furniture = tuple(_read_furniture(table, rooms, thickness) for table in top.tables("furniture"))
+    walls = boundary({room.name: room.rects for room in rooms})
+    doors = tuple(_read_door(table, rooms, walls) for table in top.tables("door", _MOST_DOORS))
+    furniture = tuple(_read_furniture(table, rooms, thickness) for table in top.tables("furniture", _MOST_FURNITURE))
     return Layout(top.text("name"), top.number("wall_height", 2.5, low=1.0), thickness, rooms, doors, furniture)
 
 
 def _read_rooms(top: _Table) -> tuple[Room, ...]:
     rooms: list[Room] = []
-    for table in top.tables("room"):
+    for table in top.tables("room", _MOST_RECTS):
         room = _read_room(table)
         for other in rooms:
             if other.name == room.name:
@@ -174,6 +183,8 @@ def _read_rooms(top: _Table) -> tuple[Room, ...]:
             if any(_overlap(one, two) for one in room.rects for two in other.rects):
                 raise table.error(f"{room.name!r} overlaps {other.name!r}; move or shrink a rect")
         rooms.append(room)
+    if sum(len(room.rects) for room in rooms) > _MOST_RECTS:
+        raise top.error(f"the rooms have more than {_MOST_RECTS} rectangles; join some")
     if not rooms:
         raise top.error("no rooms; add at least one room = [{name = ..., rect = ...}]")
     return tuple(rooms)
@@ -187,8 +198,8 @@ def _read_room(table: _Table) -> Room:
     if ("rect" in table.values) == ("rects" in table.values):
         raise table.error(f"{name!r} needs either 'rect' or 'rects'")
     rows = table.values["rects"] if "rects" in table.values else [table.values["rect"]]
-    if not isinstance(rows, list) or not rows:
-        raise table.error(f"'rects' must be a list of rectangles, got {rows!r}")
+    if not isinstance(rows, list) or not 0 < len(rows) <= _MOST_RECTS:
+        raise table.error(f"'rects' must be a list of 1 to {_MOST_RECTS} rectangles, got {rows!r}")
     rects = tuple(_read_rect(_Table({"rect": row}, table.place)) for row in rows)
     if any(_overlap(one, two) for i, one in enumerate(rects) for two in rects[:i]):
         raise table.error(f"two rectangles of {name!r} overlap; let them touch")
@@ -208,7 +219,7 @@ def _overlap(one: Rect, two: Rect) -> bool:
     return one[0] < two[2] and two[0] < one[2] and one[1] < two[3] and two[1] < one[3]
 
 
-def _read_door(table: _Table, rooms: Sequence[Room]) -> Door:
+def _read_door(table: _Table, rooms: Sequence[Room], walls: Sequence[Wall]) -> Door:
     table.allow("between position width")
     between = table.values.get("between")
     names = [room.name for room in rooms]
@@ -216,7 +227,6 @@ def _read_door(table: _Table, rooms: Sequence[Room]) -> Door:
         raise table.error(f"'between' must name two rooms of {', '.join(names)}, got {between!r}")
     x, y = table.numbers("position", 2)
     door = Door((between[0], between[1]), (x, y), table.number("width", 1.0, low=1.0))
-    walls = boundary({room.name: room.rects for room in rooms})
     if not any(gap_in(wall, door.between, door.position, door.width) for wall in walls):
         raise table.error(f"[{x}, {y}] with width {door.width} is not on a wall that {' and '.join(between)} share")
     return door

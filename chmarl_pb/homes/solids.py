@@ -14,6 +14,8 @@ from scipy.spatial import ConvexHull
 
 Points = NDArray[np.floating]
 
+MOST_CORNERS = 256  # of a convex piece: what is derived from a home goes through all corners of all pieces
+
 _FLAT = 0.999  # a face whose normal has this z-component or more counts as level (2.6 degrees)
 
 
@@ -63,9 +65,12 @@ def solid_from_vertices(vertices: Points) -> Solid:
         hull = ConvexHull(vertices)
     except Exception as error:  # scipy raises its own QhullError, which is not exported everywhere
         raise ValueError("its collision geometry spans no volume") from error
+    if len(hull.vertices) > MOST_CORNERS:
+        raise ValueError(f"its hull has {len(hull.vertices):,} corners, at most {MOST_CORNERS} are read; simplify it")
     outline = vertices[:, :2]
     polygon = outline[ConvexHull(outline).vertices]
-    planes = np.unique(np.round(hull.equations, 9), axis=0)
+    rows = np.round(hull.equations, 9) + 0.0  # without negative zeros
+    planes = np.array(sorted(set(map(tuple, rows.tolist()))))  # np.unique is many times as slow on so few rows
     return Solid(polygon, float(vertices[:, 2].min()), float(vertices[:, 2].max()), planes)
 
 
@@ -126,6 +131,17 @@ def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -
     following = np.roll(corners, -1, axis=0)
     near = (_segment_distance(corners, following, starts, ends) < radius).any(axis=0)
     return near | _left_of_all(corners, following, starts) | _left_of_all(corners, following, ends)
+
+
+def apart(polygon: Points, starts: Points, ends: Points, distance: float) -> NDArray[np.bool_]:
+    """Return which segments (n, 2) lie beyond an edge of their outline (k, n, 2) and surely farther than a distance."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    least = (distance + 1e-9) * np.hypot(edges[..., 0], edges[..., 1])
+    beyond = np.ones(edges.shape[:2], dtype=bool)
+    for ends_of_segments in (starts, ends):
+        away = ends_of_segments - polygon
+        beyond &= edges[..., 1] * away[..., 0] - edges[..., 0] * away[..., 1] > least
+    return np.asarray(beyond.any(axis=0))
 
 
 def _left_of_all(a: Points, b: Points, points: Points) -> NDArray[np.bool_]:

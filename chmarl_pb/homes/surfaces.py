@@ -4,17 +4,21 @@ A surface is derived from collision geometry: every level top of a receptacle's 
 other solids of the home cover, with the free height above each cell.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, binary_opening
 
+from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, Thing
 from chmarl_pb.homes.reach import REACH
 from chmarl_pb.homes.solids import Points, Solid, inside
 
 CELL = 0.05  # metres
+#: Cells of all surfaces of a home: 100 m2 of tops. The benchmark's homes have up to 6,600.
+MOST_CELLS = 40_000
 _HEADROOM = 0.12  # metres: less free height than this is no surface
 _TALLEST = 1.0  # metres: free heights are counted up to here
 _SAME_LEVEL = 0.004  # metres between tops that make one surface
@@ -54,19 +58,35 @@ class Surface:
 
 
 def find_surfaces(home: Home) -> tuple[Surface, ...]:
-    """Return every surface of the home's receptacles within the humanoid's reach in height."""
-    surfaces = []
+    """Return every surface of the home's receptacles within the humanoid's reach in height.
+
+    Raises:
+        HomeError: they are larger than a home can have.
+    """
+    surfaces, cells = [], 0
     lows = np.array([[*solid.low, solid.bottom] for solid in home.solids])
     highs = np.array([[*solid.high, solid.top] for solid in home.solids])
+    for thing, height, tops in _tops(home):
+        yaw, ticks = _grid(thing, tops)
+        cells += ticks[0].size * ticks[1].size
+        if cells > MOST_CELLS:
+            raise HomeError(
+                f"{home.path}: link {thing.name!r}: the tops of all receptacles have more than "
+                f"{MOST_CELLS * CELL**2:.0f} m2; make them smaller"
+            )
+        surface = _surface(home, thing, height, tops, yaw, ticks, lows, highs)
+        if (surface.free > 0).any():
+            surfaces.append(surface)
+    return tuple(surfaces)
+
+
+def _tops(home: Home) -> Iterator[tuple[Thing, float, list[Solid]]]:
+    """Yield each receptacle with each height of its level tops within reach, and the solids that have it."""
     for thing in home.receptacles.values():
         level = [solid for solid in thing.solids if solid.has_level_top]
         for height in _levels(level):
             if REACH.height[0] <= height <= REACH.height[1]:
-                tops = [solid for solid in level if abs(solid.top - height) <= _SAME_LEVEL]
-                surface = _surface(home, thing, height, tops, lows, highs)
-                if (surface.free > 0).any():
-                    surfaces.append(surface)
-    return tuple(surfaces)
+                yield thing, height, [solid for solid in level if abs(solid.top - height) <= _SAME_LEVEL]
 
 
 def _levels(solids: list[Solid]) -> list[float]:
@@ -80,14 +100,23 @@ def _levels(solids: list[Solid]) -> list[float]:
     return levels
 
 
-def _surface(home: Home, thing: Thing, height: float, tops: list[Solid], lows: Points, highs: Points) -> Surface:
-    """Return the surface that some tops of a thing make; lows and highs (n, 3) bound the home's solids."""
+def _grid(thing: Thing, tops: list[Solid]) -> tuple[float, list[Points]]:
+    """Return the yaw of a grid over some tops of a thing, and where its cells' centres are along both its axes."""
     yaw = float(np.arctan2(thing.frame[1, 0], thing.frame[0, 0]))
-    axes = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    corners = np.concatenate([solid.polygon for solid in tops]) @ axes
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    ticks = [_ticks(a, b) for a, b in zip(low, high, strict=True)]
-    points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ axes.T
+    corners = np.concatenate([solid.polygon for solid in tops]) @ _axes(yaw)
+    return yaw, [_ticks(a, b) for a, b in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
+
+
+def _axes(yaw: float) -> Points:
+    return np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+
+
+def _surface(
+    home: Home, thing: Thing, height: float, tops: list[Solid], yaw: float, ticks: list[Points], lows: Points,
+    highs: Points,
+) -> Surface:  # fmt: skip
+    """Return the surface that some tops of a thing make, on a grid; lows and highs (n, 3) bound the home's solids."""
+    points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ _axes(yaw).T
     on = np.logical_or.reduce([inside(solid.polygon, points, margin=1e-3) for solid in tops])
     free = np.where(on, _TALLEST, 0.0)
     low = np.array([*points.min(axis=(0, 1)) - CELL, height + 2 * _SAME_LEVEL])

@@ -1,22 +1,33 @@
-"""Read the URDF of a home into links with their convex solids, refusing what is unsafe or broken."""
+"""Read the URDF of a home into links with their convex solids, refusing what is unsafe or broken.
 
-from collections.abc import Iterator
+All that PyBullet will load is parsed here first, within limits: see :mod:`chmarl_pb.homes.plain`.
+"""
+
+import math
+from collections import Counter
 from dataclasses import dataclass
-from itertools import product
-from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
-import defusedxml.ElementTree
 import numpy as np
-from defusedxml import DefusedXmlException
 
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.solids import Points, Solid, solid_from_vertices
+from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
+from chmarl_pb.homes.shape import SIZES, Numbers, Origin, Shape, numbers_of, read_mesh, read_origin, read_shape
+from chmarl_pb.homes.solids import Points, Solid
+from chmarl_pb.homes.source import Source, safe_xml
 
-_LONGEST_LINE = 1000  # PyBullet reads a URDF in lines of 1,023 characters and breaks longer ones
-_MESH_ENDINGS = {".obj", ".stl", ".dae"}
-_SHAPES = {"box", "cylinder", "sphere", "mesh"}
+#: How many of each element a home may have.
+MOST = {
+    "link": 2000, "joint": 2000, "visual": 2000, "collision": 600, "mesh": 4000, "material": 4000, "texture": 4000,
+}  # fmt: skip
+#: Vertices of the mesh of one collision, and of all: of their convex hulls.
+MOST_HULL_POINTS, MOST_POINTS_OF_HULLS = 4000, 20_000
+#: Of all textures, three a pixel, as often as they are used: TinyRenderer copies one for each.
+MOST_PICTURE_BYTES = 128 * 2**20
+
+_LONGEST_LINE = 1000  # PyBullet by itself, in which homes work as well, cuts a URDF's lines at 1,023 characters
+_LONGEST_VALUE = 400  # characters of an attribute
+_SMALLEST = 1e-5  # metres
 #: Element -> attribute -> how many finite numbers it holds.
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -27,223 +38,248 @@ _NUMBERS = {
     "color": {"rgba": 4},
     "mass": {"value": 1},
 }
-#: Corners of boxes and cylinders of size 1, the latter as a prism of 24 sides.
-_BOX = np.array(list(product((-0.5, 0.5), repeat=3)))
-_CYLINDER = np.array(
-    [(np.cos(angle), np.sin(angle), z) for angle in np.linspace(0, 2 * np.pi, 25)[:-1] for z in (-0.5, 0.5)]
-)
 _OPTIONAL = {"xyz", "rpy", "scale"}
-_SIZES = {"size", "radius", "length"}
+_LENGTHS = {"size", "radius", "length"}
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """One link of a home: its name, its frame in the world (4 x 4) and its geometry.
+    """One link of a home.
 
     Attributes:
-        solids: convex pieces of its collision geometry, in the world frame.
-        has_visual: whether a camera can see it.
+        name: its name.
+        frame: in the world, 4 x 4.
+        origin: the same, as the URDF writes it where it is joined to the root.
+        visuals: what a camera sees; if there are none, it sees the collisions.
+        collisions: what is solid.
+        solids: convex pieces of its collisions, in the world frame.
     """
 
     name: str
     frame: Points
+    origin: Origin
+    visuals: tuple[Shape, ...]
+    collisions: tuple[Shape, ...]
     solids: tuple[Solid, ...]
-    has_visual: bool
 
 
-def read_links(path: Path) -> tuple[Link, ...]:
+def read_links(source: Source) -> tuple[Link, ...]:
     """Return all links of a home's URDF in the order of the file.
 
     Raises:
-        HomeError: the file is missing, unsafe, not a URDF, has a moving joint, a missing or
-            outlying mesh, or geometry that cannot be used.
+        HomeError: the file is missing, unsafe, not a URDF, too large, has a moving joint, a missing or
+            outlying file, or geometry that cannot be used.
     """
-    root = _safe_root(path)
-    _check_tree(path, root)
-    _check_files(path, root)
-    _check_shapes(path, root)
-    frames = _frames(path, root)
-    return tuple(_link(path, link, frames[link.get("name", "")]) for link in root.findall("link"))
+    root = _root(source)
+    label = str(source.urdf)
+    _check_counts(label, root)
+    _check_tree(label, root)
+    _check_shapes(label, root)
+    meshes = _meshes(label, root, source)
+    _check_hulls(label, root, meshes)
+    places = _places(label, root)
+    colours = {material.get("name", ""): rgba for material in root.iter("material") if (rgba := _rgba(material))}
+    return tuple(_link(label, link, *places[link.get("name", "")], colours, meshes) for link in root.findall("link"))
 
 
-def _safe_root(path: Path) -> ElementTree.Element:
+def _root(source: Source) -> Element:
     """Parse XML without DTDs and entities, and within what PyBullet can read."""
-    if not path.is_file():
-        raise HomeError(f"{path}: no such file; `chmarl-pb homes list` names the homes that come with the package")
-    text = path.read_bytes()
+    text = source.read_urdf()
     for number, line in enumerate(text.splitlines(), start=1):
         if len(line) > _LONGEST_LINE:
             raise HomeError(
-                f"{path}: line {number} has {len(line)} characters, but PyBullet reads at most {_LONGEST_LINE}; "
+                f"{source.urdf}: line {number} has {len(line)} characters, but PyBullet reads at most {_LONGEST_LINE}; "
                 "write one XML element on a line"
             )
     try:
-        root = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
-    except DefusedXmlException as error:
-        raise HomeError(f"{path}: document types and entities are refused ({error}); remove the <!DOCTYPE>") from error
-    except (ElementTree.ParseError, ValueError) as error:
-        raise HomeError(f"{path}: not XML ({error}); mend the file at that place") from error
+        root = safe_xml(text)
+    except ValueError as error:
+        raise HomeError(f"{source.urdf}: {error}") from error
     if root.tag != "robot":
-        raise HomeError(f"{path}: the root element is <{root.tag}>, a URDF has <robot>")
+        raise HomeError(f"{source.urdf}: the root element is <{root.tag[:_LONGEST_VALUE]}>, a URDF has <robot>")
+    if not root.get("name"):
+        raise HomeError(
+            f"{source.urdf}: PyBullet cannot load this URDF, for <robot> has no name; write <robot name=...>"
+        )
     return root
 
 
-def _check_tree(path: Path, root: ElementTree.Element) -> None:
-    """Check that link names are unique and that fixed joints make one tree of them."""
-    names = [link.get("name", "") for link in root.findall("link")]
-    for name in names:
-        if not name or names.count(name) > 1:
-            raise HomeError(f"{path}: link {name!r} stands {names.count(name)} times; give every link its own name")
-    children: dict[str, str] = {}
+def _check_counts(label: str, root: Element) -> None:
+    """Check how much there is before anything is made of it."""
+    counts = Counter(element.tag for element in root.iter())
+    for tag, most in MOST.items():
+        if counts[tag] > most:
+            raise HomeError(
+                f"{label}: {counts[tag]:,} <{tag}> elements, at most {most:,} are read; remove or join some"
+            )
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            if len(value) > _LONGEST_VALUE or len(name) > _LONGEST_VALUE:
+                raise HomeError(
+                    f"{label}: <{element.tag[:40]} {name[:40]}={value[:40]!r}...> has {len(value):,} characters, "
+                    f"at most {_LONGEST_VALUE} are read; shorten it"
+                )
+
+
+def _check_tree(path: str, root: Element) -> None:
+    """Check that names are unique and that fixed joints make one tree of the links."""
+    names = Counter(link.get("name", "") for link in root.findall("link"))
+    for name, count in names.items():
+        if not name or count > 1:
+            raise HomeError(f"{path}: link {name!r} stands {count} times; give every link its own name")
+    children: set[str] = set()
+    joints: dict[str, str] = {}
     for joint in root.findall("joint"):
         label = f"{path}: joint {joint.get('name', '')!r}"
-        if not joint.get("name"):
-            raise HomeError(f"{label} to {_referred(joint, 'child')!r} has no name; give every joint its own")
-        if joint.get("type") != "fixed":
-            raise HomeError(f"{label} is {joint.get('type')!r}; a home must not move, make it 'fixed'")
-        parent, child = (_referred(joint, end) for end in ("parent", "child"))
-        for name in (parent, child):
+        _check_joint(label, joint, joints)
+        for name in (_referred(joint, "parent"), child := _referred(joint, "child")):
             if name not in names:
                 raise HomeError(f"{label} names the link {name!r}, which does not exist; add the link or the name")
         if child in children:
             raise HomeError(f"{label}: link {child!r} has a second parent; a URDF is a tree")
-        children[child] = parent
+        children.add(child)
+        joints[joint.get("name", "")] = child
     roots = [name for name in names if name not in children]
     if len(roots) != 1:
         raise HomeError(f"{path}: links {roots[:4]} have no parent; join all but one of them by fixed joints")
 
 
-def _referred(joint: ElementTree.Element, end: str) -> str:
+def _check_joint(label: str, joint: Element, others: dict[str, str]) -> None:
+    """Check that a joint is fixed and that its name is none of the others, which tell their child's name."""
+    name, child = joint.get("name", ""), _referred(joint, "child")
+    if not name:
+        raise HomeError(f"{label} to {child!r} has no name; give every joint its own")
+    if name in others:
+        raise HomeError(f"{label} stands twice, to {others[name]!r} and to {child!r}; give every joint its own name")
+    if joint.get("type") != "fixed":
+        raise HomeError(f"{label} is {joint.get('type')!r}; a home must not move, make it 'fixed'")
+
+
+def _referred(joint: Element, end: str) -> str:
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
 
 
-def _check_files(path: Path, root: ElementTree.Element) -> None:
-    """Check that every mesh and texture is a file inside the home's folder, and every mesh of a known kind."""
-    folder = path.resolve().parent
-    for part in root:
-        for element in (*part.iter("mesh"), *part.iter("texture")):
-            name = element.get("filename", "")
-            label = f"{path}: {part.tag} {part.get('name')!r}: {element.tag} {name!r}"
-            target = (folder / name).resolve()
-            if "://" in name or not target.is_relative_to(folder):
-                raise HomeError(f"{label} leaves the home's folder; copy it beside the URDF and use a relative path")
-            if element.tag == "mesh" and target.suffix.lower() not in _MESH_ENDINGS:
-                raise HomeError(f"{label} is of an unknown kind; use {', '.join(sorted(_MESH_ENDINGS))}")
-            if not target.is_file():
-                raise HomeError(f"{label} does not exist; add the file {target.name} or remove the {element.tag}")
-            for inner in referred_files(target):
-                if not (target.parent / inner).resolve().is_relative_to(folder):
-                    raise HomeError(f"{label} refers to {inner!r}, which leaves the home's folder; copy it there")
-
-
-def referred_files(file: Path) -> Iterator[str]:
-    """Yield the files that an OBJ mesh names: its material libraries, and their textures."""
-    if file.suffix.lower() not in (".obj", ".mtl") or not file.is_file():
-        return
-    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
-        keyword, _, name = line.strip().partition(" ")
-        if keyword == "mtllib":
-            yield name
-            yield from referred_files(file.parent / name)
-        elif keyword.startswith(("map_", "bump", "disp", "decal", "refl")):
-            yield name.split()[-1] if name.split() else ""
-
-
-def _check_shapes(path: Path, root: ElementTree.Element) -> None:
+def _check_shapes(path: str, root: Element) -> None:
     """Check that every geometry has one known shape, and that sizes, poses and colours are finite numbers."""
     for part in root:
         label = f"{path}: {part.tag} {part.get('name')!r}"
         for geometry in part.iter("geometry"):
-            if len(geometry) != 1 or geometry[0].tag not in _SHAPES:
-                raise HomeError(f"{label}: a <geometry> has one of {', '.join(sorted(_SHAPES))}; give it just one")
+            if len(geometry) != 1 or geometry[0].tag not in SIZES:
+                raise HomeError(f"{label}: a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
         for element in part.iter():
             for name, count in _NUMBERS.get(element.tag, {}).items():
                 text = element.get(name)
-                if not (_are_numbers(text, count) if text is not None else name in _OPTIONAL):
-                    raise HomeError(f"{label}: <{element.tag} {name}={text!r}> is not {count} finite numbers; mend it")
-                if name in _SIZES and not (_numbers(element, name) > 0).all():
-                    raise HomeError(f"{label}: <{element.tag} {name}={text!r}> is not above 0; mend it")
+                if text is not None or name not in _OPTIONAL:
+                    _check_numbers(f"{label}: <{element.tag} {name}={text!r}>", name, count, text or "")
 
 
-def _are_numbers(text: str, count: int) -> bool:
+def _check_numbers(label: str, name: str, count: int, text: str) -> None:
+    """Check the numbers of one attribute."""
     try:
-        values = [float(word) for word in text.split()]
+        numbers = [float(word) for word in text.split()]
     except ValueError:
-        return False
-    return len(values) == count and bool(np.isfinite(values).all())
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise HomeError(f"{label} is not {count} finite numbers; mend it")
+    if name in _LENGTHS and not min(numbers) > 0:
+        raise HomeError(f"{label} is not above 0; mend it")
+    if name in _LENGTHS and min(numbers) < _SMALLEST:
+        raise HomeError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
+    if name == "scale" and 0 in numbers:
+        raise HomeError(f"{label} leaves nothing of the mesh; mend it")
+    if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
+        raise HomeError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
 
 
-def _frames(path: Path, root: ElementTree.Element) -> dict[str, Points]:
-    """Return the world frame (4 x 4) of every link."""
+def _rgba(material: Element) -> Numbers:
+    return numbers_of(material.find("color"), "rgba")
+
+
+def _meshes(path: str, root: Element, source: Source) -> dict[str, Mesh]:
+    """Read every mesh and texture that the URDF names; PyBullet draws textures of meshes alone."""
+    meshes: dict[str, Mesh] = {}
+    triangles, pictures = 0, 0
+    for part in root:
+        for element in (*part.iter("mesh"), *part.iter("texture")):
+            name = element.get("filename", "")
+            label = f"{path}: {part.tag} {part.get('name')!r}: {element.tag} {name!r}"
+            try:
+                if element.tag == "texture":
+                    source.named(name)
+                    continue
+                if name not in meshes:
+                    meshes[name] = read_mesh(name, source)
+            except ValueError as error:
+                raise HomeError(f"{label}: {_with_remedy(str(error), element.tag)}") from error
+            triangles += len(meshes[name].corners)
+            pictures += len(meshes[name].texture or b"")
+            if triangles > MOST_TRIANGLES or pictures > MOST_PICTURE_BYTES:
+                raise HomeError(
+                    f"{label}: too much in all, with each mesh and its texture as often as they are used: at most "
+                    f"{MOST_TRIANGLES:,} triangles and {MOST_PICTURE_BYTES // 3:,} pixels; make some smaller"
+                )
+    return meshes
+
+
+def _check_hulls(path: str, root: Element, meshes: dict[str, Mesh]) -> None:
+    """Check how many points the convex hulls of collisions are to be made of."""
+    total = 0
+    for part in root:
+        for element in part.iterfind("collision/geometry/mesh"):
+            name = element.get("filename", "")
+            points = len(meshes[name].used_vertices)
+            total += points
+            if points > MOST_HULL_POINTS or total > MOST_POINTS_OF_HULLS:
+                raise HomeError(
+                    f"{path}: {part.tag} {part.get('name')!r}: mesh {name!r}: a collision has at most "
+                    f"{MOST_HULL_POINTS:,} vertices, and all have {MOST_POINTS_OF_HULLS:,}; give it a simpler mesh"
+                )
+
+
+def _with_remedy(problem: str, tag: str) -> str:
+    return f"{problem}; add the file or remove the {tag}" if problem.endswith("does not exist") else problem
+
+
+def _places(path: str, root: Element) -> dict[str, tuple[Points, Origin]]:
+    """Return the frame (4 x 4) of every link in the world, and its origin there."""
     joints = {
-        _referred(joint, "child"): (_referred(joint, "parent"), _origin(joint)) for joint in root.findall("joint")
+        _referred(joint, "child"): (_referred(joint, "parent"), read_origin(joint)) for joint in root.findall("joint")
     }
-    frames: dict[str, Points] = {}
+    places: dict[str, tuple[Points, Origin]] = {}
     for link in root.findall("link"):
         chain = [link.get("name", "")]
-        while chain[-1] in joints and chain[-1] not in frames:
+        while chain[-1] in joints and chain[-1] not in places:
             chain.append(joints[chain[-1]][0])
             if len(chain) > len(joints) + 1:
                 raise HomeError(f"{path}: link {chain[0]!r} is its own ancestor; a URDF is a tree")
         for name in reversed(chain):
-            if name not in frames:
-                frames[name] = frames[joints[name][0]] @ joints[name][1] if name in joints else np.eye(4)
-    return frames
+            if name not in places:
+                places[name] = _place(*joints[name], joints, places) if name in joints else (np.eye(4), Origin())
+    return places
 
 
-def _origin(element: ElementTree.Element) -> Points:
-    """Return the frame (4 x 4) in the <origin> of a joint or a shape; none means the parent's own frame."""
-    origin = element.find("origin")
-    frame = np.eye(4)
-    if origin is not None:
-        turns = _numbers(origin, "rpy", "0 0 0")
-        (si, sj, sk), (ci, cj, ck) = np.sin(turns), np.cos(turns)
-        frame[0, :3] = cj * ck, sj * (si * ck) - ci * sk, sj * (ci * ck) + si * sk
-        frame[1, :3] = cj * sk, sj * (si * sk) + ci * ck, sj * (ci * sk) - si * ck
-        frame[2, :3] = -sj, cj * si, cj * ci
-        frame[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-    return frame + 0.0  # without negative zeros
+def _place(
+    parent: str, origin: Origin, joints: dict[str, tuple[str, Origin]], places: dict[str, tuple[Points, Origin]]
+) -> tuple[Points, Origin]:
+    frame = places[parent][0] @ origin.frame
+    return frame, origin if parent not in joints else Origin.of(frame)
 
 
-def _numbers(element: ElementTree.Element, name: str, default: str = "") -> Points:
-    return np.array([float(word) for word in element.get(name, default).split()])
-
-
-def _link(path: Path, link: ElementTree.Element, frame: Points) -> Link:
-    name, solids = link.get("name", ""), []
-    for number, collision in enumerate(link.findall("collision"), start=1):
-        try:
-            corners = _vertices(path, collision)
-            placed = (frame @ _origin(collision) @ np.column_stack([corners, np.ones(len(corners))]).T).T[:, :3]
-            if not np.isfinite(placed).all():
-                raise ValueError("its size or pose is not a finite number")
-            solids.append(solid_from_vertices(placed))
-        except ValueError as error:
-            raise HomeError(f"{path}: link {name!r}: collision {number}: {error}") from error
-    return Link(name, frame, tuple(solids), link.find("visual") is not None)
-
-
-def _vertices(path: Path, collision: ElementTree.Element) -> Points:
-    """Return points (n, 3) whose convex hull is the geometry, in its own frame."""
-    shape = collision.find("geometry/*")
-    if shape is None:
-        raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
-    if shape.tag == "box":
-        return _BOX * _numbers(shape, "size")
-    if shape.tag == "cylinder":
-        radius, length = float(shape.get("radius", "")), float(shape.get("length", ""))
-        return _CYLINDER * (radius, radius, length)
-    import trimesh  # only here: it takes a while to load, and most homes are boxes and cylinders
-
-    if shape.tag == "sphere":
-        radius = float(shape.get("radius", ""))
-        return np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices)
-    file = path.parent / shape.get("filename", "")
-    try:
-        mesh: Any = trimesh.load(file, force="mesh", process=False)
-    except Exception as error:  # the loaders of the formats raise what they like
-        raise ValueError(f"mesh {file.name!r} cannot be read ({error})") from error
-    if not len(getattr(mesh, "vertices", ())):
-        raise ValueError(f"mesh {file.name!r} is empty")
-    return np.asarray(mesh.vertices) * _numbers(shape, "scale", "1 1 1")
+def _link(
+    path: str, link: Element, frame: Points, origin: Origin, colours: dict[str, Numbers], meshes: dict[str, Mesh]
+) -> Link:
+    name = link.get("name", "")
+    shapes: dict[str, list[Shape]] = {"visual": [], "collision": []}
+    solids: list[Solid] = []
+    for tag, found in shapes.items():
+        for number, element in enumerate(link.findall(tag), start=1):
+            try:
+                shape = read_shape(element, colours, meshes)
+                shape.check_place(frame)
+                if tag == "collision":
+                    solids.append(shape.solid(frame))
+            except ValueError as error:
+                raise HomeError(f"{path}: link {name!r}: {tag} {number}: {error}") from error
+            found.append(shape)
+    return Link(name, frame, origin, tuple(shapes["visual"]), tuple(shapes["collision"]), tuple(solids))

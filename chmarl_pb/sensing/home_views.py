@@ -8,7 +8,8 @@ moves (see :mod:`chmarl_pb.sensing.movables`). Pictures are kept on disk where t
 import platform
 import sys
 from collections import OrderedDict
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import count
@@ -30,7 +31,7 @@ from chmarl_pb.sensing.eyes import CAMERAS, eye
 from chmarl_pb.sensing.home_model import HomeModel
 from chmarl_pb.sensing.triangles import Lens
 from chmarl_pb.sensing.view_store import FORMAT, ViewFile, view_store
-from chmarl_pb.world import Client, bodies, load_home_body, quiet
+from chmarl_pb.world import Client, bodies, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
 
 CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
@@ -97,7 +98,6 @@ class HomeViews:
     def __init__(self, home: Home):
         """Prepare to draw a home; it is loaded at the first view that is not on disk."""
         self.space: Space = space_of(home)
-        self._content = content_hash(home)
         self._number = next(_numbers)
         self._store = view_store()
         self._files: dict[tuple[str, int], ViewFile | None] = {}
@@ -110,15 +110,15 @@ class HomeViews:
 
     @cached_property
     def _other_drawer(self) -> Client:
-        return self._load()[0]
+        with self._loaded() as (client, _):
+            return client
 
     @cached_property
     def _model(self) -> HomeModel | None:
         """The home's triangles, or None if TinyRenderer is to draw them: our own rasteriser is slow as plain Python."""
         if not COMPILES:
             return None
-        client, body = self._load()
-        with closing(client):
+        with self._loaded() as (client, body), closing(client):
             try:
                 return HomeModel(client.number, body)
             except AssetError:
@@ -127,7 +127,8 @@ class HomeViews:
     @cached_property
     def _drawer(self) -> Client:
         """The client in which TinyRenderer draws: pictures of another kind would change how it rounds colours."""
-        return self._load()[0]
+        with self._loaded() as (client, _):
+            return client
 
     def look(self, robot: str, pose: int, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
@@ -176,18 +177,15 @@ class HomeViews:
             array.flags.writeable = False
         return HomeView(view, picture, camera)
 
-    def _load(self) -> tuple[Client, int]:
-        """Return a new client with the home, and the home's body."""
-        client, home = Client(), self.space.home
-        try:
-            with quiet():
-                body = load_home_body(client.number, home)
-            if content_hash(home) != self._content:
-                raise HomeError(f"{home.path}: the home has changed since it was read; start again")
-        except BaseException:
-            client.close()
-            raise
-        return client, body
+    @contextmanager
+    def _loaded(self) -> Iterator[tuple[Client, int]]:
+        """Yield a new client with the home, and the home's body; its meshes are there while the context lasts."""
+        home = self.space.home
+        if content_hash(home) != home.content:
+            raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+        client = Client()  # disconnected when nobody keeps it
+        with loaded_home(client.number, home) as body:
+            yield client, body
 
     def _file(self, robot: str, size: int) -> ViewFile | None:
         """Return the views on disk of a robot's camera at a size, or None if there is no store."""
@@ -201,7 +199,7 @@ class HomeViews:
         """Return a name with a hash of everything that the pictures depend on."""
         lattice = self.space.drone_lattice if robot == "drone" else self.space.lattice
         some_views = [view_matrix(eye(self.space, robot, pose)) for pose in range(min(HEADINGS, len(lattice.points)))]
-        facts = (self._content, robot, size, FORMAT, some_views, _library())
+        facts = (self.space.home.content, robot, size, FORMAT, some_views, _library())
         depends_on = [repr(facts).encode(), lattice.points.tobytes(), *_drawing_code()]
         return f"{self.space.home.name[:40]}_{robot}_{size}_{sha256_of(depends_on)}"
 

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from chmarl_pb.catalog import class_of, room_of
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.files import replacing
-from chmarl_pb.homes.urdf import read_links
-from chmarl_pb.world import Client
+from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.world import Client, loaded_home
 from chmarl_pb.world.bullet import pybullet
 
 Array = npt.NDArray[Any]
@@ -64,8 +64,7 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
     """
     if Path(out_png).suffix.lower() != ".png":
         raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
-    read_links(Path(urdf_path))  # says what PyBullet could not read
-    with _loaded(Path(urdf_path)) as (client, home):
+    with _loaded(load_home(urdf_path)) as (client, home):
         low, high = _bounds(client, home)
         half = size[0] // 2
         plan = _camera(low, high, azimuth=-90.0, elevation=90.0, distance=12.0, size=(half, size[1]))
@@ -82,15 +81,10 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
 
 
 @contextmanager
-def _loaded(path: Path) -> Iterator[tuple[int, int]]:
+def _loaded(home: Home) -> Iterator[tuple[int, int]]:
     """Load a home into a client of its own; yield the client and the home's body id."""
-    with closing(Client()) as connection:
-        client = connection.number
-        try:
-            home = pybullet.loadURDF(str(path), useFixedBase=True, physicsClientId=client)
-        except pybullet.error as problem:
-            raise HomeError(f"{path}: PyBullet cannot load it: {problem}") from problem
-        yield client, home
+    with closing(Client()) as client, loaded_home(client.number, home) as body:
+        yield client.number, body
 
 
 def _boxes(client: int, home: int) -> dict[str, Array]:

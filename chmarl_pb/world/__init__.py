@@ -6,7 +6,7 @@ from chmarl_pb.world.bodies import (
     Pose,
     Vector,
     load_graspable,
-    load_home_body,
+    loaded_home,
     yaw_quaternion,
 )
 from chmarl_pb.world.bullet import quiet
@@ -24,7 +24,7 @@ __all__ = [
     "Vector",
     "World",
     "load_graspable",
-    "load_home_body",
+    "loaded_home",
     "quiet",
     "yaw_quaternion",
 ]

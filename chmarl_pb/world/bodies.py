@@ -1,6 +1,7 @@
 """Bodies in a PyBullet client: poses, loading a home and graspable objects."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,8 +10,9 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.plain import plain_copy
 from chmarl_pb.homes.space import Size
-from chmarl_pb.world.bullet import pybullet
+from chmarl_pb.world.bullet import pybullet, quiet
 
 Vector = tuple[float, ...]
 Pose = tuple[Vector, Vector]  # position in metres, orientation (x, y, z, w)
@@ -49,19 +51,20 @@ def _parking_place(class_name: str) -> Vector:
     return (x, y, z + 0.5 * list(catalog.GRASPABLES).index(class_name))
 
 
-def load_home_body(client: int, home: Home) -> int:
-    """Load a home's URDF into a client and return the body id.
+@contextmanager
+def loaded_home(client: int, home: Home) -> Iterator[int]:
+    """Load a home into a client and yield its body id; while the context lasts, its meshes are where PyBullet says.
 
     Raises:
         HomeError: PyBullet cannot load it.
     """
-    try:
-        return int(pybullet.loadURDF(str(home.path), useFixedBase=True, physicsClientId=client))
-    except pybullet.error as error:
-        raise HomeError(
-            f"{home.path}: PyBullet cannot load this URDF; it needs a name of the robot, and mass and inertia in every "
-            "<inertial>"
-        ) from error
+    with plain_copy(home.links) as urdf:
+        try:
+            with quiet():
+                body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client))
+        except pybullet.error as error:
+            raise HomeError(f"{home.path}: PyBullet cannot load this home ({error}); make it simpler") from error
+        yield body
 
 
 def load_graspable(client: int, class_name: str) -> Graspable:

@@ -19,10 +19,10 @@ from chmarl_pb.world.bodies import (
     Vector,
     link_names,
     load_graspable,
-    load_home_body,
+    loaded_home,
     yaw_quaternion,
 )
-from chmarl_pb.world.bullet import pybullet, quiet
+from chmarl_pb.world.bullet import pybullet
 from chmarl_pb.world.client import Client, Uncopied
 from chmarl_pb.world.touch import touching
 
@@ -84,8 +84,8 @@ class World(Uncopied):
         self.version, self.steps = 0, 0
         self.layout: object = None
         try:
-            with quiet():
-                self._home_body = load_home_body(self.physics, home)
+            with loaded_home(self.physics, home) as body:
+                self._home_body = body
             self.links = {name: number for number, name in enumerate(link_names(self.physics, self._home_body))}
             self._objects = {f"{name}_1": load_graspable(self.physics, name) for name in catalog.GRASPABLES}
         except BaseException:

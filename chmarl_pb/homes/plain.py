@@ -1,0 +1,128 @@
+"""A home as PyBullet may read it: a copy that holds nothing but what we have parsed and written ourselves.
+
+PyBullet's importers end the process on many a broken file, follow names out of the folder, and look for
+meshes in the working directory first. So they never see a user's file: every home is written anew, as one root
+with all things fixed to it, in the plainest words of URDF and OBJ. Frames without geometry are left out.
+"""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from xml.sax.saxutils import quoteattr
+
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.mesh import Mesh
+from chmarl_pb.homes.shape import Origin, Shape
+from chmarl_pb.homes.urdf import Link
+
+ROOT = "home"
+
+_STATIC = (
+    '<inertial><origin xyz="0 0 0" rpy="0 0 0"/><mass value="0"/>'
+    '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+)
+_LONGEST_PATH = 800  # characters: PyBullet has room for 1,024 bytes
+_one_at_a_time = Lock()
+
+
+@contextmanager
+def plain_copy(links: Sequence[Link]) -> Iterator[Path]:
+    """Write a home for PyBullet and yield its URDF; it is there, with its meshes, as long as the context lasts.
+
+    Args:
+        links: the links of the home that have geometry, their names checked.
+
+    Raises:
+        HomeError: it cannot be written.
+    """
+    with _one_at_a_time:
+        try:
+            folder = _folder(os.getpid())
+            folder.mkdir(mode=0o700)
+        except OSError as error:
+            raise _cannot_copy(error) from error
+        try:
+            yield _write(links, folder)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _write(links: Sequence[Link], folder: Path) -> Path:
+    """Write the copy into a folder and return its URDF."""
+    path = folder / "home.urdf"
+    try:
+        path.write_text("\n".join(_urdf(links, folder)) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise _cannot_copy(error) from error
+    return path
+
+
+def _cannot_copy(error: OSError) -> HomeError:
+    return HomeError(
+        f"{error.filename or tempfile.gettempdir()}: the home cannot be copied there for PyBullet ({error.strerror}); "
+        "make room, or name another folder by TMPDIR"
+    )
+
+
+@cache
+def _folder(process: int) -> Path:
+    """Return where a process writes its copies: one place, for PyBullet reads a mesh only once from each path."""
+    folder = Path(tempfile.mkdtemp(prefix=f"chmarl-home-{process}-"))
+    folder.rmdir()
+    if len(str(folder)) > _LONGEST_PATH:
+        raise HomeError(f"{folder}: too long a path for PyBullet; name another folder by TMPDIR")
+    return folder
+
+
+def _urdf(links: Sequence[Link], folder: Path) -> Iterator[str]:
+    """Yield the lines of the URDF; the meshes are written into the folder."""
+    yield f'<?xml version="1.0"?>\n<robot name="{ROOT}">\n<link name="{ROOT}">{_STATIC}</link>'
+    for link in links:
+        yield f'<link name="{link.name}">{_STATIC}'
+        for shape in link.visuals:
+            yield from _shape("visual", shape, folder)
+        for shape in link.collisions:
+            yield from _shape("collision", shape, folder)
+        yield f'</link>\n<joint name="fix {link.name}" type="fixed"><parent link="{ROOT}"/><child link="{link.name}"/>'
+        yield f"{_origin(link.origin)}</joint>"
+    yield "</robot>"
+
+
+def _shape(tag: str, shape: Shape, folder: Path) -> Iterator[str]:
+    yield f"<{tag}>{_origin(shape.origin)}<geometry>"
+    sizes = " ".join(f'{name}="{_words(numbers)}"' for name, numbers in shape.sizes.items())
+    file = "" if shape.mesh is None else f" filename={quoteattr(str(_mesh(shape.mesh, folder, tag == 'visual')))}"
+    yield f"<{shape.kind} {sizes}{file}/></geometry>"
+    if shape.colour is not None:
+        words = _words(shape.colour)
+        yield f'<material name="{words}"><color rgba="{words}"/></material>'
+    yield f"</{tag}>"
+
+
+def _mesh(mesh: Mesh, folder: Path, visible: bool) -> Path:
+    """Return the path of a mesh: its own file if that is plain, else a copy, with its texture if it is visible."""
+    if mesh.file is not None and _is_plain(str(mesh.file)):
+        return mesh.file
+    files = mesh.drawn if visible else mesh.solid
+    for name, content in files.items():
+        if not (folder / name).exists():
+            (folder / name).write_bytes(content)
+    return folder / list(files)[-1]
+
+
+def _is_plain(path: str) -> bool:
+    """Tell whether a path goes through XML and PyBullet unharmed."""
+    return len(path) <= _LONGEST_PATH and path.isascii() and path.isprintable()
+
+
+def _origin(origin: Origin) -> str:
+    return f'<origin xyz="{_words(origin.xyz)}" rpy="{_words(origin.rpy)}"/>'
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return " ".join(map(repr, numbers))

@@ -1,0 +1,170 @@
+"""The shapes of a home, visible or solid: boxes, cylinders, spheres and meshes at their places."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path, PurePath
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from chmarl_pb.homes.dae import read_dae
+from chmarl_pb.homes.mesh import Mesh, checked, read_stl
+from chmarl_pb.homes.solids import Points, Solid, solid_from_vertices
+from chmarl_pb.homes.source import Source
+from chmarl_pb.homes.wavefront import read_obj
+
+#: Metres from the world's origin within which every shape lies.
+FARTHEST = 1000
+
+Numbers = tuple[float, ...]
+
+_READERS: dict[str, Callable[[bytes, Path, Source], Mesh]] = {
+    ".obj": read_obj,
+    ".stl": lambda content, *_: read_stl(content),
+    ".dae": lambda content, *_: read_dae(content),
+}
+#: The attributes of each kind of shape that hold its size.
+SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",)}
+#: Corners of boxes and cylinders of size 1, the latter as a prism of 24 sides.
+_BOX = np.array(list(product((-0.5, 0.5), repeat=3)))
+_CYLINDER = np.array(
+    [(np.cos(angle), np.sin(angle), z) for angle in np.linspace(0, 2 * np.pi, 25)[:-1] for z in (-0.5, 0.5)]
+)
+
+
+class Origin(NamedTuple):
+    """A place in its parent's frame: metres, and radians of roll, pitch and yaw, as a URDF writes it."""
+
+    xyz: Numbers = (0.0, 0.0, 0.0)
+    rpy: Numbers = (0.0, 0.0, 0.0)
+
+    @property
+    def frame(self) -> Points:
+        """The same as a matrix (4 x 4)."""
+        frame = np.eye(4)
+        (si, sj, sk), (ci, cj, ck) = np.sin(self.rpy), np.cos(self.rpy)
+        frame[0, :3] = cj * ck, sj * (si * ck) - ci * sk, sj * (ci * ck) + si * sk
+        frame[1, :3] = cj * sk, sj * (si * sk) + ci * ck, sj * (ci * sk) - si * ck
+        frame[2, :3] = -sj, cj * si, cj * ci
+        frame[:3, 3] = self.xyz
+        return frame + 0.0  # without negative zeros
+
+    @staticmethod
+    def of(frame: Points) -> "Origin":
+        """Return the origin of a frame (4 x 4)."""
+        level = float(np.hypot(frame[0, 0], frame[1, 0]))
+        if level > 1e-9:
+            roll, yaw = np.arctan2(frame[2, 1], frame[2, 2]), np.arctan2(frame[1, 0], frame[0, 0])
+        else:  # looking straight up or down, where both turn about one axis
+            roll, yaw = np.arctan2(-frame[1, 2], frame[1, 1]), 0.0
+        return Origin(tuple(frame[:3, 3].tolist()), (float(roll), float(np.arctan2(-frame[2, 0], level)), float(yaw)))
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One <visual> or <collision>.
+
+    Attributes:
+        kind: box, cylinder, sphere or mesh.
+        sizes: the attributes of its element: extents, radius and length in metres, or the scale of a mesh.
+        origin: its place in its link.
+        colour: red, green, blue, alpha in 0..1; None: white.
+        mesh: its triangles, unscaled.
+    """
+
+    kind: str
+    sizes: dict[str, Numbers]
+    origin: Origin
+    colour: Numbers | None = None
+    mesh: Mesh | None = None
+
+    def solid(self, frame: Points) -> Solid:
+        """Return its convex hull in the world, from its link's frame.
+
+        Raises:
+            ValueError: it spans no volume.
+        """
+        return solid_from_vertices(self._placed(self._hull_points(), frame))
+
+    def check_place(self, frame: Points) -> None:
+        """Check that it lies near the world's origin, from its link's frame.
+
+        Raises:
+            ValueError: it does not.
+        """
+        centre = (frame[:3, :3] @ self.origin.xyz + frame[:3, 3]).tolist()
+        if not math.hypot(*centre) + math.hypot(*self._reach()) <= FARTHEST:  # False for NaN, too
+            raise ValueError(f"it reaches farther than {FARTHEST:,} m from the origin; a URDF's unit is the metre")
+
+    def _placed(self, points: Points, frame: Points) -> Points:
+        return (frame @ self.origin.frame @ np.column_stack([points, np.ones(len(points))]).T).T[:, :3]
+
+    def _reach(self) -> Numbers:
+        """Return how far from its origin, in metres along each axis, a box ends that holds it however it is turned."""
+        if self.mesh is not None:
+            return tuple(size * scale for size, scale in zip(self.mesh.reach, self.sizes["scale"], strict=True))
+        return tuple(number for numbers in self.sizes.values() for number in numbers)
+
+    def _hull_points(self) -> Points:
+        """Return points (n, 3) whose convex hull it is, in its own frame."""
+        if self.mesh is not None:
+            return self.mesh.used_vertices * self.sizes["scale"]
+        if self.kind == "box":
+            return _BOX * self.sizes["size"]
+        (radius,) = self.sizes["radius"]
+        if self.kind == "cylinder":
+            return _CYLINDER * (radius, radius, self.sizes["length"][0])
+        import trimesh  # only here: it takes a while to load, and most homes are boxes and cylinders
+
+        return np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices)
+
+
+def read_mesh(name: str, source: Source) -> Mesh:
+    """Return the mesh in a file that a URDF names.
+
+    Raises:
+        ValueError: the file, or one that it names, cannot be used.
+    """
+    reader = _READERS.get(PurePath(name).suffix.lower())
+    if reader is None:
+        source.inside(source.urdf.parent, name)
+        raise ValueError(f"is of an unknown kind; use {', '.join(_READERS)}")
+    path, content = source.named(name)
+    return checked(reader(content, path, source))
+
+
+def numbers_of(element: Element | None, name: str, default: Numbers = ()) -> Numbers:
+    """Return the numbers of an attribute."""
+    text = None if element is None else element.get(name)
+    return default if text is None else tuple(float(word) for word in text.split())
+
+
+def read_origin(element: Element) -> Origin:
+    """Return the <origin> of a joint or a shape; none means the parent's own frame."""
+    origin = element.find("origin")
+    return Origin(numbers_of(origin, "xyz", Origin().xyz), numbers_of(origin, "rpy", Origin().rpy))
+
+
+def read_shape(element: Element, colours: Mapping[str, Numbers], meshes: Mapping[str, Mesh]) -> Shape:
+    """Return a <visual> or <collision> whose numbers have been checked.
+
+    Args:
+        element: the XML.
+        colours: the colour of each material that has a name.
+        meshes: the mesh of each file name.
+
+    Raises:
+        ValueError: it has no geometry.
+    """
+    shape = element.find("geometry/*")
+    if shape is None:
+        raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
+    sizes = {name: numbers_of(shape, name, (1.0, 1.0, 1.0)) for name in SIZES[shape.tag]}
+    material = element.find("material")
+    own = numbers_of(element.find("material/color"), "rgba")
+    colour = own or (None if material is None else colours.get(material.get("name", "")))
+    mesh = meshes[shape.get("filename", "")] if shape.tag == "mesh" else None
+    return Shape(shape.tag, sizes, read_origin(element), colour, mesh)

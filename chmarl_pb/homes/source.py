@@ -1,0 +1,177 @@
+"""The files that a home is made of: regular files inside its folder, each read once, within limits tested before."""
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import defusedxml.ElementTree
+from defusedxml import DefusedXmlException
+
+from chmarl_pb.errors import HomeError
+
+MOST_URDF_BYTES = 4 * 2**20
+MOST_FILE_BYTES = 16 * 2**20  # of a mesh, a material file or a texture
+MOST_BYTES = 32 * 2**20  # of all of them
+MOST_LINES = 1_000_000  # of all OBJ meshes and material files
+MOST_FILES = 1000
+MOST_ELEMENTS = 200_000  # of an XML file: each takes far more memory than bytes
+
+_LONGEST_SHOWN = 80  # characters
+
+
+def sha256_of(parts: Iterable[bytes]) -> str:
+    """Return the sha256 of parts; the length before each keeps their borders."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
+
+
+def read_regular(path: Path, most: int = MOST_FILE_BYTES) -> bytes:
+    """Return the content of a regular file of at most so many bytes.
+
+    Raises:
+        ValueError: it does not exist, is no regular file, is larger or cannot be read.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ValueError("is not a regular file; put one there")
+        with open(path, "rb", opener=_open_at_once) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > most:
+                raise ValueError(f"has {size:,} bytes; at most {most:,} are read, make it smaller")
+            return file.read(size)
+    except FileNotFoundError as error:
+        raise ValueError("does not exist") from error
+    except OSError as error:
+        raise ValueError(f"cannot be read ({error.strerror}); make it readable") from error
+
+
+def _open_at_once(name: str, flags: int) -> int:
+    """Open a file without waiting for another process, should it have become a pipe."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def shown(name: str) -> str:
+    """Return a name as messages show it: without control characters, and cut where it is long."""
+    return repr(name if len(name) <= _LONGEST_SHOWN else f"{name[:_LONGEST_SHOWN]}...")
+
+
+class Source:
+    """The files of one home; what has been read is kept.
+
+    Attributes:
+        urdf: where its URDF is.
+        pictures: path of a texture -> the same as the content of a BMP file, for those that have been needed.
+    """
+
+    def __init__(self, urdf: Path):
+        """Remember where a home's URDF is, and so its folder."""
+        self.urdf = urdf
+        self.pictures: dict[Path, bytes] = {}
+        self._folder = urdf.resolve().parent
+        self._lines = 0
+        self._named: dict[str, Path] = {}
+        self._inner: set[Path] = set()
+        self._contents: dict[Path, bytes] = {}
+
+    def read_urdf(self) -> bytes:
+        """Return the URDF.
+
+        Raises:
+            HomeError: it cannot be read.
+        """
+        try:
+            return self.read(self.urdf.resolve(), MOST_URDF_BYTES)
+        except ValueError as error:
+            raise HomeError(f"{self.urdf}: {error}; `chmarl-pb homes list` names the packaged homes") from error
+
+    def named(self, name: str) -> tuple[Path, bytes]:
+        """Return a file that the URDF names, and its content.
+
+        Raises:
+            ValueError: see :meth:`inside` and :func:`read_regular`.
+        """
+        content = self.read(self.inside(self.urdf.parent, name))
+        self._named[name] = self.urdf.parent / name
+        return self._named[name], content
+
+    def inner(self, beside: Path, name: str, most: int = MOST_FILE_BYTES) -> tuple[Path, bytes]:
+        """Return a file that another one names, and its content of at most so many bytes.
+
+        Raises:
+            ValueError: see :meth:`inside` and :func:`read_regular`.
+        """
+        content = self.read(self.inside(beside.parent, name), most)
+        self._inner.add(beside.parent / name)
+        return beside.parent / name, content
+
+    def inside(self, folder: Path, name: str) -> Path:
+        """Return where a name, seen from a folder of the home, leads to in the end.
+
+        Raises:
+            ValueError: it leads out of the home's folder.
+        """
+        try:
+            path = (folder / name).resolve()
+        except (OSError, RuntimeError, ValueError) as error:  # too long, a loop of links, a null character
+            raise ValueError("is not the name of a file; rename it") from error
+        if "://" in name or not path.is_relative_to(self._folder):
+            raise ValueError("leaves the home's folder; copy it beside the URDF and use a relative path")
+        return path
+
+    def read(self, path: Path, most: int = MOST_FILE_BYTES) -> bytes:
+        """Return a file's content; it is read at the first time.
+
+        Raises:
+            ValueError: see :func:`read_regular`; or the home has too many files or too large ones.
+        """
+        if path in self._contents:
+            return self._contents[path]
+        if len(self._contents) > MOST_FILES:
+            raise ValueError(f"is one file too many; a home has at most {MOST_FILES:,}, join some")
+        content = read_regular(path, most)
+        if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
+            raise ValueError(f"is too much; the files of a home have at most {MOST_BYTES:,} bytes, make them smaller")
+        self._contents[path] = content
+        return content
+
+    def lines_of(self, text: bytes) -> list[bytes]:
+        """Return the lines of a text.
+
+        Raises:
+            ValueError: with them, the home's files have too many.
+        """
+        self._lines += text.count(b"\n") + text.count(b"\r")
+        if self._lines > MOST_LINES:
+            raise ValueError(f"is too long; meshes and materials have at most {MOST_LINES:,} lines, simplify them")
+        return text.splitlines()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that were read: the URDF, what it names, and what those name."""
+        return (self.urdf, *(self._named[name] for name in sorted(self._named)), *sorted(self._inner))
+
+    @property
+    def content(self) -> str:
+        """The sha256 of all files as they were read."""
+        return sha256_of(self._contents[path.resolve()] for path in self.files)
+
+
+def safe_xml(text: bytes) -> ElementTree.Element:
+    """Return the root of an XML text without document types and entities.
+
+    Raises:
+        ValueError: it is not such a text, or too large.
+    """
+    if text.count(b"<") > 2 * MOST_ELEMENTS:  # a start and an end
+        raise ValueError(f"has more than {MOST_ELEMENTS:,} XML elements; make it smaller")
+    try:
+        return defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+    except DefusedXmlException as error:
+        raise ValueError(f"document types and entities are refused ({error}); remove the <!DOCTYPE>") from error
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two: its encoding
+        raise ValueError(f"not XML ({error}); mend the file at that place") from error
