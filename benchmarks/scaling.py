@@ -156,14 +156,16 @@ def plot(points: Sequence[Point], path: Path) -> None:
             if not chosen or observation not in observations:
                 continue
             x, rates = [point["value"] for point in chosen], [point["steps/s"] for point in chosen]
-            name = "two views" if panel == "pixels" else OBSERVATIONS[observation]
+            name = "two views of that size" if panel == "pixels" else OBSERVATIONS[observation]
             axis.plot(x, [statistics.median(rate) for rate in rates], "o-", color=colour, label=name, markersize=4)
             axis.fill_between(x, list(map(min, rates)), list(map(max, rates)), color=colour, alpha=0.2, linewidth=0)
         axis.set(xlabel=label, xticks=values, ylim=(0, None), xlim=(0, None))
         axis.set_ylabel("joint steps/s, all together" if panel == "environments" else "joint steps/s")
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
-        axis.legend(frameon=False)
+        axis.yaxis.set_major_formatter("{x:,.0f}")
+        # Above the panel: within it no corner is free at every measurement.
+        axis.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.1)
     figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
     figure.savefig(path, dpi=130)
     pyplot.close(figure)

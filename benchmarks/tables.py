@@ -18,7 +18,7 @@ from chmarl_pb.files import write_atomically
 
 #: What is asked of a figure: its name and its unit -> goal.
 GOALS = {
-    ("scene graph, both robots", "joint steps/s"): "5,000",
+    ("scene graph, fresh tasks", "joint steps/s"): "5,000",
     ("visual, two 128 px views", "joint steps/s"): "1,000",
     ("visual, 128 px, first visits", "times plain TinyRenderer"): "at most 1",
     ("reset", "resets/s"): "300",

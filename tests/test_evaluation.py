@@ -437,6 +437,7 @@ def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main([*arguments, str(out)]) == 0
     printed = capsys.readouterr().out
     assert "no messages" in printed and "100.0" in printed and out.name in printed
+    assert "on the same tasks" in printed and "instruction-blind" in printed
     assert load_result(out).settings["options"]["messages"] is False
     assert main(["evaluate", "--policy", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err

@@ -367,14 +367,17 @@ def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
             assert f" {value:.2f} |" in text
 
 
-def test_search_stands_below_with_the_numbers_of_the_benchmark(tmp_path: Path) -> None:
+@pytest.mark.parametrize("policy", ["open-loop", "reactive", "blind", "instruction-blind", "search"])
+def test_built_in_policies_stand_below_with_the_numbers_of_the_benchmark(tmp_path: Path, policy: str) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
-    lines = [line for line in (tmp_path / "results.md").read_text().splitlines() if line.startswith("| *search* |")]
+    text = (tmp_path / "results.md").read_text()
+    lines = [line for line in text.splitlines() if line.startswith(f"| *{policy}* |")]
+    assert len(lines) == 2 * len(TABLES)
     measured = Path(__file__).parents[1].joinpath("docs", "benchmark.md").read_text()
     for line, title in zip(lines[:2], ("PLW", "success"), strict=True):
-        told = next(row for row in measured.split(f"| {title} % |")[1].splitlines() if row.startswith("| search |"))
+        told = next(row for row in measured.split(f"| {title} % |")[1].splitlines() if row.startswith(f"| {policy} |"))
         theirs = [float(cell.split("±")[0]) for cell in told.split("|")[3:7]]
-        ours = [float(cell) for cell in line.split("|")[4:-1:2]]
+        ours = [float(cell) for cell in line.split("|")[5:-1:2]]
         assert ours == pytest.approx(theirs, abs=0.06)
 
 
@@ -384,8 +387,8 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     change(runs[1], plw=0.35)
     write_page(runs[0].results, tmp_path / "docs" / "results.md")
     text = (tmp_path / "docs" / "results.md").read_text()
-    assert "| QMIX | 2 of 3 | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
-    assert "| QMIX | 1 | 14.09 | 25.0 |" in text
+    assert "| QMIX | 2 of 3 | mean pool, 4 episodes | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+    assert "| QMIX | 1 | 4 episodes | 14.09 | 25.0 |" in text
     assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**, success" in text  # without intervals
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text

@@ -52,8 +52,8 @@ def _in_process(name: str, *arguments: object, keep: bool = False) -> Callable[[
 _VISUAL = {size: f"visual, two {size} px views" for size in (64, 128, 224)}
 
 FIGURES = (
-    Figure("scene graph, both robots", partial(playing.steps, observation="scene_graph")),
-    Figure("scene graph, tasks of training", partial(playing.steps, observation="scene_graph", split="train")),
+    Figure("scene graph, fresh tasks", partial(playing.steps, observation="scene_graph", split="train")),
+    Figure("scene graph, the same 50 tasks", partial(playing.steps, observation="scene_graph")),
     *(Figure(name, partial(playing.steps, observation="visual", size=size)) for size, name in _VISUAL.items()),
     Figure("visual, 128 px, first visits", _in_process("first_visits", 128, 200)),
     Figure("reset", playing.resets),

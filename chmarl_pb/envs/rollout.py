@@ -1,5 +1,6 @@
 """The one loop: a policy drives an environment through an episode."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,12 +8,14 @@ import numpy as np
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import OptionError
+from chmarl_pb.planner.blind import BlindPolicy
 from chmarl_pb.planner.cooperative import CooperativePlanner
+from chmarl_pb.planner.instruction_blind import InstructionBlindPolicy
+from chmarl_pb.planner.open_loop import OpenLoopPolicy
 from chmarl_pb.planner.policy import Infos, Observations, Policy, RandomPolicy
+from chmarl_pb.planner.reactive import ReactivePolicy
 from chmarl_pb.planner.search import SearchPolicy
 from chmarl_pb.tasks.task import Task
-
-POLICIES = ("random", "planner", "search")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +60,37 @@ class PlannerPolicy:
         return {name: self.env.action_names[name].index(action) for name, action in chosen.items()}
 
 
+def _random(env: HouseholdEnv) -> Policy:
+    return RandomPolicy({robot: len(names) for robot, names in env.action_names.items()})
+
+
+_MAKERS: dict[str, Callable[[HouseholdEnv], Policy]] = {
+    "random": _random,
+    "open-loop": lambda env: OpenLoopPolicy(env.action_names),
+    "reactive": lambda env: ReactivePolicy(env.action_names, env.rooms),
+    "blind": lambda env: BlindPolicy(env.action_names, env.rooms),
+    "instruction-blind": lambda env: InstructionBlindPolicy(env.action_names, env.rooms),
+    "search": lambda env: SearchPolicy(env.action_names, env.rooms),
+    "planner": PlannerPolicy,
+}
+POLICIES = tuple(_MAKERS)
+
+
 def make_policy(name: str, env: Any) -> Policy:
     """Return a policy that comes with the benchmark.
 
     Args:
-        name: "random", "planner" (privileged, optimal) or "search" (unprivileged).
+        name: "planner" (privileged, optimal), "search" (reads ``info["visible"]``: with scene graphs no more than they
+            show, with pictures the truth), "random", or one that does without most of what a robot is given: "blind",
+            "instruction-blind", "open-loop", "reactive".
         env: the ParallelEnv, or a view of it, that the policy is to drive.
 
     Raises:
         OptionError: there is no such policy.
     """
-    parallel = core_of(env)
-    if name == "random":
-        return RandomPolicy({robot: len(names) for robot, names in parallel.action_names.items()})
-    if name == "planner":
-        return PlannerPolicy(parallel)
-    if name == "search":
-        return SearchPolicy(parallel.action_names, parallel.rooms)
-    raise OptionError(f"unknown policy {name!r}; use one of: {', '.join(POLICIES)}")
+    if name not in _MAKERS:
+        raise OptionError(f"unknown policy {name!r}; use one of: {', '.join(POLICIES)}")
+    return _MAKERS[name](core_of(env))
 
 
 def core_of(env: Any) -> HouseholdEnv:

@@ -1,4 +1,4 @@
-"""The command `chmarl-pb baselines`: the built-in policies on the splits, and the reference lengths of cooperation."""
+"""The command `chmarl-pb baselines`: the built-in policies on the splits, and the lengths that results stand beside."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -10,7 +10,7 @@ from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation.command import number, percent, progress_bar
 from chmarl_pb.evaluation.cooperation import VARIANTS, reference_json
 from chmarl_pb.evaluation.metrics import Played
-from chmarl_pb.evaluation.policies import BUILT_IN
+from chmarl_pb.evaluation.policies import BUILT_IN, SHORTCUTS
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
@@ -28,7 +28,7 @@ def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, re
         workers: number of processes.
         out: folder for the results, one JSON file for each policy and split; what is there already and
             was made with the same settings is kept.
-        references: folder for the reference lengths of cooperation; not written if None.
+        references: folder for the lengths that other results are compared with; not written if None.
 
     Raises:
         TaskError: there is no such split.
@@ -46,7 +46,7 @@ def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, re
                     progress=partial(_advance, bar, row),
                 )  # fmt: skip
             if references is not None:
-                episodes = {name: reports[split][name].episodes for name in VARIANTS}
+                episodes = {name: reports[split][name].episodes for name in (*VARIANTS, *SHORTCUTS)}
                 write_atomically(references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
     print("\n\n".join([*map("\n".join, _tables(reports)), "\n".join(_difficulty(reports))]))
     return 0

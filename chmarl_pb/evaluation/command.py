@@ -6,7 +6,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.metrics import Figure, Summary
+from chmarl_pb.evaluation.policies import SHORTCUTS
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.progress import LateProgress
@@ -75,6 +77,8 @@ def _print_notes(console: Console, report: Report) -> None:
             f"95 % interval over tasks: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
         )
+    if beside := _beside(report):
+        console.print(f"on the same tasks, success / PLW: {beside}")
     gain = report.cooperation
     if gain is None:
         console.print("cooperation: no reference lengths for these tasks and this max_steps")
@@ -85,6 +89,14 @@ def _print_notes(console: Console, report: Report) -> None:
         f"cooperation: {share} of the possible gain in PLW over the lone humanoid (search pair: {pair}); "
         f"{gain.steps_saved:.1f} of {gain.steps_possible:.1f} steps saved a task"
     )
+
+
+def _beside(report: Report) -> str:
+    """Return what the policies score that do without most of what a robot is given, and the search policy."""
+    tasks = {episode.task for episode in report.episodes}
+    scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)
+    names = [name for name in (*SHORTCUTS, SEARCH) if name in scores]
+    return ", ".join(f"{name} {100 * scores[name].success_rate:.1f} / {100 * scores[name].plw:.1f}" for name in names)
 
 
 def percent(figure: Figure) -> str:

@@ -1,16 +1,17 @@
-"""Cooperation accounting: what a policy gets of the steps that a well informed partner can save.
+"""What a score is worth: cooperation accounting, and what the built-in policies score on the same tasks.
 
-The references are fixed: for each task the lengths that the search policy reaches with the drone,
-without hearing it, and by the humanoid alone. `chmarl-pb baselines --references` measures them.
+The references are fixed: for each task the lengths that the built-in policies reach, among them the search policy with
+the drone, without hearing it, and by the humanoid alone. `chmarl-pb baselines --references` measures them.
 """
 
 import json
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import fmean
+from typing import NamedTuple
 
 from chmarl_pb.envs.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.metrics import Played, path_weighted
@@ -21,12 +22,20 @@ FOLDER = Path(__file__).parent / "references"
 ALONE, SILENT, SEARCH = "search-alone", "search-silent", "search"
 VARIANTS = (ALONE, SILENT, SEARCH)
 
+
+class Score(NamedTuple):
+    """What a policy scores, 0 to 1."""
+
+    success_rate: float
+    plw: float
+
+
 Lengths = dict[str, list[int | None]]  # variant -> joint steps for each seed, None for a failure
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What the search policy reaches on the tasks of a split.
+    """What the built-in policies reach on the tasks of a split.
 
     Attributes:
         max_steps: joint steps after which its episodes were cut.
@@ -91,6 +100,31 @@ def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Coope
     )  # fmt: skip
 
 
+def reference_scores(split: str, max_steps: int, tasks: Iterable[Task] | None = None) -> dict[str, Score]:
+    """Return built-in policy -> what it scores; empty if there is no reference.
+
+    Args:
+        split: the split.
+        max_steps: joint steps after which an episode is cut.
+        tasks: of the split; all that are evaluated if None.
+    """
+    reference = read_reference(split)
+    chosen = list(reference.lengths if tasks is None and reference else tasks or ())
+    if (
+        reference is None
+        or reference.max_steps < max_steps
+        or not reference.lengths.keys() >= set(chosen)
+        or not chosen
+    ):
+        return {}
+    scores = {}
+    for name in reference.lengths[chosen[0]]:
+        cut = {task: _cut(reference.lengths[task][name], max_steps) for task in chosen}
+        solved = fmean(fmean(steps is not None for steps in lengths) for lengths in cut.values())
+        scores[name] = Score(solved, fmean(_score(task, lengths) for task, lengths in cut.items()))
+    return scores
+
+
 def gain_share(plw: float, alone: float) -> float | None:
     """Return which share of the way from the lone humanoid to the planner a PLW goes; None if there is no way."""
     return (plw - alone) / (1 - alone) if alone < 1 else None
@@ -115,12 +149,12 @@ def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[P
     Args:
         split: the split.
         max_steps: joint steps after which the episodes were cut.
-        episodes: variant -> its episodes on all tasks of the split.
+        episodes: built-in policy -> its episodes on all tasks of the split.
     """
     tasks = evaluated_tasks(split)
-    lengths = {name: _lengths(episodes[name]) for name in VARIANTS}
+    lengths = {name: _lengths(of_policy) for name, of_policy in episodes.items()}
     head = {"split": split, "max_steps": max_steps, "tasks": tasks_hash(tasks), "homes": _home_hashes(tasks)}
-    rows = [f"{json.dumps(task.id)}: {json.dumps({name: lengths[name][task] for name in VARIANTS})}" for task in tasks]
+    rows = [f"{json.dumps(task.id)}: {json.dumps({name: lengths[name][task] for name in lengths})}" for task in tasks]
     joined = ",\n  ".join(rows)
     return f'{json.dumps(head, indent=1)[:-2]},\n "lengths": {{\n  {joined}\n }}\n}}\n'
 

@@ -24,6 +24,11 @@ class Row:
     observation: str
     feedback: bool = True
 
+    @property
+    def messages(self) -> bool:
+        """Whether the robots heard each other."""
+        return "messages" in self.name
+
 
 @dataclass(frozen=True)
 class PaperTable:

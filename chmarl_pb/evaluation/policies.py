@@ -101,14 +101,26 @@ def _search_alone(env: HouseholdEnv) -> Policy:
     return Alone(make_policy("search", env), env)
 
 
-#: Name -> policy that comes with the benchmark. Only the planner plays a task the same way for every seed.
+#: Policies that do without most of what a robot is given -> what they do with; weak ones first.
+SHORTCUTS = {
+    "open-loop": "reads the instruction, then plays a fixed tour",
+    "reactive": "sees and reads, remembers nothing",
+    "blind": "sees nothing, reads nothing",
+    "instruction-blind": "sees, ignores the instruction",
+}
+
+#: Name -> policy that comes with the benchmark.
 BUILT_IN: dict[str, Factory] = {
     "random": partial(make_policy, "random"),
+    **{name: partial(make_policy, name) for name in SHORTCUTS},
     "search-alone": _search_alone,
     "search-silent": _unheard_search,
     "search": partial(make_policy, "search"),
     "planner": partial(make_policy, "planner"),
 }
+
+#: Those that play a task the same way for every seed.
+DETERMINISTIC = frozenset({"open-loop", "planner"})
 
 
 def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
@@ -135,7 +147,7 @@ def find_policy(policy: str | Factory) -> Source:
     if not isinstance(policy, str):
         return Source(_name_of(policy), policy, bool(getattr(policy, "deterministic", False)), _defined_in(policy))
     if policy in BUILT_IN:
-        return Source(policy, BUILT_IN[policy], policy == "planner", None)
+        return Source(policy, BUILT_IN[policy], policy in DETERMINISTIC, None)
     path = Path(policy)
     if path.exists():
         return _checkpoint(path)

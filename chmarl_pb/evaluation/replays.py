@@ -1,5 +1,7 @@
 """The report's replays: chosen episodes played again and drawn as a plan of the home with both robots' ways."""
 
+import hashlib
+import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -69,7 +71,8 @@ def replays(reports: Iterable[Report], folder: Path) -> str:
 
 def _card(report: Report, episode: Played, folder: Path) -> str:
     ending = f"solved in {episode.steps} steps" if episode.success else f"failed after {episode.steps} steps"
-    title = f"{title_of(report)}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
+    name = f"{title_of(report)}, {report.settings['observation'].replace('_', ' ')}"
+    title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
     head = f"<summary>{escape(title)}</summary>"
     home = episode.task.home
     if report.settings["homes_sha256"].get(home) != home_hash(home):
@@ -86,10 +89,17 @@ def _card(report: Report, episode: Played, folder: Path) -> str:
         instruction = escape(env.instruction)
     finally:
         env.close()
-    name = f"{report.settings['policy']}-{episode.task.id}-{episode.seed}.json".replace(":", "-").replace("/", "-")
-    save_episode(file, folder / name)
-    link = f'<a href="{escape(folder.name)}/{escape(name)}">episode file</a>'
+    path = folder / _file_name(report, episode)
+    save_episode(file, path)
+    link = f'<a href="{escape(folder.name)}/{escape(path.name)}">episode file</a>'
     return f"<details>{head}<p><em>{instruction}</em> {link}</p><div class='replay'>{drawing}{steps}</div></details>"
+
+
+def _file_name(report: Report, episode: Played) -> str:
+    """Return a short name that no other episode has: one task may be played in many results of one policy."""
+    settings = json.dumps(report.settings, sort_keys=True)
+    mark = hashlib.sha256(f"{settings} {episode.actions}".encode()).hexdigest()[:8]
+    return f"{episode.task.id}-seed{episode.seed}-{mark}.json"
 
 
 def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:

@@ -1,12 +1,15 @@
 """The report: results of evaluations as one HTML page that needs no network."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
+from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.cooperation import reference_scores
+from chmarl_pb.evaluation.groups import Group, grouped
 from chmarl_pb.evaluation.plots import cooperation_bars, score_bars, success_curves
 from chmarl_pb.evaluation.policies import BUILT_IN
 from chmarl_pb.evaluation.replays import replays
@@ -16,6 +19,7 @@ from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
 
 _TEMPLATE = Path(__file__).parent / "report.html"
+_BLIND = "blind"  # marked in the plots: what needs neither eyes nor words
 
 
 def write_report(sources: Sequence[Path], out: Path) -> int:
@@ -44,14 +48,15 @@ def page(reports: Sequence[Report], folder: Path) -> str:
         reports: the results.
         folder: for the episode files that the page links to.
     """
+    groups = grouped(reports)
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
-        scores=score_bars(reports),
+        scores="".join(_scores(groups)),
         results=result_table(reports),
         graphs=paper_table(paper.SCENE_GRAPH, reports, others=True),
         visual=paper_table(paper.VISUAL, reports, others=True),
         feedback=paper_table(paper.FEEDBACK, reports, others=False),
-        curves="".join(_curves(reports)),
-        cooperation=cooperation_bars(reports) or "<p>No reference lengths fit these results.</p>",
+        curves="".join(_curves(groups)),
+        cooperation="".join(_cooperation(groups)) or "<p>No reference lengths fit these results.</p>",
         groups="".join(map(_groups, reports)),
         replays=replays(reports, folder),
         sources="".join(map(_source, reports)),
@@ -72,16 +77,39 @@ def _order(report: Report) -> tuple[int, str, int, str]:
     return SPLITS.index(settings["split"]), settings["observation"], place, title_of(report)
 
 
-def _curves(reports: Sequence[Report]) -> list[str]:
-    splits = dict.fromkeys(report.settings["split"] for report in reports)
-    return [
-        f"<h3>{split}</h3>{success_curves([report for report in reports if report.settings['split'] == split])}"
-        for split in splits
-    ]
+def _scores(groups: Sequence[Group]) -> Iterator[str]:
+    known = {group.split: reference_scores(group.split, MAX_STEPS) for group in groups}
+    blind = {split: {_BLIND: scores[_BLIND].plw} for split, scores in known.items() if _BLIND in scores}
+    for observation, same in _by_observation(groups).items():
+        yield f"<h3>{_words(observation)}</h3><div class='wide plot'>{score_bars(same, blind)}</div>"
+
+
+def _curves(groups: Sequence[Group]) -> Iterator[str]:
+    for split in dict.fromkeys(group.split for group in groups):
+        for observation, same in _by_observation([group for group in groups if group.split == split]).items():
+            yield f"<h3>{split}, {_words(observation)}</h3><div class='wide plot'>{success_curves(same)}</div>"
+
+
+def _cooperation(groups: Sequence[Group]) -> Iterator[str]:
+    for observation, same in _by_observation(groups).items():
+        if bars := cooperation_bars(same):
+            yield f"<h3>{_words(observation)}</h3><div class='wide plot'>{bars}</div>"
+
+
+def _by_observation(groups: Sequence[Group]) -> dict[str, list[Group]]:
+    """Return observation -> its groups: what one picture shows was observed in one way."""
+    found: dict[str, list[Group]] = {}
+    for group in groups:
+        found.setdefault(group.observation, []).append(group)
+    return dict(sorted(found.items()))
+
+
+def _words(observation: str) -> str:
+    return observation.replace("_", " ")
 
 
 def _groups(report: Report) -> str:
-    name = f"{title_of(report)}, {report.settings['split']}, {report.settings['observation'].replace('_', ' ')}"
+    name = f"{title_of(report)}, {report.settings['split']}, {_words(report.settings['observation'])}"
     tables = [group_table("home", report.per_home)]
     tables += [group_table(role, summaries) for role, summaries in report.per_class.items()]
     return f"<details><summary>{escape(name)}</summary>{''.join(tables)}</details>"

@@ -5,10 +5,12 @@ from html import escape
 
 import numpy as np
 
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.options import MAX_STEPS, Options
 from chmarl_pb.envs.provenance import tasks_hash
+from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
+from chmarl_pb.evaluation.policies import SHORTCUTS
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
 
@@ -21,11 +23,12 @@ def paper_table(table: PaperTable, reports: Sequence[Report], others: bool) -> s
     Args:
         table: of the paper.
         reports: our results.
-        others: whether to add rows for those of our results that the paper has no row for.
+        others: whether to add rows for those of our results that the paper has no row for, and for policies that come
+            with the benchmark: what can be scored with much less than a robot is given.
     """
     rows = [_paper_row(table, row, reports) for row in table.rows]
     if others:
-        rows += _other_rows(table, reports)
+        rows += _other_rows(table, reports) + _built_in_rows(table, reports)
     groups = "".join(f'<th colspan="{len(SPLITS)}">{name} (%)</th>' for name in ("Success rate", "PLW"))
     splits = "".join(f"<th>{split}</th>" for split in SPLITS * 2)
     head = f'<tr><th rowspan="2">policy</th><th rowspan="2"></th>{groups}</tr><tr>{splits}</tr>'
@@ -39,18 +42,20 @@ def _paper_row(table: PaperTable, row: Row, reports: Sequence[Report]) -> str:
         name = f"{row.observation.replace('_', ' ')}, {'feedback' if row.feedback else 'none'}"
     paper = "".join(f"<td>{value:.2f}</td>" for value in (*row.success, *row.plw))
     return (
-        f'<tr class="paper"><th rowspan="2">{escape(name)}</th><td>paper</td>{paper}</tr>'
-        f'<tr class="ours"><td>ours</td>{_our_cells(same)}</tr>'
+        f'<tr class="paper"><th rowspan="2">{escape(name)}</th><td class="whose">paper</td>{paper}</tr>'
+        f'<tr class="ours"><td class="whose">ours</td>{_our_cells(same)}</tr>'
     )
 
 
 def _stands_beside(row: Row, report: Report) -> bool:
     settings = report.settings
+    options = settings["options"]
     return (
-        not _limits(report)
+        not _apart(report)
         and label_of(report).casefold() == row.name.casefold()
         and settings["observation"] == row.observation
-        and bool(settings["options"]["feedback"]) == row.feedback
+        and bool(options["feedback"]) == row.feedback
+        and bool(options["messages"]) == row.messages
     )
 
 
@@ -61,9 +66,24 @@ def _other_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
     for report in reports:
         if report.settings["observation"] == observation and not any(_stands_beside(row, report) for row in table.rows):
             left.setdefault(title_of(report), []).append(report)
-    return [
-        f'<tr class="ours"><th>{escape(name)}</th><td>ours</td>{_our_cells(same)}</tr>' for name, same in left.items()
-    ]
+    whose = '<td class="whose">ours</td>'
+    return [f'<tr class="ours"><th>{escape(name)}</th>{whose}{_our_cells(same)}</tr>' for name, same in left.items()]
+
+
+def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
+    """Return rows of the built-in policies that no result of the table's observation is of."""
+    observation = table.rows[0].observation
+    given = {title_of(report) for report in reports if report.settings["observation"] == observation}
+    scores = {split: reference_scores(split, MAX_STEPS) for split in SPLITS}
+    rows = []
+    for name in (*SHORTCUTS, SEARCH):
+        if name not in given and all(name in of_split for of_split in scores.values()):
+            cells = "".join(
+                f"<td>{100 * scores[split][name][metric]:.2f}</td>" for metric in (0, 1) for split in SPLITS
+            )
+            told = f"<br><small>{SHORTCUTS.get(name, 'looks for X and Y by rule')}</small>"
+            rows.append(f'<tr class="built-in"><th>{name}{told}</th><td class="whose">built in</td>{cells}</tr>')
+    return rows
 
 
 def _our_cells(reports: Sequence[Report]) -> str:
@@ -86,7 +106,7 @@ def result_table(reports: Sequence[Report]) -> str:
     """Return a table of all results, one row each."""
     head = (
         "<tr><th>policy</th><th>split</th><th>observation</th><th>tasks</th><th>seeds</th><th>success %</th>"
-        "<th>PLW %</th><th>steps if solved</th><th>final potential</th><th>gain from cooperation</th></tr>"
+        "<th>PLW %</th><th>steps<br>if solved</th><th>final<br>potential</th><th>gain from<br>cooperation</th></tr>"
     )
     return _table(head, map(_result_row, reports))
 
@@ -100,7 +120,10 @@ def _result_row(report: Report) -> str:
         _rate(summary.success_rate), _rate(summary.plw), _plain(summary.length_on_success),
         _plain(summary.final_potential), share,
     )  # fmt: skip
-    return f"<tr><th>{escape(title_of(report))}</th>{''.join(f'<td>{value}</td>' for value in values)}</tr>"
+    policy = str(settings["policy"])
+    source = "" if label_of(report) == policy else f"<br><small>{escape(policy)}</small>"
+    cells = "".join(f"<td>{value}</td>" for value in values)
+    return f"<tr><th>{escape(title_of(report))}{source}</th>{cells}</tr>"
 
 
 def group_table(title: str, summaries: dict[str, Summary]) -> str:
@@ -120,20 +143,25 @@ def label_of(report: Report) -> str:
 
 
 def title_of(report: Report) -> str:
-    """Return a result's label, what was switched off or given, and why it is no result of the whole benchmark."""
+    """Return a result's label and what sets it apart: what was switched off or given, and other tasks or limits."""
     off = [f"no {name}" for name in ("messages", "feedback") if not report.settings["options"][name]]
-    given = ["goal observed"] if report.settings["options"].get("goal") else []
-    notes = [*off, *given, *_limits(report)]
+    notes = [*off, *_apart(report)]
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
 
 
-def _limits(report: Report) -> list[str]:
-    """Return why a result cannot stand beside the paper's: it is of chosen tasks, or of another limit of steps."""
-    settings = report.settings
+def _apart(report: Report) -> list[str]:
+    """Return why a result cannot stand beside the paper's: other feedback, the goal, chosen tasks, another limit."""
+    settings, options = report.settings, report.settings["options"]
+    pixels = options.get("image_size", Options.image_size)
     whole = settings["tasks_sha256"] == tasks_hash(evaluated_tasks(settings["split"]))
-    steps = settings["options"]["max_steps"]
-    limits = [] if whole else [f"{settings['tasks']} chosen tasks"]
-    return limits + ([] if steps == MAX_STEPS else [f"at most {steps} steps"])
+    notes = {
+        f"{options['feedback']} feedback": options["feedback"] not in (True, False, "paper"),
+        "goal observed": options.get("goal"),
+        f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
+        f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
+        f"at most {options['max_steps']} steps": options["max_steps"] != MAX_STEPS,
+    }
+    return [note for note, holds in notes.items() if holds]
 
 
 def _table(head: str, rows: Iterable[str]) -> str:

@@ -1,1 +1,1 @@
-"""Policies that come with the benchmark: the privileged planner, the search policy, random."""
+"""Policies that come with the benchmark: planner, search, random, and those that do without eyes, words or a memory."""

@@ -1,4 +1,7 @@
-"""The unprivileged search policy: it knows only what the robots see and what they told each other.
+"""The search policy: it knows only what the robots see and what the messages say.
+
+What is in view it reads from ``info["visible"]``. With scene graphs that is what they show; with pictures it is the
+truth, which a learner would have to recognise first.
 
 The drone sweeps room after room; the humanoid goes where a message says that the thing it needs has
 been seen, looks around there, and otherwise searches the rooms itself, in the opposite order.
@@ -16,7 +19,7 @@ _SIDES = ("turn_left", "turn_right")
 _TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
 _PACES = 3  # forward moves before it looks around again
 #: Moves that show the drone the surroundings of a room's centre: one round of eight places.
-_SWEEP = (
+SWEEP = (
     "move_forward", "move_left", "move_backward", "move_backward",
     "move_right", "move_right", "move_forward", "move_forward",
 )  # fmt: skip
@@ -129,7 +132,7 @@ class DroneSearch:
         """Go on from the action that was taken, whatever was proposed."""
         done = self.actions[action]
         if done.startswith("goto_"):
-            self._moves = list(_SWEEP[::-1])
+            self._moves = list(SWEEP[::-1])
             self._left = [room for room in self._left if f"goto_{room}" != done]
         elif self._moves[-1:] == [done]:
             self._moves.pop()

@@ -8,9 +8,9 @@ from statistics import fmean, stdev
 
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.cooperation import SEARCH, read_reference
-from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.evaluation.policies import SHORTCUTS
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.config import FROZEN
@@ -23,6 +23,9 @@ Records = dict[tuple[str, str], list[Record]]
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 METRICS = {"PLW": "plw", "Success rate": "success_rate"}
 NOT_RUN = "not run yet"
+BLIND = "blind"
+#: Built-in policies below the learners -> what they do.
+BUILT_IN = {**SHORTCUTS, SEARCH: "looks for X and Y by rule"}
 POOL = "mean"  # of graphs, in runs from before this was a setting
 
 INTRO = f"""# Results of the learners
@@ -41,8 +44,17 @@ small sample: ± is the spread of trainings on the same tasks, and the intervals
 tasks, one for each seed) tell how far other tasks might lie. Budgets differ: ours plays more episodes than the paper's
 learners do here, see [the runs](#the-runs). Rows in
 *italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
-robots, or the humanoid beside a drone that follows the search policy. *search* is the built-in policy that learns
-nothing ([benchmark.md](benchmark.md#baselines-and-difficulty)).
+robots, or the humanoid beside a drone that follows the search policy. At the end stand built-in policies that learn
+nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)} do without most of
+what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and with pictures,
+since *reactive*, *instruction-blind* and *search* read which things are truly in view, with pictures too.
+*Made with*: what encodes the observations, who was imitated, and the length of the training. The teacher of our own
+row is *search*, which reads the true `visible` while it teaches on pictures; the learner has a detector for them.
+
+**What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
+robots get pictures; Pick and Place take no argument and drive by themselves; X's class stands in the scene but
+once; and feedback comes exactly when X or Y was in view and within reach. So *blind*, which knows nothing but the
+rooms on the board, whether there is feedback, its own room and whether it holds something, is the row to beat.
 """
 
 #: Where an episode ends -> the potentials that say so.
@@ -99,15 +111,26 @@ def _headlines(records: Records) -> list[str]:
             lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({told}).")
             continue
         plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
-        search = _search("plw", SPLITS[-1])
-        share = f", {fmean(plw) / search:.0%} of the PLW of search" if search else ""
+        built_in = {name: _built_in(name, "plw", SPLITS[-1]) for name in (BLIND, SEARCH)}
+        shares = [f"{fmean(plw) / score:.0%} of the PLW of {name}" for name, score in built_in.items() if score]
+        share = "".join(f", {told}" for told in shares)
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
             f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
             f"{_intervals(best, records, 'plw')}, success **{_cell(success)}**"
-            f"{_intervals(best, records, 'success_rate')}{share} ({told})."
+            f"{_intervals(best, records, 'success_rate')}{share} ({told}). {_below_blind(table, records)}"
         )
     return ["\n".join(lines)]
+
+
+def _below_blind(table: str, records: Records) -> str:
+    """Return how many rows of learners score less than the blind policy."""
+    blind = _built_in(BLIND, "plw", SPLITS[-1])
+    known = [fmean(_values(same, "plw", SPLITS[-1])) for row in TABLES[table] if (same := _of(row, records))]
+    if blind is None:
+        return ""
+    below = sum(plw < blind for plw in known)
+    return f"*blind* has {100 * blind:.1f}: more than {below} of the {len(known)} learners' rows."
 
 
 def _intervals(row: Row, records: Records, metric: str) -> str:
@@ -125,8 +148,8 @@ def _valid(row: Row, records: Records) -> float:
 def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str:
     """Return one metric of a table as Markdown."""
     metric = METRICS[title]
-    lines = [f"| {title} % | seeds |" + "".join(f" {split}: paper | ours |" for split in SPLITS)]
-    lines.append("|---|---|" + "--:|--:|" * len(SPLITS))
+    lines = [f"| {title} % | seeds | made with |" + "".join(f" {split}: paper | ours |" for split in SPLITS)]
+    lines.append("|---|---|---|" + "--:|--:|" * len(SPLITS))
     name = _setting if table == "feedback" else _name
     for row in rows:
         same = _of(row, records)
@@ -134,11 +157,26 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
             f" {_paper(row, metric, number)} | {_cell(_values(same, metric, split))} |"
             for number, split in enumerate(SPLITS)
         )
-        lines.append(f"| {name(row)} | {_seeds(row, same)} |{''.join(cells)}")
-    search = [_search(metric, split) for split in SPLITS]
-    if all(value is not None for value in search):
-        lines.append("| *search* | |" + "".join(f" | {100 * (value or 0):.1f} |" for value in search))
+        lines.append(f"| {name(row)} | {_seeds(row, same)} | {_made_with(same)} |{''.join(cells)}")
+    for policy, does in BUILT_IN.items():
+        scores = [_built_in(policy, metric, split) for split in SPLITS]
+        if all(score is not None for score in scores):
+            lines.append(f"| *{policy}* | | {does} |" + "".join(f" | {100 * (score or 0):.1f} |" for score in scores))
     return "\n".join(lines)
+
+
+def _made_with(same: Sequence[Record]) -> str:
+    """Return what encodes a row's observations, whom it imitated, and how long it was trained."""
+    if not same:
+        return ""
+    checkpoint = same[0]["checkpoint"]
+    config = checkpoint.get("config", {})
+    graphs = f"{config.get('graph_pool', POOL)} pool"
+    encoder = graphs if same[0]["observation"] == "scene_graph" else config.get("image_encoder", "")
+    imitated = SEARCH if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
+    if checkpoint.get("kind") == "bc":
+        imitated = "planner"
+    return ", ".join(filter(None, [encoder, f"teacher: {imitated}" if imitated else "", _budget(same[0])]))
 
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:
@@ -207,20 +245,10 @@ def _cell(values: Sequence[float]) -> str:
 
 
 @cache
-def _search(metric: str, split: str) -> float | None:
-    """Return a metric of the search policy, from its reference lengths, 0 to 1."""
-    reference = read_reference(split)
-    if reference is None or reference.max_steps < MAX_STEPS:
-        return None
-    return fmean(
-        0.0 if steps is None or steps > MAX_STEPS else _of_success(metric, steps, task.optimal_steps)
-        for task, lengths in reference.lengths.items()
-        for steps in lengths[SEARCH]
-    )
-
-
-def _of_success(metric: str, steps: int, optimal: int) -> float:
-    return path_weighted(True, steps, optimal) if metric == "plw" else 1.0
+def _built_in(policy: str, metric: str, split: str) -> float | None:
+    """Return a metric of a built-in policy, 0 to 1, from the lengths that are kept of it."""
+    scores = reference_scores(split, MAX_STEPS)
+    return getattr(scores[policy], metric) if policy in scores else None
 
 
 def _runs(records: Records) -> list[str]:
