@@ -105,7 +105,7 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
         raise KeyboardInterrupt
 
     place = {
-        "home": (world_module, "load_home_body"),
+        "home": (world_module, "loaded_home"),
         "object": (world_module, "load_graspable"),
         "robot": (sys.modules["chmarl_pb.robots.humanoid"], "load_humanoid"),
         "eyes": (sys.modules["chmarl_pb.envs.stage"], "Sight"),

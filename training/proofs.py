@@ -36,7 +36,7 @@ GAMES = (*MATRIX_GAMES, "two-step")
 TOLERANCE = 0.5  # of a value; payoffs reach from -12 to 8
 CONFIG = Config(
     episodes=8_192, envs=128, horizon=2, updates=24, batch_size=512, learning_starts=512, buffer_size=8_192,
-    learning_rate=2e-3, gamma=0.99, epsilon_end=1.0, target_update_interval=100, features=16, hidden=16,
+    learning_rate=1e-3, gamma=0.99, epsilon_end=1.0, target_update_interval=100, features=16, hidden=16,
     validation_interval=10**9, log_interval=10**9,
 )  # fmt: skip
 

@@ -63,8 +63,9 @@ def _write(links: Sequence[Link], folder: Path) -> Path:
 
 
 def _cannot_copy(error: OSError) -> HomeError:
+    where = error.filename or tempfile.tempdir or "no folder for temporary files"
     return HomeError(
-        f"{error.filename or tempfile.gettempdir()}: the home cannot be copied there for PyBullet ({error.strerror}); "
+        f"{where}: the home cannot be copied there for PyBullet ({error.strerror}); "
         "make room, or name another folder by TMPDIR"
     )
 

@@ -1,13 +1,15 @@
 """Bodies in a PyBullet client: poses, loading a home and graspable objects."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.plain import plain_copy
@@ -58,13 +60,26 @@ def loaded_home(client: int, home: Home) -> Iterator[int]:
     Raises:
         HomeError: PyBullet cannot load it.
     """
-    with plain_copy(home.links) as urdf:
+    with _plain_file(home) as urdf:
         try:
             with quiet():
                 body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client))
         except pybullet.error as error:
             raise HomeError(f"{home.path}: PyBullet cannot load this home ({error}); make it simpler") from error
         yield body
+
+
+@contextmanager
+def _plain_file(home: Home) -> Iterator[Path]:
+    """Yield a URDF for PyBullet: a plain copy; of a home of the package, where no file can be written, its own."""
+    with ExitStack() as stack:
+        try:
+            urdf = stack.enter_context(plain_copy(home.links))
+        except HomeError:
+            if home.path.parent != SCENES_DIR:
+                raise
+            urdf = home.path
+        yield urdf
 
 
 def load_graspable(client: int, class_name: str) -> Graspable:
