@@ -100,7 +100,7 @@ def test_published_lengths_are_those_that_are_played(env: HouseholdEnv, name: st
 def test_published_scores_show_that_eyes_and_words_are_hardly_needed() -> None:
     scores = reference_scores("test-unseen", 28)
     assert scores["blind"][0] > 0.8 and scores["blind"][1] > 0.38
-    assert scores["instruction-blind"][1] > 0.37 and scores["open-loop"][1] > 0.15
+    assert scores["instruction-blind"][1] > 0.37 and scores["open-loop"][0] > 0.3
     assert reference_scores("test-unseen", 29) == {}  # cut later than the references
     few = reference_scores("test-unseen", 28, load_tasks("test-unseen")[:3])
     assert few.keys() == scores.keys() and few != scores
