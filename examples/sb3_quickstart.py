@@ -1,12 +1,12 @@
 """PPO of Stable-Baselines3 learns to find and bring things: python examples/sb3_quickstart.py [STEPS [SEED]]."""
 
-import sys
+import sys  # noqa: I001
+
+import chmarl_pb
+from training.sb3 import GoalFeatures, policy_of  # first, as it says how to install what is missing
 
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
-
-import chmarl_pb
-from training.sb3 import GoalFeatures, policy_of
 
 
 def main(steps=200_000, seed=0):

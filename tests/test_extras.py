@@ -89,6 +89,11 @@ def test_a_part_of_an_extra_or_of_an_example_is_missing(
     assert "needs" in sentence and "install" in sentence
 
 
+def test_the_quick_start_says_in_its_last_line_what_to_install(tmp_path: Path) -> None:
+    done = run(tmp_path, EXTRAS["train"], str(ROOT / "examples" / "sb3_quickstart.py"))
+    assert "needs the extra 'train'" in done.stderr.splitlines()[-1] and extras.command("train") in done.stderr
+
+
 def test_learners_need_no_stable_baselines3(tmp_path: Path) -> None:
     missing = ("stable_baselines3", "sb3_contrib", "tensorboard", *EXTRAS["report"], *EXTRAS["human"])
     assert run(tmp_path, missing, "-m", "training.train", "--help").returncode == 0
