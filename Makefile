@@ -45,16 +45,16 @@ tables: $(VENV)/.dev
 
 # Rebuild every generated file that is committed.
 assets: $(VENV)/.run
-	$(RUN)/python -m urdf.build.graspables
-	$(RUN)/python -m urdf.build.furniture
-	$(RUN)/python -m urdf.build.robots
+	$(RUN)/python -m tools.assets.graspables
+	$(RUN)/python -m tools.assets.furniture
+	$(RUN)/python -m tools.assets.robots
 
 homes: $(VENV)/.run
 	rm -rf scenes/meshes
 	for layout in scenes/*.toml; do $(RUN)/chmarl-pb homes build $$layout || exit 1; done
 	for layout in scenes/*.toml; do \
 		name=$$(basename $$layout .toml); $(RUN)/chmarl-pb homes preview $$name --out docs/homes/$$name.png || exit 1; done
-	$(RUN)/python -m urdf.build.sheet --out docs/assets.png
+	$(RUN)/python -m tools.assets.sheet --out docs/assets.png
 
 $(VENV)/.run: pyproject.toml | $(VENV)/bin/python
 	$(RUN)/python -m pip install --quiet --editable .

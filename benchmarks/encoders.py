@@ -21,9 +21,9 @@ with needs("benchmarks.encoders", "train", script=True):
     import torch
     from torch import Tensor
 
-from training.encoders import efficientnet
-from training.encoders.int8 import IntegerResNet18, ranges_of
-from training.encoders.residual import ResNet18, folded
+from chmarl_pb.learning.networks import efficientnet
+from chmarl_pb.learning.networks.int8 import IntegerResNet18, ranges_of
+from chmarl_pb.learning.networks.residual import ResNet18, folded
 
 BATCHES = (1, 2, 16)
 SIZE = 128

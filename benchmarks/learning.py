@@ -19,13 +19,14 @@ with needs("benchmarks.learning", "train", script=True):
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.files import write_atomically
-from training import collect, learner
-from training.benchmark import benchmark
-from training.config import Config
-from training.learner import Learner
-from training.loop import Run
-from training.replay import Replay
-from training.validation import by_return
+from chmarl_pb.learning.algorithms import learner
+from chmarl_pb.learning.algorithms.learner import Learner
+from chmarl_pb.learning.benchmark_env import benchmark
+from chmarl_pb.learning.config import Config
+from chmarl_pb.learning.runs import collect
+from chmarl_pb.learning.runs.loop import Run
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.validation import by_return
 
 Seconds = dict[str, float]
 

@@ -20,8 +20,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.simulators import OURS, PEERS, Peer, Work
-from chmarl_pb.bench.command import readable, wide_console
 from chmarl_pb.bench.playing import Effort
+from chmarl_pb.cli.bench import readable, wide_console
 from chmarl_pb.files import write_atomically
 
 SIZES = (64, 84, 128, 224)

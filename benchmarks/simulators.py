@@ -56,7 +56,7 @@ def ours(work: Work) -> Iterator[float]:
 def plain_tiny_renderer(work: Work) -> Iterator[float]:
     """Nothing but full TinyRenderer pictures of our home with its objects, from both cameras in turn."""
     from chmarl_pb.bench.fresh import plain_picture
-    from chmarl_pb.homes.lattice import HEADINGS
+    from chmarl_pb.navigation.lattice import HEADINGS
 
     env = _household()
     space, rng = env.stage.space, np.random.default_rng(1)
@@ -76,8 +76,8 @@ def mujoco_boxes(work: Work) -> Iterator[float]:
     import mujoco
 
     from benchmarks.home_boxes import mjcf
-    from chmarl_pb.homes.lattice import HEADINGS
-    from chmarl_pb.sensing.eyes import CAMERAS, eye
+    from chmarl_pb.navigation.lattice import HEADINGS
+    from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 
     env, rng = _household(), np.random.default_rng(1)
     model = mujoco.MjModel.from_xml_string(mjcf(env, CAMERAS["humanoid"].fov))

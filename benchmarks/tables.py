@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.peers import OURS, Result
-from chmarl_pb.bench.command import readable
+from chmarl_pb.cli.bench import readable
 from chmarl_pb.files import write_atomically
 
 #: What is asked of a figure: its name and its unit -> goal.

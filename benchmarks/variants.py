@@ -9,9 +9,9 @@ from pathlib import Path
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
-from chmarl_pb.homes import check
 from chmarl_pb.homes.assemble import write_home
 from chmarl_pb.homes.layout import Door, Furniture, Layout, Room, load_layout
+from chmarl_pb.navigation import check
 
 _DOOR_CLEARANCE = 1.4  # metres round the middle of a new door that are kept free of furniture
 

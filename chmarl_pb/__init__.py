@@ -13,13 +13,13 @@ from chmarl_pb.envs.registration import register_envs
 if TYPE_CHECKING:
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
     from chmarl_pb.envs.rollout import Episode as Episode
-    from chmarl_pb.envs.rollout import make_policy as make_policy
     from chmarl_pb.envs.rollout import rollout as rollout
-    from chmarl_pb.envs.sb3_vec import sb3_vec_env as sb3_vec_env
-    from chmarl_pb.envs.vector import vector_env as vector_env
+    from chmarl_pb.envs.vector.env import vector_env as vector_env
     from chmarl_pb.errors import ChmarlError as ChmarlError
     from chmarl_pb.evaluation.protocol import evaluate as evaluate
     from chmarl_pb.evaluation.result import Report as Report
+    from chmarl_pb.learning.sb3.vec_env import sb3_vec_env as sb3_vec_env
+    from chmarl_pb.policies.registry import make_policy as make_policy
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 
@@ -34,10 +34,10 @@ _PUBLIC = {
     "Task": "chmarl_pb.tasks.task",
     "evaluate": "chmarl_pb.evaluation.protocol",
     "load_tasks": "chmarl_pb.tasks.splits",
-    "make_policy": "chmarl_pb.envs.rollout",
+    "make_policy": "chmarl_pb.policies.registry",
     "rollout": "chmarl_pb.envs.rollout",
-    "sb3_vec_env": "chmarl_pb.envs.sb3_vec",
-    "vector_env": "chmarl_pb.envs.vector",
+    "sb3_vec_env": "chmarl_pb.learning.sb3.vec_env",
+    "vector_env": "chmarl_pb.envs.vector.env",
 }
 _NEEDS_EXTRA = {"sb3_vec_env"}  # left out of ``import *``, which would fail without it
 __all__ = ["__version__", "env", "parallel_env", *(name for name in _PUBLIC if name not in _NEEDS_EXTRA)]

@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, are written by one process at a time, and tell when they are damaged."""
 
 import errno
+import hashlib
 import json
 import os
 import socket
@@ -297,3 +298,8 @@ def _checksum(row: dict[str, Any], context: str) -> str:
 
 def _plain(row: dict[str, Any]) -> str:
     return json.dumps(row, separators=(",", ":"))
+
+
+def file_hash(path: Path) -> str:
+    """Return the sha256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

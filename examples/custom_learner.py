@@ -12,7 +12,7 @@ with needs("this example", "train", script=True):
     import torch
     from torch import nn
 
-from training.encoders import build_encoder
+from chmarl_pb.learning.networks import build_encoder
 
 
 def play(env, policies, seed):

@@ -3,7 +3,7 @@
 import sys  # noqa: I001
 
 import chmarl_pb
-from training.sb3 import GoalFeatures, policy_of  # first, as it says how to install what is missing
+from chmarl_pb.learning.sb3 import GoalFeatures, policy_of  # first, as it says how to install what is missing
 
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize

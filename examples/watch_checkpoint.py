@@ -12,7 +12,7 @@ import chmarl_pb
 from chmarl_pb.extras import needs
 
 with needs("this example", "train", script=True):
-    from training.policy import load_policy
+    from chmarl_pb.learning.policies.load import load_policy
 
 
 def main(arguments=None):

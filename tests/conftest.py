@@ -1,12 +1,11 @@
 """What several tests share: the benchmark homes with their stages, environments and small homes made on the spot."""
 
 import os
-import resource
 import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,17 +14,20 @@ import gymnasium
 import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.stage import Stage
 from chmarl_pb.homes.home import Home, load_home
-from chmarl_pb.sensing import view_store as view_store_module
-from chmarl_pb.sensing.home_views import HomeViews
+from chmarl_pb.rendering import view_store as view_store_module
+from chmarl_pb.rendering.home_views import HomeViews
+from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
+from tests.helpers.small_homes import HOMES, home_text
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Give each run a view store of its own, which its workers and subprocesses inherit, and let Ctrl-C reach them."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
     with suppress(ImportError):
         # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
         # Numba's work, Triton has ended the process.
@@ -35,20 +37,6 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = tempfile.mkdtemp(prefix="chmarl-views-")
         os.environ["CHMARL_CACHE"] = folder
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-
-
-@contextmanager
-def full_disk(size: int) -> Iterator[None]:
-    """Let no file of this process, and of those that it starts, grow beyond so many bytes, as if the disk were full."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-HOMES = tuple(f"home_{number}" for number in range(1, 8))
 
 
 @pytest.fixture(scope="session")
@@ -96,31 +84,6 @@ def visual_env() -> Iterator[HouseholdEnv]:
     env = HouseholdEnv("visual", image_size=32)
     yield env
     env.close()
-
-
-def box(name: str, size: tuple[float, float, float], position: tuple[float, float, float]) -> str:
-    """Return the URDF lines of a box-shaped link, fixed in the world."""
-    where, extents = (" ".join(map(str, values)) for values in (position, size))
-    shape = f'<origin xyz="{where}"/><geometry><box size="{extents}"/></geometry>'
-    return (
-        f'<link name="{name}"><inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
-        f"</inertial>\n<visual>{shape}</visual>\n<collision>{shape}</collision></link>\n"
-        f'<joint name="to_{name}" type="fixed"><parent link="world"/><child link="{name}"/></joint>\n'
-    )
-
-
-#: A home of one room, 4 m x 4 m about the origin, with a desk and a sofa.
-SMALL_HOME = {
-    "livingroom/floor_1": ((4, 4, 0.1), (0, 0, -0.05)),
-    "livingroom/desk_1": ((1.2, 0.6, 0.75), (0, 1.6, 0.375)),
-    "livingroom/sofa_1": ((1.8, 0.8, 0.45), (0, -1.5, 0.225)),
-}
-
-
-def home_text(boxes: dict[str, tuple] | None = None, extra: str = "") -> str:
-    """Return the URDF of a home made of boxes."""
-    links = "".join(box(name, size, position) for name, (size, position) in (boxes or SMALL_HOME).items())
-    return f'<?xml version="1.0"?>\n<robot name="home">\n<link name="world"/>\n{links}{extra}</robot>\n'
 
 
 @pytest.fixture

@@ -16,10 +16,10 @@ import pytest
 from chmarl_pb import compiled as compiled_module
 from chmarl_pb.compiled import COMPILES, compiled
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.homes.space import space_of
-from chmarl_pb.sensing.camera import lens, view_matrix
-from chmarl_pb.sensing.eyes import CAMERAS, eye
-from chmarl_pb.sensing.home_model import HomeModel
+from chmarl_pb.navigation.free_space import space_of
+from chmarl_pb.rendering.camera import lens, view_matrix
+from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.world import World
 
 needs_numba = pytest.mark.skipif(not COMPILES, reason="NUMBA_DISABLE_JIT is set")

@@ -6,11 +6,14 @@ from types import ModuleType
 
 import pytest
 
-torch = pytest.importorskip("torch")
+import chmarl_pb
+from chmarl_pb.learning import (
+    Config,
+    train,
+)
+from chmarl_pb.learning.runs.loop import BEST
 
-import chmarl_pb  # noqa: E402
-from training import Config, train  # noqa: E402
-from training.loop import BEST  # noqa: E402
+torch = pytest.importorskip("torch")
 
 torch.set_num_threads(1)
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import full_disk
 from hypothesis import given
 from hypothesis import strategies as st
 
 from chmarl_pb import files
 from chmarl_pb.errors import BusyError, WriteError
 from chmarl_pb.files import Lock, append_line, replacing, sealed, unsealed, write_atomically, writing
+from tests.helpers.disk import full_disk
 
 # Locks
 

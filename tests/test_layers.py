@@ -1,39 +1,34 @@
 """The package is built in rows: a module imports only from its own row and the rows above it."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
-    ("errors",),
-    ("extras",),
-    ("progress",),
-    ("files",),
-    ("compiled",),
-    ("assets",),
-    ("catalog",),
+    ("errors", "extras", "files", "progress", "compiled", "assets", "catalog", "processes"),
     ("homes",),
+    ("navigation",),
     ("world",),
-    ("processes",),
     ("robots",),
+    ("rendering",),
     ("sensing",),
     ("tasks",),
-    ("planner",),
+    ("policies",),
     ("envs",),
     ("data", "evaluation"),
-    ("demo",),
-    ("bench",),
-    ("commands",),
+    ("learning",),
+    ("viewer", "bench"),
     ("cli",),
 )
 ROW_OF = {name: number for number, names in enumerate(ROWS) for name in names}
-MAY_USE_PYBULLET = {"world", "robots", "sensing"}
+MAY_USE_PYBULLET = {"world", "robots", "rendering"}
 PYBULLET = "chmarl_pb.world.bullet.pybullet"  # the one import of PyBullet itself, without its greeting, lies there
-FORBIDDEN = {"torch", "torchvision", "stable_baselines3", "sb3_contrib", "training"}
-MAY_USE_SB3 = {"envs/sb3_vec.py"}  # imported by nothing else of the package, only when it is asked for
+HEAVY = {"torch", "torchvision", "stable_baselines3", "sb3_contrib"}  # of the extra ``train``, for ``learning`` alone
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+SCRIPTS = sorted((PACKAGE.parent / "training").rglob("*.py"))
 
 
 def imported(source: str) -> list[str]:
@@ -67,7 +62,7 @@ def faults(own: str, source: str) -> list[str]:
     found = []
     for name in imported(source):
         parts = name.split(".")
-        if name.startswith(".") or parts[0] in FORBIDDEN:
+        if name.startswith(".") or parts[0] == "training" or (parts[0] in HEAVY and own != "learning"):
             found.append(name)
         elif parts[0] == "pybullet" or (name == PYBULLET and own not in MAY_USE_PYBULLET):
             found.append(name)
@@ -80,12 +75,29 @@ def faults(own: str, source: str) -> list[str]:
 def test_module_imports_no_lower_row(path: Path) -> None:
     own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     assert own in ROW_OF, f"{own} has no row; give it one here and in the design"
-    found = faults(own, path.read_text())
-    if path.relative_to(PACKAGE).as_posix() in MAY_USE_SB3:
-        found = [name for name in found if not name.startswith("stable_baselines3")]
-    if path == PACKAGE / "world" / "bullet.py":
-        found.remove("pybullet")
-    assert found == []
+    assert faults(own, path.read_text()) == (["pybullet"] if path == PACKAGE / "world" / "bullet.py" else [])
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def test_no_modules_import_each_other() -> None:
+    """Also not by way of others, nor inside functions."""
+    paths = {module_of(path): path for path in (*FILES, *SCRIPTS)}
+    graph = {}
+    for module, path in paths.items():
+        names = imported(path.read_text())
+        needed = {name if name in paths else name.rpartition(".")[0] for name in names}
+        graph[module] = needed & paths.keys() - {module}
+    assert list(TopologicalSorter(graph).static_order())  # raises CycleError, which names the modules
+
+
+@pytest.mark.parametrize("path", [*FILES, *SCRIPTS], ids=module_of)
+def test_no_module_is_named_as_what_its_package_offers(path: Path) -> None:
+    package = path.parent / "__init__.py"
+    offered = {name.rpartition(".")[2] for name in imported(package.read_text())} if package.exists() else set()
+    assert path.stem not in offered - {"bullet"}
 
 
 @pytest.mark.parametrize(
@@ -95,10 +107,11 @@ def test_module_imports_no_lower_row(path: Path) -> None:
         ("catalog", "from chmarl_pb import homes"),
         ("homes", "def f():\n    import chmarl_pb.world"),
         ("tasks", "from chmarl_pb.envs import parallel as p"),
-        ("planner", "from chmarl_pb.world.bullet import pybullet as p"),
+        ("policies", "from chmarl_pb.world.bullet import pybullet as p"),
         ("robots", "import pybullet"),
         ("envs", "from torch.nn import Module"),
-        ("envs", "import training.train"),
+        ("envs", "import chmarl_pb.cli.train"),
+        ("learning", "import training.train"),
         ("robots", "from . import arm"),
     ],
 )

@@ -115,7 +115,7 @@ def is_running(pid: int) -> bool:
 
 def test_there_is_one_pool() -> None:
     """Whoever starts processes in another way has to see for himself to it that they end."""
-    alone = {"processes.py", "envs/vector_engine.py", "bench/fresh.py"}
+    alone = {"processes.py", "envs/vector/engine.py", "bench/fresh.py"}
     for path in (PACKAGE / "chmarl_pb").rglob("*.py"):
         if path.relative_to(PACKAGE / "chmarl_pb").as_posix() in alone:
             continue

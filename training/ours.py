@@ -1,17 +1,17 @@
 """`python -m training.ours`: our strongest learner. Imitation of the search policy, then MAPPO from there on.
 
-The search policy (chmarl_pb.planner.search) knows no more than the robots see; to imitate it gives a learner that looks
+The search policy knows no more than the robots see; to imitate it gives a learner that looks
 around and goes on, which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by
 the reward. Both steps see graphs pooled by the instruction, and of pictures what a frozen detector finds in them
-(:mod:`training.encoders`).
+(:mod:`chmarl_pb.learning.networks`).
 """
 
 import argparse
 from pathlib import Path
 
-from training.config import ImitationConfig, MappoConfig
-from training.loop import BEST
-from training.train import main as train_command
+from chmarl_pb.cli.train import main as train_command
+from chmarl_pb.learning.config import ImitationConfig, MappoConfig
+from chmarl_pb.learning.runs.loop import BEST
 
 IMITATION = "imitation"  # folder of the first step in that of the run
 

@@ -20,15 +20,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor
 
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
-from training import checkpoint, interrupts
-from training.encoders.detector import Detector
-from training.encoders.frozen import FrozenEncoder, weights_file
-from training.encoders.int8 import RANGES, ranges_of
-from training.encoders.labeller import Labeller
-from training.encoders.residual import folded
-from training.interrupts import Asked, Signals, run_command
-from training.seal import seal
-from training.views import Views, random_views
+from chmarl_pb.learning.networks.detector import Detector
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, weights_file
+from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
+from chmarl_pb.learning.networks.labelled_views import Views, random_views
+from chmarl_pb.learning.networks.labeller import Labeller
+from chmarl_pb.learning.networks.residual import folded
+from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
+from chmarl_pb.learning.runs.seal import seal
 
 KIND = "pretraining"
 WEIGHT_DECAY = 0.02

@@ -19,18 +19,18 @@ from rich.console import Console
 from rich.table import Table
 
 from chmarl_pb.files import write_atomically
-from training.collect import Collector, advance, begin
-from training.config import ALGORITHMS, Config
+from chmarl_pb.learning.algorithms.learner import Learner
+from chmarl_pb.learning.algorithms.losses import unroll
+from chmarl_pb.learning.algorithms.mixers import QtranNetworks
+from chmarl_pb.learning.config import ALGORITHMS, Config
+from chmarl_pb.learning.runs.collect import Collector, advance, begin
+from chmarl_pb.learning.runs.interrupts import run_command
+from chmarl_pb.learning.runs.loop import train
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.validation import play_greedily
+from chmarl_pb.learning.spaces import interface_of
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
-from training.interrupts import run_command
-from training.learner import Learner
-from training.loop import train
-from training.losses import unroll
-from training.mixers import QtranNetworks
-from training.replay import Replay
-from training.spaces import interface_of
 from training.theory import additive_fit, independent_fit, supermodular_fit
-from training.validation import play_greedily
 
 GAMES = (*MATRIX_GAMES, "two-step")
 TOLERANCE = 0.5  # of a value; payoffs reach from -12 to 8

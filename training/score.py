@@ -13,20 +13,23 @@ import torch
 
 import chmarl_pb
 import training
-from chmarl_pb.envs.provenance import file_hash, machine, source_hash, versions
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.evaluation.policies import register_loader
+from chmarl_pb.evaluation.provenance import machine, source_hash, versions
 from chmarl_pb.evaluation.result import Report
-from chmarl_pb.files import Lock, sealed, write_atomically
-from training.checkpoint import CheckpointError, load, reading
-from training.config import FROZEN
-from training.crowd import play_side_by_side
-from training.interrupts import run_command
-from training.threads import threads
+from chmarl_pb.files import Lock, file_hash, sealed, write_atomically
+from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.policies.batched import play_side_by_side
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading
+from chmarl_pb.learning.runs.interrupts import run_command
+from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.policies.sources import register_loader
 
 SCORES = "scores.json"
 STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
-LOADERS = {".pt": "training.policy", ".zip": "training.sb3"}  # ending of checkpoints -> module of ``load_policy``
+LOADERS = {
+    ".pt": "chmarl_pb.learning.policies.load",
+    ".zip": "chmarl_pb.learning.sb3",
+}  # ending of checkpoints -> module of ``load_policy``
 
 
 def score(
@@ -87,7 +90,7 @@ def _observes_goal(checkpoint: Path) -> bool:
     """Return whether a checkpoint was trained with the goal among its observations."""
     if checkpoint.suffix != ".zip":
         return False
-    from training.sb3.policy import read_model
+    from chmarl_pb.learning.sb3.policy import read_model
 
     return "goal" in read_model(checkpoint)[0].env_options
 
@@ -95,7 +98,7 @@ def _observes_goal(checkpoint: Path) -> bool:
 def _facts(checkpoint: Path) -> dict[str, Any]:
     """Return what a checkpoint of this package tells of its training."""
     if checkpoint.suffix == ".zip":
-        from training.sb3.policy import read_model
+        from chmarl_pb.learning.sb3.policy import read_model
 
         config = asdict(read_model(checkpoint)[0])
         return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}

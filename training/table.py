@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from chmarl_pb.errors import ChmarlError, OptionError
-from training.interrupts import run_command
+from chmarl_pb.learning.runs.interrupts import run_command
 from training.tables.page import write_page
 from training.tables.rows import TABLES, Row
 from training.tables.runs import Run, python
@@ -93,7 +93,7 @@ def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
     """
     seeing = [run for run in runs if run.row.observation == "visual" and not _is_trained(run)]
     for name in dict.fromkeys(run.row.image_encoder for run in seeing):
-        from training.encoders.frozen import weights_file
+        from chmarl_pb.learning.networks.frozen import weights_file
 
         if not weights_file(name).is_file():
             if _finished(python(["training.pretrain", "--network", name])) != 0:
@@ -127,8 +127,8 @@ def _prepare_data(observation: str, image_encoder: str, data: Path, workers: int
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
         dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
     if observation == "visual":  # here, as one run would wait for the other
-        from training.encoders.frozen import frozen_encoder
-        from training.features import kept_features
+        from chmarl_pb.learning.networks.frozen import frozen_encoder
+        from chmarl_pb.learning.networks.kept_features import kept_features
 
         kept_features(dataset, frozen_encoder(image_encoder))
 

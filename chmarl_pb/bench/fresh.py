@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from chmarl_pb.envs.parallel import HouseholdEnv
-    from chmarl_pb.sensing.camera import Picture
+    from chmarl_pb.rendering.camera import Picture
 
 SPLIT = "test-unseen"
 _IMPORT = """
@@ -80,7 +80,7 @@ def first_visits(size: str, count: str) -> dict[str, float]:
     import numpy as np
 
     from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-    from chmarl_pb.homes.lattice import HEADINGS
+    from chmarl_pb.navigation.lattice import HEADINGS
 
     env = HouseholdEnv("visual", split=SPLIT, image_size=int(size))
     env.reset(seed=0)
@@ -107,8 +107,8 @@ def first_visits(size: str, count: str) -> dict[str, float]:
 
 def plain_picture(env: "HouseholdEnv", robot: str, size: int) -> "Picture":
     """Draw everything in an environment's world with TinyRenderer, as a robot's camera sees it, and keep nothing."""
-    from chmarl_pb.sensing.camera import render, view_matrix
-    from chmarl_pb.sensing.eyes import CAMERAS, eye
+    from chmarl_pb.rendering.camera import render, view_matrix
+    from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 
     view = view_matrix(eye(env.stage.space, robot, env.world.robots[robot].pose))
     return render(env.world.client, CAMERAS[robot], view, size)

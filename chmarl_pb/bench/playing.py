@@ -11,11 +11,11 @@ from itertools import cycle
 import numpy as np
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.envs.rollout import make_policy
-from chmarl_pb.planner.policy import Policy
+from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.rendering.home_views import home_views
 from chmarl_pb.robots.execution import TICKS_PER_FRAME
-from chmarl_pb.sensing.home_views import home_views
-from chmarl_pb.sensing.sight import SIGHT_SIZE
+from chmarl_pb.sensing.vision import SIGHT_SIZE
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import TIME_STEP

@@ -1,1 +1,1 @@
-"""What the benchmark fixes in files: its tasks."""
+"""Data sets in Minari's format, and the scripts that made the fixed tasks and tours."""

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from rich.progress import MofNCompleteColumn, Progress
 
-from chmarl_pb.envs.stage import Stage
 from chmarl_pb.errors import TaskError
 from chmarl_pb.files import Lock, replacing
 from chmarl_pb.processes import check_workers, in_processes
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.sampling import sample_task
+from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
 

@@ -17,10 +17,10 @@ from rich.progress import track
 
 from chmarl_pb import catalog
 from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.envs.stage import Stage
 from chmarl_pb.files import write_atomically
-from chmarl_pb.homes.lattice import HEADINGS
-from chmarl_pb.planner.open_loop import FILE
+from chmarl_pb.navigation.lattice import HEADINGS
+from chmarl_pb.policies.open_loop import FILE
+from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 

@@ -11,9 +11,9 @@ from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import NoisyPlanner, make_env, record
 from chmarl_pb.data.store import dataset_folder, is_whole, join_parts, parts_folder, write_part
-from chmarl_pb.envs.rollout import core_of
 from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import Lock
+from chmarl_pb.policies.policy import core_of
 from chmarl_pb.processes import in_processes
 
 Progress = Callable[[int], Any]

@@ -8,8 +8,8 @@ from typing import Any
 
 import chmarl_pb
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS
-from chmarl_pb.envs.provenance import home_hash, source_hash, tasks_hash
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 

@@ -10,9 +10,10 @@ import numpy as np
 import chmarl_pb  # noqa: F401  (registers the Gymnasium ids)
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.envs.rollout import Episode, core_of, make_policy, rollout
-from chmarl_pb.envs.state_hash import state_hash
-from chmarl_pb.planner.policy import Actions, Infos, Observations
+from chmarl_pb.envs.rollout import Episode, rollout
+from chmarl_pb.evaluation.state_hash import state_hash
+from chmarl_pb.policies.policy import Actions, Infos, Observations, core_of
+from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.tasks.task import Task
 
 Arrays = dict[str, Union[np.ndarray, "Arrays"]]

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from chmarl_pb.data.recipe import NAMESPACE, Recipe
 from chmarl_pb.data.record import Arrays, Recording, make_env
-from chmarl_pb.envs.provenance import versions
+from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.extras import needs
 from chmarl_pb.files import replacing, write_atomically, writing
 

@@ -11,7 +11,7 @@ from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import ActionError, OptionError
-from chmarl_pb.planner.search import DroneSearch
+from chmarl_pb.policies.search import DroneSearch
 from chmarl_pb.world import World
 
 Info = dict[str, Any]

@@ -7,13 +7,13 @@ from gymnasium import spaces
 
 from chmarl_pb import catalog
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.stage import Stage
-from chmarl_pb.homes.lattice import HEADINGS, heading_angle
+from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
 from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.simulation import Stage
 
 Observation = dict[str, np.ndarray]
 

@@ -9,20 +9,20 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from chmarl_pb.envs.advice import ADVISERS, Adviser
 from chmarl_pb.envs.observations import Observation, observation_space, observe
 from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
-from chmarl_pb.envs.stage import Stage
 from chmarl_pb.envs.state import global_state, state_size
-from chmarl_pb.envs.task_source import TaskSource
+from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, execute
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.sensing.window import close_window, open_display, show, side_by_side
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.advisers import ADVISERS, Adviser
 from chmarl_pb.tasks.messages import no_messages, update
 from chmarl_pb.tasks.outcome import Outcome, judge, reward
 from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.source import TaskSource
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import World
 

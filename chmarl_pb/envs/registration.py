@@ -23,5 +23,5 @@ def register_envs() -> None:
                 f"chmarl_pb.envs.joint:make_{robots}",
                 max_episode_steps=MAX_STEPS,
                 kwargs={"observation": observation},
-                vector_entry_point=f"chmarl_pb.envs.vector:{robots}_vector_env",
+                vector_entry_point=f"chmarl_pb.envs.vector.env:{robots}_vector_env",
             )

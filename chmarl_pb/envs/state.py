@@ -3,11 +3,11 @@
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.envs.stage import Stage
-from chmarl_pb.homes.lattice import DRONE_HEADING, heading_angle
+from chmarl_pb.navigation.lattice import DRONE_HEADING, heading_angle
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.simulation import Stage
 
 _NEAREST_TARGETS = 3
 

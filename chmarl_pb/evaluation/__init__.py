@@ -1,1 +1,1 @@
-"""Evaluation: the protocol, the metrics, what cooperation gains, and reports."""
+"""Evaluation: protocol, metrics, what cooperation gains, reports, and episode files."""

@@ -13,8 +13,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import NamedTuple
 
-from chmarl_pb.envs.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.metrics import Played, path_weighted
+from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.tasks.task import Task
 

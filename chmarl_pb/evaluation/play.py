@@ -12,7 +12,9 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.evaluation.policies import BUILT_IN, Factory, find_policy
+from chmarl_pb.policies.policy import Factory
+from chmarl_pb.policies.registry import BUILT_IN
+from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.task import Task
 
@@ -24,7 +26,7 @@ class Setup:
     """What all episodes of an evaluation share.
 
     Attributes:
-        policy: see :func:`chmarl_pb.evaluation.policies.find_policy`.
+        policy: see :func:`chmarl_pb.policies.sources.find_policy`.
         options: of the environment.
     """
 

@@ -12,15 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
-from chmarl_pb.envs.provenance import home_hash, machine, source_hash, tasks_hash, versions
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import Job, Setup, play
-from chmarl_pb.evaluation.policies import Factory, Source, find_policy
+from chmarl_pb.evaluation.provenance import home_hash, machine, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import Lock
+from chmarl_pb.policies.policy import Factory
+from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.processes import check_workers
 from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.task import Task
@@ -59,7 +60,7 @@ def evaluate(
 
     Args:
         policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, or
-            such a callable; see :func:`chmarl_pb.evaluation.policies.find_policy`.
+            such a callable; see :func:`chmarl_pb.policies.sources.find_policy`.
         split: all its tasks are played; of "train", the first 250.
         observation: "scene_graph" or "visual".
         seeds: each plays every task once; a deterministic policy plays the first only.

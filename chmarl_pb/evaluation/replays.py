@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
-from chmarl_pb.envs.episode_file import EpisodeFile, Replayed, record_episode, save_episode
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.provenance import home_hash
+from chmarl_pb.evaluation.episode_file import EpisodeFile, Replayed, record_episode, save_episode
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.tables import title_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.solids import Points
-from chmarl_pb.planner.policy import Actions, Infos, Observations
+from chmarl_pb.policies.policy import Actions, Infos, Observations
 
 _SCALE = 45.0  # pixels in a metre
 _MARGIN = 0.3  # metres around the floors

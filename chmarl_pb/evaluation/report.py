@@ -11,11 +11,11 @@ from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.groups import Group, grouped
 from chmarl_pb.evaluation.plots import cooperation_bars, score_bars, success_curves
-from chmarl_pb.evaluation.policies import BUILT_IN
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import group_table, paper_table, result_table, title_of
 from chmarl_pb.files import write_atomically
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import SPLITS
 
 _TEMPLATE = Path(__file__).parent / "report.html"

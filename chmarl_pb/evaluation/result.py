@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.provenance import tasks_hash
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
+from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.task import Task

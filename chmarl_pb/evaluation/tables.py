@@ -6,13 +6,13 @@ from html import escape
 import numpy as np
 
 from chmarl_pb.envs.options import MAX_STEPS, Options
-from chmarl_pb.envs.provenance import tasks_hash
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
-from chmarl_pb.evaluation.policies import SHORTCUTS
+from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.policies.registry import SHORTCUTS
 
 _NONE = "-"
 

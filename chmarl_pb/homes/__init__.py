@@ -1,1 +1,1 @@
-"""Homes as data: reading, assembling and checking home URDFs, and the space that they offer to robots."""
+"""Homes as data: reading, assembling and checking home URDFs. Nothing here knows a robot."""

@@ -11,7 +11,7 @@ from typing import ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chmarl_pb.homes.reach import REACH
+from chmarl_pb.navigation.reach import REACH
 from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
 

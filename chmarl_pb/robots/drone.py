@@ -3,8 +3,8 @@
 from weakref import proxy
 
 from chmarl_pb import catalog
-from chmarl_pb.homes.lattice import DRONE_HEADING, DRONE_HEIGHT
-from chmarl_pb.homes.space import Space
+from chmarl_pb.navigation.free_space import Space
+from chmarl_pb.navigation.lattice import DRONE_HEADING, DRONE_HEIGHT
 from chmarl_pb.robots.motion import Motion
 from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet

@@ -12,7 +12,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from chmarl_pb.homes.lattice import HEADINGS
+from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.drone import Drone

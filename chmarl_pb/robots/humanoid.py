@@ -5,8 +5,8 @@ from weakref import WeakKeyDictionary, proxy
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.homes.lattice import HEADINGS
-from chmarl_pb.homes.space import GRIP, Space, grip_point
+from chmarl_pb.navigation.free_space import GRIP, Space, grip_point
+from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement

@@ -1,1 +1,1 @@
-"""Cameras, visibility and scene graphs."""
+"""What robots observe of the world: who sees what, pictures, scene graphs."""

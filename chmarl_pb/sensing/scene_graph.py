@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.homes.space import Space
+from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.sensing.relations import Facts, describe
 from chmarl_pb.world import Support, World
 
@@ -62,7 +62,7 @@ class SceneGraphs:
         Args:
             world: the world.
             space: what its home offers.
-            names: every name that can be visible, see :class:`chmarl_pb.sensing.sight.Sight`.
+            names: every name that can be visible, see :class:`chmarl_pb.sensing.vision.Sight`.
         """
         self._world, self._space = world, space
         self._rooms = list(world.home.rooms)

@@ -1,1 +1,1 @@
-"""Tasks, their splits and setting, outcome and reward, messages and language."""
+"""Tasks: splits, set-up, outcome and reward, messages, feedback, language, and the planner that knows everything."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
-from chmarl_pb.homes.space import Space
+from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.tasks.task import Task
 
 _SEEDS = 2**31 - 1

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.lattice import HEADINGS
-from chmarl_pb.homes.space import Space, grip_point
+from chmarl_pb.navigation.free_space import Space, grip_point
+from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import World, yaw_quaternion

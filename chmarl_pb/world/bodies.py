@@ -13,7 +13,7 @@ from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.plain import plain_copy
-from chmarl_pb.homes.space import Size
+from chmarl_pb.navigation.free_space import Size
 from chmarl_pb.world.bullet import pybullet, quiet
 
 Vector = tuple[float, ...]

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.homes.space import Size
+from chmarl_pb.navigation.free_space import Size
 from chmarl_pb.world.bodies import Pose
 
 _GAP = 0.01  # metres kept free between two objects

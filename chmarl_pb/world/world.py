@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.space import Size, grip_point
+from chmarl_pb.navigation.free_space import Size, grip_point
 from chmarl_pb.world.bodies import (
     UPRIGHT,
     Pose,

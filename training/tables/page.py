@@ -10,10 +10,10 @@ from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.evaluation.policies import SHORTCUTS
 from chmarl_pb.files import Lock, write_atomically
+from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.policies.registry import SHORTCUTS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
-from training.config import FROZEN
 from training.tables.curves import draw_curves
 from training.tables.rows import TABLES, Row
 from training.tables.runs import Record, read_records

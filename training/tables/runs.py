@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import training
-from chmarl_pb.envs.provenance import source_hash
 from chmarl_pb.errors import BusyError, ResultError
 from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
-from training.logbook import METRICS, read_rows
+from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from training.tables.rows import Row
 
 FORMAT = "chmarl-pb table run 1"
@@ -170,8 +170,8 @@ def _switch(name: str, on: bool) -> str:
 
 def _total(run: Run) -> int:
     """Return the number of episodes, epochs or steps of a training."""
-    from training.bc.clones import CloningConfig
-    from training.config import CONFIGS, MappoConfig
+    from chmarl_pb.learning.config import CONFIGS, MappoConfig
+    from chmarl_pb.learning.policies.cloned import CloningConfig
 
     options = (*run.row.options, *run.extra)
     for flag in ("--episodes", "--epochs", "--steps"):

@@ -3,7 +3,7 @@
 from chmarl_pb.tasks.language.corpus import CorpusStatistics, all_words, corpus_statistics
 from chmarl_pb.tasks.language.feedback import Advice, say
 from chmarl_pb.tasks.language.instructions import instruction, parse_instruction
-from chmarl_pb.tasks.language.vocabulary import (
+from chmarl_pb.tasks.language.tokens import (
     FEEDBACK_LENGTH,
     INSTRUCTION_LENGTH,
     PADDING,

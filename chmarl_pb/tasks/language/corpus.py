@@ -8,7 +8,7 @@ from chmarl_pb import catalog
 from chmarl_pb.tasks.language import actions, feedback, instructions
 from chmarl_pb.tasks.language.grammar import definite, indefinite
 from chmarl_pb.tasks.language.templates import FEEDBACK, INSTRUCTIONS
-from chmarl_pb.tasks.language.vocabulary import words
+from chmarl_pb.tasks.language.tokens import words
 
 
 @dataclass(frozen=True)

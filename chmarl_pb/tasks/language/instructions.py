@@ -8,7 +8,7 @@ from chmarl_pb import catalog
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
-from chmarl_pb.tasks.language.vocabulary import words
+from chmarl_pb.tasks.language.tokens import words
 from chmarl_pb.tasks.task import Task
 
 

@@ -1,0 +1,37 @@
+"""Arguments that several commands share."""
+
+import argparse
+from pathlib import Path
+
+OBSERVATIONS = ("scene_graph", "visual")
+GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
+
+
+def verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction:
+    """Return what takes the verbs of a command, e.g. "check" of ``homes``."""
+    return parser.add_subparsers(required=True, metavar="VERB")
+
+
+def add_verb(verbs: argparse._SubParsersAction, name: str, text: str) -> argparse.ArgumentParser:
+    """Add a verb to a command and return its parser."""
+    parser: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    return parser
+
+
+def output_file(text: str) -> Path:
+    """Return the path of a file to write, or say at once why nothing can be written there."""
+    return _writable(Path(text), Path(text).is_dir(), "is a folder; name a file in it")
+
+
+def output_folder(text: str) -> Path:
+    """Return the path of a folder to write to, or say at once why nothing can be written there."""
+    return _writable(Path(text), Path(text).is_file(), "is a file; name a folder")
+
+
+def _writable(path: Path, wrong: bool, words: str) -> Path:
+    if wrong:
+        raise argparse.ArgumentTypeError(f"{path} {words}")
+    for parent in path.parents:
+        if parent.is_file():
+            raise argparse.ArgumentTypeError(f"{parent} is a file; name a folder")
+    return path

@@ -1,0 +1,108 @@
+"""The command `chmarl-pb baselines`: the built-in policies on the splits, and the lengths that results stand beside."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from rich.progress import Progress, TaskID
+
+from chmarl_pb.cli.arguments import output_folder
+from chmarl_pb.cli.evaluate import number, percent, progress_bar
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.evaluation.cooperation import VARIANTS, reference_json
+from chmarl_pb.evaluation.metrics import Played
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.result import Report
+from chmarl_pb.files import write_atomically
+from chmarl_pb.policies.registry import BUILT_IN, SHORTCUTS
+from chmarl_pb.tasks.splits import SPLITS, load_tasks
+
+_CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a parser."""
+    parser.set_defaults(run=_run)
+    parser.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
+    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    parser.add_argument(
+        "--out", type=output_folder, default=Path("out/baselines"), metavar="DIR", help="folder for results"
+    )
+    parser.add_argument(
+        "--references", type=output_folder, metavar="DIR", help="write the reference lengths of cooperation here"
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    return run_baselines(options.split or SPLITS, options.seeds, options.workers, options.out, options.references)
+
+
+def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, references: Path | None) -> int:
+    """Evaluate the built-in policies, print their tables as Markdown; return the exit code.
+
+    Args:
+        splits: names of splits.
+        seeds: number of seeds.
+        workers: number of processes.
+        out: folder for the results, one JSON file for each policy and split; what is there already and
+            was made with the same settings is kept.
+        references: folder for the lengths that other results are compared with; not written if None.
+
+    Raises:
+        TaskError: there is no such split.
+        OptionError: a number is less than 1.
+    """
+    for split in splits:
+        load_tasks(split)  # says so if there is no such split
+    reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
+    with progress_bar() as bar:
+        for split in splits:
+            for policy in BUILT_IN:
+                row = bar.add_task(f"{policy} on {split}", total=None)
+                reports[split][policy] = evaluate(
+                    policy, split, seeds=range(seeds), workers=workers, out=out / f"{split}-{policy}.json", reuse=True,
+                    progress=partial(_advance, bar, row),
+                )  # fmt: skip
+            if references is not None:
+                episodes = {name: reports[split][name].episodes for name in (*VARIANTS, *SHORTCUTS)}
+                write_atomically(references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
+    print("\n\n".join([*map("\n".join, _tables(reports)), "\n".join(_difficulty(reports))]))
+    return 0
+
+
+def _advance(bar: Progress, row: TaskID, finished: int, total: int) -> None:
+    bar.update(row, completed=finished, total=total)
+
+
+def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
+    """Return one Markdown table for each metric: rows are policies, columns splits."""
+    cells = {
+        "success %": lambda report: percent(report.summary.success_rate),
+        "PLW %": lambda report: percent(report.summary.plw),
+        "steps if solved": lambda report: number(report.summary.length_on_success),
+    }
+    return [
+        [
+            f"| {metric} | {' | '.join(reports)} |",
+            "|---" * (len(reports) + 1) + "|",
+            *(f"| {policy} | {' | '.join(cell(reports[split][policy]) for split in reports)} |" for policy in BUILT_IN),
+        ]
+        for metric, cell in cells.items()
+    ]
+
+
+def _difficulty(reports: dict[str, dict[str, Report]]) -> list[str]:
+    """Return a Markdown table of the success in per cent that random and search reach within fewer steps."""
+    rows = [f"| success % within | {' | '.join(map(str, _CUTS))} |", "|---" * (len(_CUTS) + 1) + "|"]
+    for split, of in reports.items():
+        for policy in ("random", "search"):
+            shares = [f"{100 * success_within(of[policy].episodes, cut):.1f}" for cut in _CUTS]
+            rows.append(f"| {policy}, {split} | {' | '.join(shares)} |")
+    return rows
+
+
+def success_within(episodes: Sequence[Played], steps: int) -> float:
+    """Return the share of episodes that succeed within a number of joint steps, as with that ``max_steps``."""
+    return sum(episode.success and episode.steps <= steps for episode in episodes) / len(episodes)

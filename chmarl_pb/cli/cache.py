@@ -1,0 +1,84 @@
+"""``chmarl-pb cache``: show, clear or fill the pictures of homes on disk."""
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime
+
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
+from rich.table import Column, Table
+
+from chmarl_pb.errors import OptionError
+from chmarl_pb.progress import LateProgress
+from chmarl_pb.rendering.view_store import Entry, view_store
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a parser."""
+    parser.set_defaults(run=_run)
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--clear", action="store_true", help="remove them")
+    what.add_argument("--fill", nargs="+", metavar="HOME", help="draw all views of these homes, e.g. before a training")
+    parser.add_argument("--size", type=int, default=128, metavar="N", help="pixels of the views to draw (default: 128)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that draw (default: 2)")
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.fill:
+        return run_fill(options.fill, options.size, options.workers)
+    return run_cache(options.clear)
+
+
+def run_cache(clear: bool) -> int:
+    """Print what is stored and where, or remove it all."""
+    store = view_store()
+    if store is None:
+        print("no pictures are stored on disk")
+        return 0
+    entries = store.entries()
+    size = sum(entry.bytes for entry in entries) / 2**20
+    if clear:
+        store.clear()
+        print(f"{store.folder}: removed {len(entries)} files, {size:,.1f} MB")
+        return 0
+    if entries:
+        _print_table(entries)
+    print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / 2**20:,.0f} MB")
+    return 0
+
+
+def run_fill(homes: Sequence[str], size: int, workers: int) -> int:
+    """Draw all views of homes that are not stored yet; return 0.
+
+    Args:
+        homes: names or paths.
+        size: width and height of the pictures.
+        workers: number of processes.
+
+    Raises:
+        HomeError: a home cannot be read.
+        OptionError: the store has no room, or an option is out of range.
+    """
+    from chmarl_pb.sensing.view_filling import MB, Filling, draw  # not to show what is stored: it starts PyBullet
+
+    if not 16 <= size <= 1024 or workers < 1:
+        raise OptionError(f"size={size}, workers={workers}: use a size from 16 to 1024 and at least 1 worker")
+    filling = Filling(homes, size)
+    print(f"{', '.join(homes)}: all views take {filling.bytes / MB:,.1f} MB, {filling.missing:,} are missing")
+    if jobs := filling.jobs():
+        with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+            row = bar.add_task("drawing views", total=filling.missing)
+            for count in draw(jobs, workers):
+                bar.advance(row, count)
+    if filling.missing:
+        raise OptionError(f"{filling.missing:,} views found no room in the store; end what uses it, or raise its limit")
+    return 0
+
+
+def _print_table(entries: list[Entry]) -> None:
+    table = Table("home, camera, pixels", Column("MB", justify="right"), "last used")
+    for entry in reversed(entries):
+        used = datetime.fromtimestamp(entry.used).strftime("%Y-%m-%d %H:%M")
+        what = entry.path.stem.rpartition("_")[0]
+        table.add_row(what, f"{entry.bytes / 2**20:,.1f}", used)
+    Console().print(table)

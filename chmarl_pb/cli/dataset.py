@@ -1,0 +1,201 @@
+"""The commands ``chmarl-pb dataset generate | verify | stats``."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
+from rich.table import Column, Table
+
+from chmarl_pb.cli.arguments import add_verb, output_file, output_folder, verbs
+from chmarl_pb.data import statistics
+from chmarl_pb.data.generate import generate
+from chmarl_pb.data.read import find_datasets
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.store import default_root
+from chmarl_pb.data.verify import chosen, verify
+from chmarl_pb.envs.options import OBSERVATIONS
+from chmarl_pb.errors import DatasetError
+from chmarl_pb.files import write_atomically
+from chmarl_pb.processes import check_workers
+from chmarl_pb.progress import LateProgress
+from chmarl_pb.tasks.splits import SPLITS, load_tasks
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs to a parser."""
+    all_verbs = verbs(parser)
+    making = add_verb(all_verbs, "generate", "let the planner play all tasks and store it as Minari data sets")
+    making.set_defaults(run=_generate)
+    making.add_argument("--observation", choices=(*OBSERVATIONS, "both"), default="scene_graph")
+    making.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
+    making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
+    making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
+    verifying = add_verb(all_verbs, "verify", "check the files of data sets and replay their episodes")
+    verifying.set_defaults(run=_verify)
+    verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
+    for verb in (making, verifying):
+        verb.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
+        verb.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    stats = add_verb(all_verbs, "stats", "print statistics of tasks, data sets and language")
+    stats.set_defaults(run=lambda options: run_stats(options.out, options.json))
+    stats.add_argument("--json", type=output_file, metavar="FILE", help="write them here as well")
+    for verb in (making, verifying, stats):
+        verb.add_argument(
+            "--out", type=output_folder, metavar="DIR", help="folder of data sets (default: Minari's own)"
+        )
+
+
+def _generate(options: argparse.Namespace) -> int:
+    return run_generate(
+        options.split or (), options.observation, options.workers, options.noise, options.seed, options.limit,
+        options.out,
+    )  # fmt: skip
+
+
+def _verify(options: argparse.Namespace) -> int:
+    return run_verify(options.split or (), options.share, options.workers, options.out)
+
+
+def run_generate(
+    splits: Sequence[str], observation: str, workers: int, noise: float, seed: int, limit: int | None, root: Path | None
+) -> int:
+    """Make data sets; return 0, or 1 if the planner alone left a task unsolved.
+
+    Args:
+        splits: splits to make, all if empty.
+        observation: "scene_graph", "visual" or "both".
+        workers: number of processes.
+        noise: probability of a random action, for each robot and step.
+        seed: of the random actions.
+        limit: number of tasks of each split, from the first; None plays all.
+        root: folder of Minari data sets; Minari's own if None.
+
+    Raises:
+        OptionError: an option has a value that it does not know.
+        DatasetError: another data set of this name is in the folder.
+    """
+    check_workers(workers)
+    root = root or default_root()
+    modes = OBSERVATIONS if observation == "both" else (observation,)
+    recipes = [Recipe(split, mode, noise, seed, limit) for mode in modes for split in splits or SPLITS]
+    made = []
+    for recipe in recipes:
+        with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:
+            made.append(generate(recipe, root, workers, progress))
+    facts = [statistics.dataset_statistics(dataset) for dataset in made]
+    _print_datasets(facts)
+    print(f"In {root}: set MINARI_DATASETS_PATH={root}, then minari.load_dataset({made[0].dataset_id!r}).")
+    unsolved = [] if noise else [row["id"] for row in facts if row["success_rate"] < 1]
+    for dataset_id in unsolved:
+        print(f"chmarl-pb: {dataset_id}: the planner left tasks unsolved", file=sys.stderr)
+    return 1 if unsolved else 0
+
+
+def run_verify(splits: Sequence[str], share: float, workers: int, root: Path | None) -> int:
+    """Verify the data sets in a folder; return 0.
+
+    Args:
+        splits: splits to verify, all if empty.
+        share: of each data set's episodes to replay.
+        workers: number of processes.
+        root: folder of Minari data sets; Minari's own if None.
+
+    Raises:
+        TaskError: there is no such split.
+        DatasetError: there is none, or one is damaged or differs from its replay.
+    """
+    check_workers(workers)
+    for split in splits:
+        load_tasks(split)  # says so if there is no such split
+    root = root or default_root()
+    datasets = [dataset for dataset in find_datasets(root) if not splits or dataset.recipe["split"] in splits]
+    if not datasets:
+        raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
+    for dataset in datasets:
+        with _bar(dataset.dataset_id, len(chosen(dataset.episodes, share))) as progress:
+            count = verify(dataset, share, workers, progress)
+        print(f"{dataset.dataset_id}: {count} of {dataset.episodes} episodes replayed, all equal")
+    return 0
+
+
+def run_stats(root: Path | None, json_file: Path | None) -> int:
+    """Print statistics of the tasks, of the data sets in a folder and of their language; return 0.
+
+    Args:
+        root: folder of Minari data sets; Minari's own if None.
+        json_file: where to write them as well.
+    """
+    datasets = find_datasets(root or default_root())
+    every = {split: load_tasks(split) for split in SPLITS}
+    facts: dict[str, Any] = {
+        "tasks": {split: statistics.task_statistics(tasks) for split, tasks in every.items()},
+        "datasets": [statistics.dataset_statistics(dataset) for dataset in datasets],
+        "language": statistics.language_statistics(datasets),
+    }
+    _print_tasks(facts["tasks"])
+    if datasets:
+        _print_datasets(facts["datasets"])
+    _print_language(facts["language"], len(datasets))
+    if json_file is not None:
+        write_atomically(json_file, json.dumps(facts, indent=2) + "\n")
+        print(json_file)
+    return 0
+
+
+@contextmanager
+def _bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a progress bar; yield the function that moves it on."""
+    with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+        row = bar.add_task(title, total=total)
+        yield lambda count: bar.advance(row, count)
+
+
+def _print_tasks(splits: dict[str, statistics.Facts]) -> None:
+    table = Table("split", *(_column(name) for name in ("tasks", "homes", "objects", "sources", "targets", "mean L*")))
+    for split, row in splits.items():
+        numbers = [len(row[name]) for name in ("homes", "graspables", "sources", "targets")]
+        table.add_row(split, f"{row['tasks']:,}", *map(str, numbers), f"{row['mean_optimal_steps']:.2f}")
+    _print(table)
+    lengths = statistics.added(row["optimal_steps"] for row in splits.values())
+    _print_histogram("L*", lengths)
+
+
+def _print_datasets(rows: Sequence[statistics.Facts]) -> None:
+    names = ("episodes", "steps", "solved", "off the plan", "feedback", "size")
+    table = Table("data set", *(_column(name) for name in names))
+    for row in rows:
+        table.add_row(
+            row["id"], f"{row['episodes']:,}", f"{row['steps']:,}", f"{row['success_rate']:.1%}",
+            f"{row['steps_off_the_plan']:,}", f"{row['feedback_sentences']:,}", f"{row['bytes'] / 1e6:.1f} MB",
+        )  # fmt: skip
+    _print(table)
+
+
+def _print_language(facts: statistics.Facts, datasets: int) -> None:
+    print(
+        f"language: {facts['sentences']:,} sentences (instructions of all tasks, feedback in {datasets} data sets), "
+        f"{facts['distinct_words']} distinct words, mean length {facts['mean_length']:.2f} words"
+    )
+    _print_histogram("words", {str(length): count for length, count in facts["histogram"].items()})
+
+
+def _print_histogram(title: str, counts: dict[str, int]) -> None:
+    table = Table(_column(title), _column("number"), "")
+    most = max(counts.values(), default=1)
+    for value, count in counts.items():
+        table.add_row(value, f"{count:,}", "█" * round(40 * count / most))
+    _print(table)
+
+
+def _column(name: str) -> Column:
+    return Column(name, justify="right")
+
+
+def _print(table: Table) -> None:
+    Console(width=None if sys.stdout.isatty() else 110).print(table)

@@ -1,0 +1,115 @@
+"""The command ``chmarl-pb demo``: play one task, print it, and write its video and its page."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from chmarl_pb.cli.arguments import OBSERVATIONS, output_folder
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.evaluation.episode_file import EpisodeFile
+from chmarl_pb.files import open_folder
+from chmarl_pb.progress import LateProgress
+from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.viewer.film import Shot, storyboard
+from chmarl_pb.viewer.frame import Image, compose
+from chmarl_pb.viewer.page import write_page
+from chmarl_pb.viewer.panel import HEIGHT, WIDTH
+from chmarl_pb.viewer.record import Recording, choose_task, record, record_file
+from chmarl_pb.viewer.studio import draw_views
+from chmarl_pb.viewer.table import print_table
+from chmarl_pb.viewer.video import write_video
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a parser."""
+    parser.set_defaults(run=lambda options: demo(options.task, options.observation, options.out))
+    parser.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007 (default: a good one)")
+    parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    parser.add_argument(
+        "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
+    )
+
+
+def demo(task: str | None, observation: str, out: Path, policy: str = "planner") -> int:
+    """Play one task and show it; return the exit code.
+
+    Args:
+        task: id of the task; a task of test-unseen that leads through two rooms if None.
+        observation: what the policy observes, "visual" or "scene_graph".
+        out: folder for ``demo.mp4`` and ``demo.html``.
+        policy: "planner", "search" or "random".
+
+    Raises:
+        TaskError: the task is unknown.
+        OptionError: an option is unknown, or the folder cannot be written to.
+    """
+    chosen = choose_task() if task is None else find_task(task)
+    folder, console = open_folder(out), Console()
+    with _progress(console) as progress:
+        bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
+        recording = record(chosen, observation, policy, lambda: progress.advance(bar))
+    _show(recording, folder, console)
+    return 0
+
+
+def show_episode(file: EpisodeFile, out: Path) -> int:
+    """Show an episode file as the demo shows its episode; return the exit code.
+
+    Args:
+        file: the episode.
+        out: folder for ``demo.mp4`` and ``demo.html``.
+
+    Raises:
+        OptionError: the folder cannot be written to.
+    """
+    folder, console = open_folder(out), Console()
+    with _progress(console) as progress:
+        bar = progress.add_task("Playing", total=len(file.actions))
+        recording = record_file(file, lambda: progress.advance(bar))
+    _show(recording, folder, console)
+    return 0
+
+
+def _show(recording: Recording, folder: Path, console: Console) -> None:
+    """Print a recording, and write its video and its page."""
+    print_table(recording, console)
+    with _progress(console) as progress:
+        write_files(recording, storyboard(recording), folder, progress)
+    for name, sentence in (("demo.mp4", "the video"), ("demo.html", "the same, step by step")):
+        console.print(f"{folder / name}  [dim]{sentence}[/dim]", soft_wrap=True)
+
+
+def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress) -> None:
+    """Draw all shots; write the video and the page.
+
+    Args:
+        recording: the episode.
+        shots: of the video, with one at rest for each moment.
+        folder: for ``demo.mp4`` and ``demo.html``.
+        progress: gets a bar.
+    """
+    rests: list[dict[str, Image]] = []
+    views = _keep_rests(shots, draw_views(recording.home.path, shots), rests)
+    frames = progress.track(compose(recording, shots, views), len(shots), description="Drawing")
+    counted = ((frame, shot.frames) for frame, shot in zip(frames, shots, strict=True))
+    write_video(folder / "demo.mp4", counted, (WIDTH, HEIGHT))
+    write_page(folder / "demo.html", recording, rests)
+
+
+def _keep_rests(
+    shots: list[Shot], views: Iterator[dict[str, Image]], rests: list[dict[str, Image]]
+) -> Iterator[dict[str, Image]]:
+    """Pass views on, and keep those of steps that are over."""
+    for shot, pictures in zip(shots, views, strict=True):
+        if shot.done:
+            rests.append(pictures)
+        yield pictures
+
+
+def _progress(console: Console) -> LateProgress:
+    columns: tuple[Any, ...] = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return LateProgress(*columns, TimeElapsedColumn(), console=console)

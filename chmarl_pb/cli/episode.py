@@ -1,0 +1,68 @@
+"""The commands ``chmarl-pb episode save | replay | show``."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import chmarl_pb
+from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.demo import show_episode
+from chmarl_pb.envs.options import checked_seed
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.tasks.splits import find_task
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs to a parser."""
+    all_verbs = verbs(parser)
+    saving = add_verb(all_verbs, "save", "play a task with a policy and save the episode as a file")
+    saving.set_defaults(run=_save)
+    saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
+    saving.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
+    saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    saving.add_argument("--goal", action="store_true", help=GOAL)
+    saving.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
+    saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
+    replaying = add_verb(all_verbs, "replay", "play a file again and compare every state")
+    replaying.set_defaults(run=lambda options: replay(options.file))
+    showing = add_verb(all_verbs, "show", "make the demo's video and page of an episode file")
+    showing.set_defaults(run=lambda options: show_episode(load_episode(options.file), options.out))
+    for verb in (replaying, showing):
+        verb.add_argument("file", type=Path, metavar="FILE", help="episode file")
+    showing.add_argument(
+        "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
+    )
+
+
+def _save(options: argparse.Namespace) -> int:
+    return save(options.policy, options.task, options.observation, options.seed, options.out, options.goal)
+
+
+def save(policy: str, task_id: str, observation: str, seed: int, out: Path, goal: bool = False) -> int:
+    """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
+    task, source, seed = find_task(task_id), find_policy(policy), checked_seed(seed)
+    env = HouseholdEnv(observation, home=task.home, goal=goal)
+    try:
+        file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
+    finally:
+        env.close()
+    save_episode(file, out)
+    print(f"{out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {task.optimal_steps}")
+    return 0
+
+
+def replay(path: Path) -> int:
+    """Play an episode file again; return 0 if every state is the same, else 1."""
+    file = load_episode(path)
+    if file.library != chmarl_pb.__version__:
+        print(f"{path}: saved by version {file.library}, replayed by {chmarl_pb.__version__}", file=sys.stderr)
+    difference = replay_episode(file)
+    if difference is not None:
+        print(f"{path}: {difference}", file=sys.stderr)
+        return 1
+    ending = "success" if file.success else "failure"
+    print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
+    return 0

@@ -1,0 +1,145 @@
+"""``chmarl-pb evaluate``: a progress bar, a table, a result file."""
+
+import argparse
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, output_file
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.metrics import Figure, Summary
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.result import Report
+from chmarl_pb.policies.registry import BUILT_IN, SHORTCUTS
+from chmarl_pb.progress import LateProgress
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a parser."""
+    parser.set_defaults(run=run_evaluation)
+    parser.add_argument(
+        "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
+    )
+    parser.add_argument("--split", default="test-unseen", metavar="S", help="split (default: test-unseen)")
+    parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    parser.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
+    parser.add_argument(
+        "--feedback", choices=("paper", "planner"), default=True, help="style of the language feedback (default: paper)"
+    )
+    parser.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
+    parser.add_argument("--goal", action="store_true", help=GOAL)
+    parser.add_argument(
+        "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
+    )
+    parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
+    parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
+    parser.add_argument(
+        "--out",
+        type=output_file,
+        metavar="JSON",
+        help="write the result here; the same command goes on when interrupted",
+    )
+
+
+def run_evaluation(options: argparse.Namespace) -> int:
+    """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
+    with progress_bar() as bar:
+        row = bar.add_task(f"{options.policy} on {options.split}", total=None)
+        report = evaluate(
+            options.policy, options.split, options.observation, range(options.seeds), options.workers,
+            options.messages, options.feedback, options.max_steps, tasks=options.task, out=options.out,
+            label=options.label, goal=options.goal,
+            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
+        )  # fmt: skip
+    print_report(Console(), report)
+    if options.out is not None:
+        print(options.out)
+    return 0
+
+
+def progress_bar() -> LateProgress:
+    """Return a progress bar that counts episodes; it shows on standard error."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return LateProgress(*columns, console=Console(stderr=True))
+
+
+def print_report(console: Console, report: Report) -> None:
+    """Print the metrics of a result, for all homes and for each."""
+    settings = report.settings
+    off = [name for name in ("messages", "feedback") if not settings["options"][name]]
+    without = f", no {' and no '.join(off)}" if off else ""
+    if isinstance(settings["options"]["feedback"], str):
+        without += f", {settings['options']['feedback']} feedback"
+    if settings["options"].get("goal"):
+        without += ", goal observed"
+    title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
+    columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
+    table = Table(title=title, title_justify="left")
+    for column in columns:
+        table.add_column(column, justify="right" if column else "left")
+    for home, summary in report.per_home.items():
+        table.add_row(home, *_cells(summary))
+    table.add_section()
+    table.add_row("all", *_cells(report.summary), style="bold")
+    console.print(table)
+    _print_notes(console, report)
+
+
+def _cells(summary: Summary) -> list[str]:
+    return [
+        str(summary.episodes),
+        percent(summary.success_rate),
+        percent(summary.plw),
+        number(summary.length_on_success),
+        number(summary.final_potential),
+    ]
+
+
+def _print_notes(console: Console, report: Report) -> None:
+    seeds, summary = report.settings["seeds"], report.summary
+    if summary.plw.low is not None:
+        console.print(
+            f"95 % interval over tasks: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
+            + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
+        )
+    if beside := _beside(report):
+        console.print(f"on the same tasks, success / PLW: {beside}")
+    gain = report.cooperation
+    if gain is None:
+        console.print("cooperation: no reference lengths for these tasks and this max_steps")
+        return
+    share = "-" if gain.share is None else f"{100 * gain.share:.0f} %"
+    pair = "-" if gain.share_search is None else f"{100 * gain.share_search:.0f} %"
+    console.print(
+        f"cooperation: {share} of the possible gain in PLW over the lone humanoid (search pair: {pair}); "
+        f"{gain.steps_saved:.1f} of {gain.steps_possible:.1f} steps saved a task"
+    )
+
+
+def _beside(report: Report) -> str:
+    """Return what the policies score that do without most of what a robot is given, and the search policy."""
+    tasks = {episode.task for episode in report.episodes}
+    scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)
+    names = [name for name in (*SHORTCUTS, SEARCH) if name in scores]
+    return ", ".join(f"{name} {100 * scores[name].success_rate:.1f} / {100 * scores[name].plw:.1f}" for name in names)
+
+
+def percent(figure: Figure) -> str:
+    """Return a rate as "mean ± deviation" in per cent."""
+    return number(Figure(*(None if v is None else 100 * v for v in (figure.mean, figure.deviation))))
+
+
+def number(figure: Figure, digits: int = 1) -> str:
+    """Return a figure as "mean ± deviation"."""
+    if figure.mean is None:
+        return "-"
+    deviation = "" if figure.deviation is None else f" ± {figure.deviation:.{digits}f}"
+    return f"{figure.mean:.{digits}f}{deviation}"
+
+
+def _interval(figure: Figure) -> str:
+    return f"{100 * (figure.low or 0):.1f} to {100 * (figure.high or 0):.1f}"

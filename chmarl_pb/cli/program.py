@@ -1,0 +1,110 @@
+"""The program ``chmarl-pb``: finds the command, runs it, and turns its errors into one line and an exit code."""
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from types import FrameType
+
+from chmarl_pb import __version__
+from chmarl_pb.errors import ChmarlError, MissingExtraError
+
+#: Command -> what it does. Its module, of the same name in this package, is imported when it is asked for: ``add`` puts
+#: its options into a parser, with the function that runs it as the default of ``run``.
+COMMANDS = {
+    "demo": "let the planner solve a task, as a video and a page",
+    "homes": "list, check, draw and build homes",
+    "tasks": "make the benchmark's task files",
+    "dataset": "make, verify and describe data sets of planner trajectories",
+    "evaluate": "play all tasks of a split with a policy and print its metrics",
+    "baselines": "evaluate the built-in policies on all splits and print the tables",
+    "report": "gather results into one web page, beside the paper's",
+    "episode": "save, replay and show single episodes",
+    "bench": "measure the speed on this machine",
+    "cache": "show, clear or fill the pictures of homes that are kept on disk",
+}
+
+#: Learners have commands of their own; their modules have a ``main``. They need the extra ``train``.
+LEARNERS = {
+    "train": "train a learner of this package on the benchmark",
+    "sb3": "train a baseline of Stable-Baselines3",
+}
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asks this process to end; its argument is the signal's number."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped by the signal N."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given and given[0] in LEARNERS:
+        return _learn(given[0], given[1:])
+    try:
+        options = _parser(given).parse_args(given)
+        with _stopped_by_signals():
+            code = int(options.run(options))
+            sys.stdout.flush()
+        return code
+    except ChmarlError as error:
+        return _failed(str(error), 2)
+    except OSError as error:
+        if error.filename is None:
+            return _failed(f"the output cannot be written: {error.strerror or error}", 2)
+        return _failed(f"{error.filename}: {error.strerror}; choose another file or folder", 2)
+    except KeyboardInterrupt as error:
+        number = error.args[0] if isinstance(error, Stopped) else signal.SIGINT
+        return _failed(
+            "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}", 128 + number
+        )
+
+
+def _failed(message: str, code: int) -> int:
+    """Print why a command ends, and return its exit code."""
+    print(f"chmarl-pb: {message}", file=sys.stderr)
+    return code
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Let the signals that end a process unwind the block, so that what it began is put away."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's affair
+        return
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number in [number for number in numbers if before[number] is signal.SIG_DFL]:  # nohup ignores SIGHUP
+        signal.signal(number, _stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise Stopped(number)
+
+
+def _learn(command: str, arguments: Sequence[str]) -> int:
+    try:
+        return int(import_module(f"chmarl_pb.cli.{command}").main(arguments))
+    except MissingExtraError as error:
+        return _failed(str(error), 2)
+
+
+def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser that knows the options of the command that is given."""
+    parser = argparse.ArgumentParser(prog="chmarl-pb", description="Cooperative robots in homes, on PyBullet.")
+    parser.add_argument("--version", action="version", version=__version__)
+    parsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, text in COMMANDS.items():
+        command = parsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        if name in given:
+            import_module(f"chmarl_pb.cli.{name}").add(command)
+    for name, text in LEARNERS.items():
+        parsers.add_parser(name, help=text)
+    return parser

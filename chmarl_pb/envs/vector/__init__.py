@@ -1,0 +1,1 @@
+"""Many environments side by side, in some processes with shared memory."""

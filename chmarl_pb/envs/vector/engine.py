@@ -1,0 +1,237 @@
+"""Where the environments of a vector live: in this process and in workers, with memory that all share."""
+
+import os
+import pickle
+import tempfile
+import time
+import weakref
+from contextlib import ExitStack
+from itertools import pairwise
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import IO, Any
+
+from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import CloudpickleWrapper
+
+from chmarl_pb.envs.vector.worker import Batch, Failure, MakeEnv, Memory, Signature, listen, serve
+from chmarl_pb.errors import WorkerError
+from chmarl_pb.files import write_all
+from chmarl_pb.world import Uncopied
+
+_PATIENCE = 5.0  # seconds that workers get to end by themselves
+_START: tuple[str, tuple[Any, ...]] = ("start", ())  # what workers do before they take commands
+_HARMLESS = ("call", "get", "has", "set", "wrapped")  # an error in one of these leaves the episodes as they are
+
+
+class WorkerTraceback(Exception):
+    """The traceback of an error in a worker, as text: the cause of the error that is raised here."""
+
+    def __str__(self) -> str:
+        """Return the text on lines of its own."""
+        return f"\n{self.args[0]}"
+
+
+class Engine(Uncopied):
+    """Environments in shares: the first one lives in this process, each other one in a worker.
+
+    They take one command at a time, a method of :class:`Batch`, and answer it together.
+    """
+
+    _instead = "make another vector of environments"
+
+    def __init__(self, make: MakeEnv, count: int, processes: int, autoreset: AutoresetMode):
+        """Start workers and wait until all environments are made.
+
+        Args:
+            make: makes an environment; sent to the workers by cloudpickle.
+            count: number of environments.
+            processes: number of processes with this one, at most ``count``.
+            autoreset: when an environment whose episode is over is reset.
+
+        Raises:
+            WorkerError: a worker died.
+        """
+        self._shares = shares(count, processes)
+        self._commands: list[Connection] = []
+        self._answers: list[Connection] = []
+        self._processes: list[BaseProcess] = []
+        stack = ExitStack()
+        self._close = weakref.finalize(self, stack.close)
+        stack.callback(_stop, self._commands, self._answers, self._processes)
+        self._command: tuple[str, tuple[Any, ...]] | None = _START
+        try:
+            for share in self._shares[1:]:
+                self._start(share, CloudpickleWrapper(make), autoreset)
+            self._batch = Batch(make, self._shares[0], autoreset)  # while the workers make theirs
+            stack.callback(self._batch.close)
+            self.receive()
+            self._share_memory(count)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, share: range, make: CloudpickleWrapper, autoreset: AutoresetMode) -> None:
+        # Forked children would share PyBullet's clients; spawned ones have their own.
+        context = get_context("spawn")
+        # Two pipes of one direction: quicker than one of both, which is a socket.
+        commands, to_worker = context.Pipe(duplex=False)
+        from_worker, answers = context.Pipe(duplex=False)
+        self._commands.append(to_worker)
+        self._answers.append(from_worker)
+        with commands, answers:  # the worker has its own copies of these ends
+            process = context.Process(target=serve, args=(commands, answers, make, share, autoreset), daemon=True)
+            process.start()
+        self._processes.append(process)
+
+    def _share_memory(self, count: int) -> None:
+        """Map a file here and in the workers; it loses its name at once and goes with the last of them."""
+        if not self._processes:
+            self._batch.share(Memory(self.signature, count))
+            return
+        with _shared_file(Memory.layout(self.signature, count).itemsize) as file:
+            self.send("share_file", file.name, count)
+            self.receive()
+
+    @property
+    def signature(self) -> Signature:
+        """What each of the environments is like."""
+        return self._batch.signature
+
+    @property
+    def memory(self) -> Memory:
+        """What the environments read and write."""
+        return self._batch.memory
+
+    @property
+    def pending(self) -> bool:
+        """Whether a command has not been answered yet."""
+        return self._command is not None
+
+    def send(self, command: str, *arguments: Any) -> None:
+        """Let the workers begin with a command; this process carries out its part in ``receive``."""
+        if not self._close.alive:
+            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+        if self.pending:
+            raise AlreadyPendingCallError("the answer to the last command has not been waited for", "send")
+        message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL) if self._processes else b""
+        self._command = command, arguments
+        for worker, pipe in enumerate(self._commands):
+            try:
+                pipe.send_bytes(message)
+            except ConnectionError as error:
+                raise self._death(worker) from error
+            except BaseException:  # an interrupt: nobody knows which workers have begun
+                self.close()
+                raise
+
+    def receive(self) -> list[Any]:
+        """Carry out the command and wait for the workers; return an answer of each environment, in their order.
+
+        Raises:
+            WorkerError: a worker died; the others have been stopped.
+            Exception: what went wrong in an environment; unless it was an attribute, all have been closed.
+        """
+        if self._command is None:
+            raise NoAsyncCallError("there is no command to wait for", "receive")
+        command, arguments = self._command
+        try:
+            answers = [self._own(command, arguments), *map(self._answer, range(len(self._answers)))]
+        except BaseException:  # an interrupt too: nobody knows how much of the answers has been read
+            self.close()
+            raise
+        self._command = None
+        entries: list[Any] = []
+        for share, answer in zip(self._shares, answers, strict=True):
+            if isinstance(answer, Failure):
+                if command not in _HARMLESS:
+                    self.close()
+                if share is self._shares[0]:
+                    raise answer.error
+                raise answer.error from WorkerTraceback(f"in the worker of environments {list(share)}:\n{answer.trace}")
+            entries += answer
+        return entries
+
+    def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:
+        """Carry out this process's part of a command."""
+        try:
+            return getattr(self._batch, command)(*arguments)
+        except Exception as error:
+            return Failure(error, "")
+
+    def _answer(self, worker: int) -> list[Any] | Failure:
+        try:
+            return pickle.loads(listen(self._answers[worker]))
+        except (EOFError, ConnectionError) as error:
+            raise self._death(worker) from error
+
+    def _death(self, worker: int) -> WorkerError:
+        """Return the error of a worker that has died, and stop the others."""
+        process, share, starting = self._processes[worker], self._shares[worker + 1], self._command is _START
+        process.join(_PATIENCE)
+        code = process.exitcode
+        self.close()
+        mend = "; -9 may mean: out of memory"
+        if starting:
+            mend = "; see its message above; a script must start workers under `if __name__ == '__main__':`"
+        where = f"the worker of environments {share.start} to {share.stop - 1}"
+        return WorkerError(f"{where} died (exit code {code}{mend}); all workers have been stopped")
+
+    def close(self) -> None:
+        """Close the environments and end the workers; closing twice is allowed."""
+        self._close()
+
+
+def _shared_file(size: int) -> "IO[bytes]":
+    """Return a new file of zeros; all of them are written, as a process ends that maps a file and finds no room for it.
+
+    Raises:
+        WorkerError: there is no room.
+    """
+    reasons = []
+    for folder in ("/dev/shm", None):
+        with ExitStack() as stack:
+            try:
+                file = stack.enter_context(tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=folder))
+                write_all(file.fileno(), bytes(size))
+            except OSError as error:
+                reasons.append(f"{folder or 'the folder of temporary files'}: {error.strerror}")
+            else:
+                stack.pop_all()
+                return file
+    raise WorkerError(
+        f"no room for {size / 2**20:,.1f} MB that processes share ({'; '.join(reasons)}); make room, or use fewer "
+        "environments, or workers=0"
+    )
+
+
+def _stop(commands: list[Connection], answers: list[Connection], processes: list[BaseProcess]) -> None:
+    """End workers: one whose pipes are closed ends by itself, after the step that it is in."""
+    for pipe in (*commands, *answers):
+        pipe.close()
+    deadline = time.monotonic() + _PATIENCE
+    for process in processes:
+        process.join(max(0.0, deadline - time.monotonic()))
+        if process.is_alive():
+            process.kill()
+            process.join()
+
+
+def shares(count: int, processes: int) -> list[range]:
+    """Return the numbers of the environments of each process.
+
+    The first process has somewhat fewer than the others: it also gathers what all of them answer.
+    """
+    spared = count // (16 * processes) if processes > 1 else 0
+    own = count // processes - spared
+    others = processes - 1
+    bounds = [0, *(own + (count - own) * process // max(others, 1) for process in range(processes))]
+    return [range(low, high) for low, high in pairwise(bounds)]
+
+
+def start(make: MakeEnv, count: int, workers: int | None, autoreset: AutoresetMode) -> Engine:
+    """Make environments in this process (workers 0 or 1) or in some, this one included (None: one for each core)."""
+    wanted = (os.cpu_count() or 1) if workers is None else workers
+    return Engine(make, count, min(max(wanted, 1), count), autoreset)

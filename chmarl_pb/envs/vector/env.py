@@ -1,0 +1,225 @@
+"""Many environments at once, as Gymnasium's VectorEnv: several processes step them in memory that all share."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from chmarl_pb.envs.limits import MAX_STEPS
+from chmarl_pb.envs.vector.engine import Engine, start
+from chmarl_pb.envs.vector.infos import InfoTable
+from chmarl_pb.envs.vector.worker import MakeEnv
+from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.world import Uncopied
+
+Seeds = int | Sequence[int | None] | None
+Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
+
+
+class HouseholdVectorEnv(Uncopied, VectorEnv):
+    """Environments of one kind, stepped together; see :func:`vector_env`.
+
+    Observations, rewards, ends and infos are those of Gymnasium's ``SyncVectorEnv``.
+    """
+
+    _instead = "make another by vector_env(...)"
+
+    def __init__(self, engine: Engine, count: int, autoreset: AutoresetMode, copy: bool = True):
+        """Join the environments of an engine.
+
+        Args:
+            engine: where they live; closed with this.
+            count: their number.
+            autoreset: when one whose episode is over is reset.
+            copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
+        """
+        self._engine, self._copy = engine, copy
+        self.num_envs = count
+        one = engine.signature
+        self.metadata = {**one.metadata, "autoreset_mode": autoreset}
+        self.render_mode = one.render_mode
+        self.single_observation_space, self.single_action_space = one.observation_space, one.action_space
+        self.observation_space = batch_space(one.observation_space, count)
+        self.action_space = batch_space(one.action_space, count)
+        self._table = InfoTable(count)
+
+    def reset(self, *, seed: Seeds = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Reset all environments.
+
+        Args:
+            seed: of the first one, the next have the next numbers; or one for each.
+            options: of each reset, as :meth:`HouseholdEnv.reset` has them; ``reset_mask``, an array of bool,
+                names the environments to reset, the others go on.
+
+        Raises:
+            OptionError: the seeds or the mask do not fit the environments.
+        """
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask")) if "reset_mask" in options else None
+        self._engine.send("reset", self._seeds(seed), [options or None] * self.num_envs, mask)
+        self._table.update(self._engine.receive())
+        return self._observations(), self._table.infos()
+
+    def step(self, actions: Any) -> Step:
+        """Step all environments.
+
+        Args:
+            actions: one for each environment.
+
+        Raises:
+            ActionError: the actions are not an array of the action space's shape and kind.
+        """
+        write_actions(self._engine, actions)
+        self._engine.send("step")
+        self._table.update(self._engine.receive())
+        memory = self._engine.memory
+        ends = memory.terminated.copy(), memory.truncated.copy()
+        return self._observations(), memory.rewards.copy(), *ends, self._table.infos()
+
+    def render(self) -> tuple[Any, ...]:
+        """Return the pictures of all environments."""
+        return self.call("render")
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of each environment, or read an attribute."""
+        return self._ask("call", name, args, kwargs)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Read an attribute of each environment."""
+        return self._ask("get", name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each environment: a list or tuple has a value for each, anything else is for all."""
+        each = values if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise OptionError(f"set_attr({name!r}) got {len(each)} values for {self.num_envs} environments")
+        self._ask("set", name, each)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the environments and end the workers."""
+        self._engine.close()
+
+    def _ask(self, command: str, *arguments: Any) -> tuple[Any, ...]:
+        self._engine.send(command, range(self.num_envs), *arguments)
+        return tuple(self._engine.receive())
+
+    def _observations(self) -> Any:
+        arrays = self._engine.memory.observations
+        arrays = {key: array.copy() for key, array in arrays.items()} if self._copy else dict(arrays)
+        return arrays if isinstance(self.single_observation_space, gymnasium.spaces.Dict) else arrays[""]
+
+    def _seeds(self, seed: Seeds) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + number for number in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise OptionError(f"reset got {len(seed)} seeds for {self.num_envs} environments")
+        return [None if one is None else int(one) for one in seed]
+
+    def _mask(self, mask: Any) -> np.ndarray:
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.shape != (self.num_envs,)
+            or mask.dtype != np.bool_
+            or not mask.any()
+        ):
+            raise OptionError(f"reset_mask={mask!r} is not an array of {self.num_envs} bool with one True or more")
+        return mask
+
+
+def write_actions(engine: Engine, actions: Any) -> None:
+    """Put actions where the environments read them.
+
+    Raises:
+        ActionError: they are not an array of the action space's shape and kind.
+    """
+    place = engine.memory.actions
+    try:
+        array = np.asarray(actions)
+        if array.shape != place.shape:
+            raise ValueError(f"its shape is {array.shape}")
+        np.copyto(place, array, casting="same_kind")
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"actions {actions!r} are not an array {place.shape} of {place.dtype}: {error}") from error
+
+
+def make_function(env_id: str | MakeEnv, options: dict[str, Any]) -> MakeEnv:
+    """Return a function that makes an environment; see :func:`vector_env`.
+
+    Raises:
+        OptionError: options are given for a function.
+    """
+    if not callable(env_id):
+        return partial(gymnasium.make, env_id, disable_env_checker=True, **_limited(options))
+    if options:
+        raise OptionError(f"options {sorted(options)} are for ids; a function makes its environment by itself")
+    return env_id
+
+
+def _limited(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with a ``max_steps`` beyond the time limit of the ids as that limit, which would come first."""
+    limit = options.get("max_steps")
+    if not isinstance(limit, int) or limit <= MAX_STEPS:
+        return options
+    return {name: value for name, value in options.items() if name != "max_steps"} | {"max_episode_steps": limit}
+
+
+def check_counts(n: int, workers: int | None) -> None:
+    """Check the number of environments and of workers.
+
+    Raises:
+        OptionError: one of them cannot be.
+    """
+    for name, value, least in (("n", n, 1), ("workers", 0 if workers is None else workers, 0)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise OptionError(f"{name}={value!r} is not a whole number from {least} on")
+
+
+def vector_env(
+    n: int,
+    env_id: str | MakeEnv = "CHMARL/SceneGraph-v0",
+    workers: int | None = None,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    copy: bool = True,
+    **options: Any,
+) -> HouseholdVectorEnv:
+    """Return ``n`` environments as one Gymnasium VectorEnv.
+
+    Args:
+        n: number of environments.
+        env_id: id of the environments, or a function that returns one, for wrappers.
+        workers: number of processes that step environments, this one among them; 0 or 1: this one alone; None: one
+            for each core.
+        autoreset_mode: when an environment whose episode is over is reset.
+        copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
+        **options: of each environment; see :class:`chmarl_pb.envs.options.Options`.
+
+    Raises:
+        OptionError: an argument has a value that it does not know.
+        HomeError: a home cannot be used.
+        WorkerError: a worker died.
+    """
+    check_counts(n, workers)
+    try:
+        mode = AutoresetMode(autoreset_mode)
+    except ValueError as error:
+        known = ", ".join(repr(mode.value) for mode in AutoresetMode)
+        raise OptionError(f"autoreset_mode={autoreset_mode!r} is not known; use one of: {known}") from error
+    return HouseholdVectorEnv(start(make_function(env_id, options), n, workers, mode), n, mode, copy)
+
+
+def joint_vector_env(num_envs: int, observation: str, **options: Any) -> HouseholdVectorEnv:
+    """Return what ``gymnasium.make_vec`` makes of the ids for both robots; see :func:`vector_env`."""
+    ids = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
+    return vector_env(num_envs, ids[observation], **options)
+
+
+def humanoid_vector_env(num_envs: int, observation: str, **options: Any) -> HouseholdVectorEnv:
+    """Return what ``gymnasium.make_vec`` makes of the ids for the humanoid alone; see :func:`vector_env`."""
+    ids = {"scene_graph": "CHMARL/SceneGraphHumanoid-v0", "visual": "CHMARL/VisualHumanoid-v0"}
+    return vector_env(num_envs, ids[observation], **options)

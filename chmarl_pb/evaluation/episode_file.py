@@ -1,0 +1,186 @@
+"""Episode files: one played episode as a small JSON file that another machine can replay and check."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import chmarl_pb
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.provenance import home_hash
+from chmarl_pb.evaluation.state_hash import state_hash
+from chmarl_pb.files import write_atomically
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.tasks.task import Task
+
+FORMAT = "chmarl-pb episode 1"
+_OPTIONS = ("observation", "messages", "feedback", "max_steps", "image_size", "execution")
+
+
+@dataclass(frozen=True)
+class EpisodeFile:
+    """All that is needed to play an episode again and to see that it goes the same way; T joint steps.
+
+    Attributes:
+        task: the task.
+        policy: name of the policy that played it.
+        seed: of the policy.
+        options: of the environment: observation, messages, feedback, max_steps, image_size, execution.
+        actions: T times the numbers of the humanoid's and the drone's action.
+        rewards: T shared rewards.
+        states: T + 1 state hashes, the first after the reset.
+        success: whether X stands on Y at the end.
+        home_sha256: of the home.
+        library: version of this package.
+        format: of the file.
+    """
+
+    task: Task
+    policy: str
+    seed: int | None
+    options: dict[str, Any]
+    actions: tuple[tuple[int, ...], ...]
+    rewards: tuple[float, ...]
+    states: tuple[str, ...]
+    success: bool
+    home_sha256: str
+    library: str = chmarl_pb.__version__
+    format: str = FORMAT
+
+
+@dataclass
+class Replayed:
+    """A policy that repeats actions, and stays when there are no more."""
+
+    actions: Sequence[Sequence[int]]
+    env: HouseholdEnv
+    _left: list[Sequence[int]] = field(default_factory=list)
+
+    def reset(self, seed: int | None) -> None:
+        """Begin with the first action again."""
+        self._left = list(self.actions)[::-1]
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return the next actions."""
+        if not self._left:
+            return {name: names.index("stay") for name, names in self.env.action_names.items()}
+        return dict(zip(AGENTS, self._left.pop(), strict=True))
+
+
+@dataclass
+class _Witness:
+    """Another policy, and the state hashes of the moments in which it decided."""
+
+    policy: Policy
+    env: HouseholdEnv
+    states: list[str] = field(default_factory=list)
+
+    def reset(self, seed: int | None) -> None:
+        self.policy.reset(seed)
+        self.states = []
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        self.states.append(state_hash(self.env))
+        return self.policy.act(observations, infos)
+
+
+def record_episode(env: HouseholdEnv, policy: Policy, name: str, seed: int | None, task: Task | str) -> EpisodeFile:
+    """Play an episode and return its file.
+
+    Args:
+        env: to play in.
+        policy: drives both robots.
+        name: of the policy, for the file.
+        seed: of the policy.
+        task: the task to play, or its id.
+    """
+    witness = _Witness(policy, env)
+    episode = rollout(env, witness, seed, task)
+    options = {option: getattr(env.options, option) for option in _OPTIONS}
+    actions = tuple(tuple(chosen[robot] for robot in AGENTS) for chosen in episode.actions)
+    states = (*witness.states, state_hash(env))
+    home = home_hash(episode.task.home)
+    return EpisodeFile(
+        episode.task, name, seed, options, actions, tuple(episode.rewards.tolist()), states, episode.success, home
+    )
+
+
+def replay_episode(file: EpisodeFile) -> str | None:
+    """Play an episode file again.
+
+    Returns:
+        None if every state and reward is the same, else a sentence that says what differs first.
+    """
+    if home_hash(file.task.home) != file.home_sha256:
+        return f"the home {file.task.home} is not the one that the episode was played in"
+    env = HouseholdEnv(home=file.task.home, **file.options)
+    try:
+        again = record_episode(env, Replayed(file.actions, env), file.policy, file.seed, file.task)
+        return _first_difference(file, again, env.action_names)
+    finally:
+        env.close()
+
+
+def _first_difference(file: EpisodeFile, again: EpisodeFile, names: dict[str, tuple[str, ...]]) -> str | None:
+    if file.states[0] != again.states[0]:
+        return "the state differs at the start, before any action"
+    for step, numbers in enumerate(file.actions, start=1):
+        doing = ", ".join(f"{robot} {names[robot][number]}" for robot, number in zip(AGENTS, numbers, strict=True))
+        if step >= len(again.states):
+            return f"the episode ends after step {step - 1} of {len(file.actions)}"
+        if file.states[step] != again.states[step]:
+            return f"the state differs after step {step} ({doing})"
+        if file.rewards[step - 1] != again.rewards[step - 1]:
+            return f"the reward of step {step} differs ({doing})"
+    if len(again.actions) > len(file.actions) or again.success != file.success:
+        return f"the episode does not end in the same way after step {len(file.actions)}"
+    return None
+
+
+def save_episode(file: EpisodeFile, path: Path | str) -> None:
+    """Write an episode file, one line for each part, whole or not at all."""
+    parts = asdict(file)
+    order = ("format", "library", *(name for name in parts if name not in ("format", "library")))
+    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(parts[name])}" for name in order)
+    write_atomically(Path(path), f"{{\n{lines}\n}}\n")
+
+
+def load_episode(path: Path | str) -> EpisodeFile:
+    """Read an episode file.
+
+    Raises:
+        ResultError: the file is missing, damaged, or of another kind.
+    """
+    try:
+        return _parse(json.loads(Path(path).read_text(encoding="utf-8")))
+    except FileNotFoundError as error:
+        raise ResultError(f"{path}: no such file; `chmarl-pb episode save` writes episodes") from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{path}: not a whole episode file: {error}; save the episode again") from error
+
+
+def _parse(data: dict[str, Any]) -> EpisodeFile:
+    """Return the episode of a file's content, or raise an error if its parts do not fit each other."""
+    if data.get("format") != FORMAT:
+        raise ValueError(f"its format is {data.get('format')!r}, not {FORMAT!r}")
+    file = EpisodeFile(**data)
+    file = replace(
+        file,
+        task=Task(**data["task"]),
+        actions=tuple(tuple(map(int, numbers)) for numbers in file.actions),
+        rewards=tuple(map(float, file.rewards)),
+        states=tuple(map(str, file.states)),
+    )
+    steps = len(file.actions)
+    if len(file.states) != steps + 1 or len(file.rewards) != steps:
+        raise ValueError(f"{steps} actions, {len(file.rewards)} rewards and {len(file.states)} states do not fit")
+    if any(len(numbers) != len(AGENTS) for numbers in file.actions):
+        raise ValueError(f"an action is not {len(AGENTS)} numbers")
+    if not (file.seed is None or (isinstance(file.seed, int) and file.seed >= 0)):
+        raise ValueError(f"its seed {file.seed!r} is not a whole number from 0 on")
+    if set(file.options) != set(_OPTIONS):
+        raise ValueError(f"its options are {sorted(file.options)}, not {sorted(_OPTIONS)}")
+    return file

@@ -1,0 +1,72 @@
+"""What a result depends on beside its options: home, tasks, versions, source code, machine."""
+
+import json
+import os
+import platform
+import re
+from collections.abc import Iterable
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
+
+import chmarl_pb
+from chmarl_pb.homes.content import content_hash, sha256_of
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.tasks.task import Task
+
+_PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
+
+
+@cache
+def home_hash(home: str) -> str:
+    """Return the sha256 of a home: its URDF and all files that it names.
+
+    Args:
+        home: name of a packaged home or path of a URDF.
+
+    Raises:
+        HomeError: the home cannot be used.
+    """
+    return content_hash(load_home(home))
+
+
+def tasks_hash(tasks: Iterable[Task]) -> str:
+    """Return the sha256 of tasks, in their order."""
+    return sha256_of(json.dumps(asdict(task), sort_keys=True).encode() for task in tasks)
+
+
+@cache
+def source_hash(module: ModuleType = chmarl_pb) -> str:
+    """Return the sha256 of a package's Python files, of this one's if none is named: it tells versions apart."""
+    folder = Path(str(module.__file__)).parent
+    return sha256_of(path.read_bytes() for path in sorted(folder.rglob("*.py")))
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and what its results depend on."""
+    from chmarl_pb.world.bullet import distribution  # here: it starts PyBullet
+
+    bullet, number = distribution()
+    found = {"python": platform.python_version(), "chmarl-pb": chmarl_pb.__version__, bullet: number}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def machine() -> dict[str, str | int]:
+    """Return what this machine is."""
+    return {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count() or 0}
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        models = re.findall(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
+        if models:
+            return str(models[0])
+    return platform.processor() or platform.machine()

@@ -1,0 +1,1 @@
+"""The algorithms: value factorisation, DAgger, MAPPO, behaviour cloning."""

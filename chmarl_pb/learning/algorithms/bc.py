@@ -1,0 +1,226 @@
+"""Behaviour cloning: robots learn to do what the planner did, from stored episodes.
+
+Three forms, as in the paper: decentralized (each robot has its own network and its own observations), the same with
+messages, and centralized (one network sees and drives both robots). All are recurrent over the episode.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.data.recipe import Recipe
+from chmarl_pb.data.store import default_root
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
+from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.policies.cloned import KIND, ClonedPolicy, CloningConfig, make_minds, weights_of
+from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.logger import Logbook
+from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.threads import threads as torch_threads
+from chmarl_pb.learning.runs.validation import spread_tasks
+
+BEST, LAST = "best.pt", "last.pt"
+UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
+VALIDATION = ("val-seen", "val-unseen")
+
+
+def clone(
+    config: CloningConfig, folder: Path, data: Path | None = None, quiet: bool = True, threads: int = 1
+) -> dict[str, Any]:
+    """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
+
+    The best are those of the epoch with the highest mean of the two validation splits' PLW. A signal that asks the run
+    to end has it saved after the present batch; a killed run loses a minute at most.
+
+    Args:
+        config: of the run.
+        folder: gets ``best.pt``, ``last.pt`` (what an interrupted run goes on from), and metrics as other runs do.
+        data: folder of Minari data sets; None: Minari's own.
+        quiet: whether no progress is shown.
+        threads: of torch, while this runs; networks as small as these are fastest with one.
+
+    Returns:
+        The figures of the best epoch.
+
+    Raises:
+        Interrupted: a signal asked the run to end.
+        DatasetError: the data set is missing or damaged.
+        CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
+    """
+    recipe = Recipe(observation=config.observation, noise=config.noise)
+    signals = Signals()
+    with torch_threads(threads):
+        run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check)
+        with closing(run.examiner), held(folder):
+            run.restore()
+            with closing(Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logbook, signals:
+                try:
+                    while run.epoch < config.epochs:
+                        run.next_epoch(logbook)
+                        signals.check()
+                except Asked:
+                    run.save()
+                    raise signals.interrupted(f"{run.epoch} epochs and {run.batch} batches", folder / LAST) from None
+    return run.best
+
+
+class _Run:
+    """A training in progress.
+
+    Attributes:
+        epoch: number of finished epochs.
+        batch: number of batches of the next epoch that are learned from.
+        best: figures of the best one.
+        examiner: measures.
+    """
+
+    def __init__(self, config: CloningConfig, data: Demonstrations, folder: Path, check: Callable[[], None]):
+        """Make networks and optimizer; ``check`` is called where the run can end."""
+        self.config, self.data, self.folder, self._check = config, data, folder, check
+        self.examiner = Examiner(config)
+        with torch.random.fork_rng():
+            torch.manual_seed(config.seed)
+            self.minds = make_minds(self.examiner.env, config)
+        self.optimizer = torch.optim.AdamW(
+            self.minds.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        )
+        batches = -(-len(data.lengths) // config.batch_size)
+        self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimizer, config.epochs * batches)
+        self.epoch, self.best = 0, {"score": -1.0}
+        self._saved = time.monotonic()
+        self._begin_epoch()
+
+    def _begin_epoch(self) -> None:
+        """Dropout is the same in every process and after every interruption."""
+        self.batch, self._total = 0, torch.zeros(len(AGENTS))
+        self._stream = torch.Generator().manual_seed(self.config.seed * 100_003 + self.epoch).get_state()
+
+    def next_epoch(self, logbook: Logbook) -> None:
+        """Go through the data once, or through what is left of it, and do what is due after it.
+
+        Raises:
+            Asked: the run is to end; its state is that after some batch.
+        """
+        start, epoch = time.perf_counter(), self.epoch + 1
+        losses = self._learn()
+        figures: dict[str, Any] = {"epoch": epoch, "seconds": round(time.perf_counter() - start, 1)}
+        figures |= {f"{name}_loss": round(float(loss), 4) for name, loss in zip(AGENTS, losses, strict=True)}
+        if epoch % self.config.validation_interval == 0 or epoch == self.config.epochs:
+            self.save()  # examining takes its time
+            figures |= self.examiner.examine(self.minds, self._check)
+            if figures["score"] > self.best["score"]:
+                self.best = figures
+                self._save_best()
+        self.epoch = epoch
+        self._begin_epoch()
+        logbook.write(figures)
+        logbook.advance(self.epoch)
+        self.save()
+
+    def _learn(self) -> Tensor:
+        self.minds.train()
+        with torch.random.fork_rng(devices=[]):
+            torch.set_rng_state(self._stream)
+            for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch), self.batch):
+                self._check()
+                losses = loss_of(self.minds, self.config, batch)
+                self.optimizer.zero_grad()
+                losses.sum().backward()
+                nn.utils.clip_grad_norm_(self.minds.parameters(), 1.0)
+                self.optimizer.step()
+                self.schedule.step()
+                self._total += losses.detach() * batch.mask.sum()
+                self.batch, self._stream = self.batch + 1, torch.get_rng_state()
+                if time.monotonic() > self._saved + interrupts.EVERY:
+                    self.save()
+        return self._total / self.data.lengths.sum()
+
+    def _save_best(self) -> None:
+        facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
+        checkpoint.save(self.folder / BEST, KIND, {**facts, "minds": self.minds.state_dict()})
+
+    def save(self) -> None:
+        """Write the checkpoint that a run goes on from."""
+        parts = {"minds": self.minds, "optimizer": self.optimizer, "schedule": self.schedule}
+        state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
+        place = {"epoch": self.epoch, "batch": self.batch, "total": self._total, "stream": self._stream}
+        checkpoint.save(self.folder / LAST, UNFINISHED, {**self._settings(), **place, "best": self.best, **state})
+        self._saved = time.monotonic()
+
+    def _settings(self) -> dict[str, Any]:
+        """Return what fixes the run's numbers."""
+        return {"config": asdict(self.config), "data": self.data.sha256, FROZEN: weights_of(self.config)}
+
+    def restore(self) -> None:
+        """Go on from ``last.pt``, if there is one."""
+        path = self.folder / LAST
+        if not path.is_file():
+            return
+        content = checkpoint.load(path, UNFINISHED)
+        for name, own in self._settings().items():
+            if content.get(name) != own:
+                raise checkpoint.CheckpointError(
+                    f"{path}: a run with other settings ({name}); use another folder, or remove it"
+                )
+        with checkpoint.reading(path):
+            checkpoint.fill(self.minds, content["minds"], path)
+            self.optimizer.load_state_dict(content["optimizer"])
+            self.schedule.load_state_dict(content["schedule"])
+            self.epoch, self.best = content["epoch"], content["best"]
+            self._begin_epoch()
+            if "batch" in content:  # older checkpoints were written between two epochs alone
+                self.batch, self._total, self._stream = content["batch"], content["total"], content["stream"]
+
+
+def loss_of(minds: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+    """Return the cross-entropy of each robot's labels, (robots), means over the real steps."""
+    losses = []
+    for group, mind in zip(config.groups, minds, strict=True):
+        columns = [AGENTS.index(name) for name in group]
+        logits, _ = mind(batch.observation, batch.last[..., columns])
+        for column, values in zip(columns, logits, strict=True):
+            losses.append(nn.functional.cross_entropy(values[batch.mask], batch.labels[..., column][batch.mask]))
+    return torch.stack(losses)
+
+
+class Examiner:
+    """Plays validation tasks, to choose the best epoch; never those of a test split."""
+
+    def __init__(self, config: CloningConfig):
+        """Open an environment for a run."""
+        self.env = HouseholdEnv(
+            observation=config.observation, split="train", messages=config.messages, feedback=config.feedback
+        )
+        self.config = config
+        self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION}
+
+    def examine(self, minds: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
+        """Return success rate and PLW on each split, and the mean PLW as ``score``; an error of ``check`` ends it."""
+        policy = ClonedPolicy(minds.eval(), self.config)
+        figures: dict[str, float] = {}
+        for split, tasks in self.tasks.items():
+            episodes = []
+            for task in tasks:
+                check()
+                episodes.append(rollout(self.env, policy, episode_seed(task, 0), task))
+            pairs = list(zip(episodes, tasks, strict=True))
+            weighted = [path_weighted(one.success, len(one), task.optimal_steps) for one, task in pairs]
+            figures[f"{split}_sr"] = round(float(np.mean([one.success for one in episodes])), 4)
+            figures[f"{split}_plw"] = round(float(np.mean(weighted)), 4)
+        return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in VALIDATION])), 4)} | figures
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.env.close()

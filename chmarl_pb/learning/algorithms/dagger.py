@@ -1,0 +1,109 @@
+"""Imitation of a teacher in the states that the learner itself comes to (DAgger, Ross et al. 2011).
+
+https://arxiv.org/abs/1011.0686. Cloning from stored episodes knows only states that the teacher comes to; here the
+teacher says what it would do while the learner acts more and more by itself, so it learns to get out of its own errors.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.config import ImitationConfig
+from chmarl_pb.learning.networks.agents import make_agents
+from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
+from chmarl_pb.learning.runs.collect import NO_LABEL, Choose
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.spaces import Interface
+
+
+class Imitator:
+    """Learns each agent's actions from a teacher's.
+
+    Attributes:
+        agents: agent -> its network; its values are logits of the actions.
+        updates: gradient steps that were taken.
+    """
+
+    algorithm = "imitation"
+
+    def __init__(self, interface: Interface, config: ImitationConfig):
+        """Make networks whose first weights depend on ``config.seed`` alone."""
+        self.config, self.updates = config, 0
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(config.seed)
+            self.agents = make_agents(interface.observations, interface.actions, config)
+        self._optimizer = torch.optim.Adam(self.agents.parameters(), lr=config.learning_rate, fused=True)
+
+    def choose(self, episodes: int) -> Choose:
+        """Return how to act after a number of episodes: a share of the actions is the teacher's, others are drawn."""
+        return taught(self.config.share(episodes))
+
+    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a wave of episodes."""
+        for _ in range(self.config.updates):
+            batch = replay.sample(self.config.batch_size, rng)
+            yield batch, self.update(batch)
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Take one gradient step and return the loss and how often the agents agree with the teacher."""
+        values = unroll(self.agents, batch).values
+        losses = {name: imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()}
+        loss = torch.stack(list(losses.values())).sum()
+        self._optimizer.zero_grad()
+        loss.backward()
+        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.gradient_clip)
+        self._optimizer.step()
+        self.updates += 1
+        metrics = {f"{name}_loss": float(part.detach()) for name, part in losses.items()}
+        return {"loss": float(loss.detach()), **metrics, "gradient_norm": float(norm)}
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the learner needs to go on."""
+        return {
+            "networks": self.agents.state_dict(), "optimizer": self._optimizer.state_dict(), "updates": self.updates,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Go on from a state that comes from a file.
+
+        Raises:
+            CheckpointError: it is of another architecture.
+        """
+        fill(self.agents, state["networks"], path)
+        fill_optimizer(self._optimizer, state["optimizer"], path)
+        self.updates = state["updates"]
+
+
+def imitation_loss(logits: Tensor, labels: Tensor) -> Tensor:
+    """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label; 0 without any."""
+    told = labels != NO_LABEL
+    if not told.any():
+        return 0 * logits.sum()
+    return nn.functional.cross_entropy(logits[told], labels[told])
+
+
+def taught(share: float) -> Choose:
+    """Return how to act: as the teacher says in a share of the steps, else by the networks' probabilities."""
+
+    def choose(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        own = draw(values, legal, rng)
+        return np.where((rng.random(len(own)) < share) & (labels != NO_LABEL), labels, own)
+
+    return choose
+
+
+def draw(values: Tensor, legal: Tensor, rng: np.random.Generator) -> np.ndarray:
+    """Return legal actions (B), drawn with the probabilities softmax(values), by the Gumbel-max trick."""
+    noise = torch.from_numpy(rng.gumbel(size=tuple(values.shape)))
+    return (values + noise).masked_fill(~legal, -torch.inf).argmax(dim=-1).numpy()
+
+
+def _labels(batch: Batch) -> dict[str, Tensor]:
+    """Return the labels of the steps in which an agent acts; ``NO_LABEL`` elsewhere."""
+    acted = dict(zip(batch.labels, batch.acted.unbind(dim=-1), strict=True))
+    return {name: labels.masked_fill(~acted[name], NO_LABEL) for name, labels in batch.labels.items()}

@@ -1,0 +1,199 @@
+"""MAPPO (Yu et al. 2022, https://arxiv.org/abs/2103.01955): actors of their own, one critic that knows the state.
+
+Each agent acts on its own history; the critic, which is needed in training alone, sees the global state. The reward is
+the team's. An episode that was cut off is worth, beyond its end, what the critic says of its last state; one that has
+ended is worth nothing there.
+
+Unlike Yu et al., there is no value normalisation, no clipping of values and no Huber loss; the critic sees the global
+state alone and has no memory; agents share no weights; advantages are normalised over all episodes that are learned
+from at once; and the learning rates fall linearly.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.learning.algorithms.dagger import draw
+from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.config import MappoConfig
+from chmarl_pb.learning.networks.agents import make_agents
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, fill_optimizer, load, reading
+from chmarl_pb.learning.runs.collect import Choose
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.spaces import Interface
+
+
+@dataclass(frozen=True)
+class Wave:
+    """What is learned from the episodes of one wave; N agents.
+
+    Attributes:
+        log_probabilities: (B, T, N) of the actions that were taken, when they were taken.
+        advantages: (B, T), with mean 0 and deviation 1 over the real steps, if there are several.
+        returns: (B, T) what the critic should say.
+    """
+
+    log_probabilities: Tensor
+    advantages: Tensor
+    returns: Tensor
+
+
+class Mappo:
+    """Learns the agents' policies and a critic.
+
+    Attributes:
+        agents: agent -> its network; its values are logits of the actions.
+        critic: state -> value.
+        updates: gradient steps that were taken.
+    """
+
+    algorithm = "mappo"
+
+    def __init__(self, interface: Interface, config: MappoConfig):
+        """Make networks whose first weights depend on ``config.seed`` and ``config.start`` alone.
+
+        Raises:
+            CheckpointError: ``config.start`` is damaged, of another architecture, or has no policies.
+        """
+        self.config, self.updates, self._learned = config, 0, 0
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(config.seed)
+            self.agents = make_agents(interface.observations, interface.actions, config)
+            units = config.critic_units
+            self.critic = nn.Sequential(
+                nn.Linear(interface.state_size, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
+                nn.Linear(units, 1),
+            )  # fmt: skip
+        if config.start:
+            fill(self.agents, _policies(Path(config.start)), Path(config.start))
+        self._networks = nn.ModuleDict({"agents": self.agents, "critic": self.critic})
+        self._rates = config.learning_rate, config.critic_rate
+        groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
+        self._optimizer = torch.optim.Adam(groups, eps=1e-5, fused=True)
+
+    def choose(self, episodes: int) -> Choose:
+        """Return how to act: by the networks' probabilities."""
+        return lambda values, legal, labels, rng: draw(values, legal, rng)
+
+    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a wave, once there are enough new episodes, and at the end of the run."""
+        new = replay.added - self._learned
+        if not new or (new < self.config.buffer_size and replay.added < self.config.episodes):
+            return
+        self._slow_down(self._learned)
+        self._learned = replay.added
+        batch = replay.sample(new, rng, newest=new)
+        wave = self.judge(batch)
+        actors = not self.config.start or replay.added > self.config.critic_starts
+        for _ in range(self.config.epochs):
+            order = torch.from_numpy(rng.permutation(len(batch.states)))
+            for rows in order.split(self.config.batch_size):
+                part = batch.rows(rows)
+                chosen = Wave(wave.log_probabilities[rows], wave.advantages[rows], wave.returns[rows])
+                yield part, self.update(part, chosen, actors)
+
+    def _slow_down(self, episodes: int) -> None:
+        """Let the learning rates fall linearly with the episodes that were learned from before."""
+        left = max(1 - episodes / self.config.episodes, 0.0)
+        for group, rate in zip(self._optimizer.param_groups, self._rates, strict=True):
+            group["lr"] = rate * left
+
+    @torch.no_grad()
+    def judge(self, batch: Batch) -> Wave:
+        """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
+        reward, goes_on, counts = (part.squeeze(-1) for part in batch.team())
+        values = self.critic(batch.states).squeeze(-1)
+        values, following = values[:, :-1] * counts, values[:, 1:] * goes_on
+        advantages, ahead = torch.zeros_like(values), torch.zeros(len(values))
+        for step in reversed(range(values.shape[1])):
+            error = reward[:, step] + self.config.gamma * following[:, step] - values[:, step]
+            ahead = (error + self.config.gamma * self.config.gae_lambda * ahead) * counts[:, step]
+            advantages[:, step] = ahead
+        real = advantages[counts]
+        # One step has nothing to be compared with.
+        normal = (advantages - real.mean()) / (real.std() + 1e-6) if len(real) > 1 else advantages
+        return Wave(self._log_probabilities(batch)[0], normal, advantages + values)
+
+    def update(self, batch: Batch, wave: Wave, actors: bool) -> dict[str, float]:
+        """Take one gradient step, of the critic alone if ``actors`` is false, and return what goes with it."""
+        counts = batch.acted.any(dim=-1)
+        error = self.critic(batch.states[:, :-1]).squeeze(-1) - wave.returns
+        value_loss = error[counts].square().mean()
+        metrics = {"value_loss": value_loss}
+        if actors:
+            log_probabilities, entropy = self._log_probabilities(batch)
+            ratio = (log_probabilities - wave.log_probabilities).exp()
+            advantage = wave.advantages.unsqueeze(-1)
+            bounded = ratio.clamp(1 - self.config.clip, 1 + self.config.clip)
+            gain = torch.minimum(ratio * advantage, bounded * advantage)
+            metrics |= {
+                "policy_loss": -gain[batch.acted].mean(),
+                "entropy": entropy[batch.acted].mean(),
+                "clipped": (ratio != bounded)[batch.acted].float().mean(),
+            }
+        loss = value_loss + metrics.get("policy_loss", 0.0) - self.config.entropy * metrics.get("entropy", 0.0)
+        self._optimizer.zero_grad()
+        loss.backward()
+        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.gradient_clip)
+        nn.utils.clip_grad_norm_(self.critic.parameters(), self.config.gradient_clip)
+        self._optimizer.step()
+        self.updates += 1
+        return {"loss": float(loss.detach()), "gradient_norm": float(norm)} | {
+            name: float(value.detach()) for name, value in metrics.items()
+        }
+
+    def _log_probabilities(self, batch: Batch) -> tuple[Tensor, Tensor]:
+        """Return the log-probabilities of the actions that were taken, and the entropies, both (B, T, N)."""
+        taken, entropies = [], []
+        for name, values in unroll(self.agents, batch).values.items():
+            legal = batch.legal[name][:, :-1]
+            logs = values[:, :-1].masked_fill(~legal, -1e9).log_softmax(dim=-1)
+            taken.append(logs.gather(-1, batch.actions[name].unsqueeze(-1)).squeeze(-1))
+            entropies.append(-(logs.exp() * logs).sum(dim=-1))
+        return torch.stack(taken, dim=-1), torch.stack(entropies, dim=-1)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the learner needs to go on."""
+        return {
+            "networks": self._networks.state_dict(), "optimizer": self._optimizer.state_dict(),
+            "updates": self.updates, "learned": self._learned,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Go on from a state that comes from a file.
+
+        Raises:
+            CheckpointError: it is of another architecture.
+        """
+        fill(self._networks, state["networks"], path)
+        fill_optimizer(self._optimizer, state["optimizer"], path)
+        self.updates, self._learned = state["updates"], state["learned"]
+
+
+def check_start(path: Path, setting: dict[str, Any]) -> None:
+    """Check that the weights to begin with were learned in the same setting: messages, feedback, pictures.
+
+    Raises:
+        CheckpointError: they were not, or the file is damaged.
+    """
+    with reading(path):
+        theirs = dict(load(path, "value")["setting"])
+    for name, own in setting.items():
+        if theirs.get(name) != own:
+            raise CheckpointError(
+                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
+            )
+
+
+def _policies(path: Path) -> dict[str, Tensor]:
+    """Return weights of networks whose values are logits."""
+    with reading(path):
+        content = load(path, "value")
+        if content["algorithm"] not in ("imitation", "mappo"):
+            raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from imitation or mappo")
+        return content["agents"]

@@ -1,0 +1,43 @@
+"""The benchmark as a learner meets it: how its environment is made, and what a checkpoint has to know of that."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import chmarl_pb
+from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.networks.frozen import ENCODERS, FrozenEncoder, frozen_encoder
+from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.sensing.vision import SIGHT_SIZE
+
+
+def benchmark(
+    observation: str,
+    messages: bool = True,
+    feedback: bool = True,
+    image_encoder: str = "resnet18",
+    image_size: int = SIGHT_SIZE,
+    **options: Any,
+) -> tuple[Callable[[], Any], dict[str, Any]]:
+    """Return what makes the ParallelEnv of the training tasks, and the setting of policies that are trained in it.
+
+    Args:
+        observation: "scene_graph" or "visual".
+        messages: whether the robots hear each other.
+        feedback: whether they get language feedback.
+        image_encoder: of pictures; if it is frozen, the environment gives its features in their place.
+        image_size: of pictures, in pixels.
+        options: more options of the environment.
+
+    Raises:
+        CheckpointError: there are no weights of a frozen encoder, and pictures need them.
+    """
+    frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in ENCODERS else None
+    shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
+    env_fn = partial(_environment, frozen, observation, **shared, **options)
+    return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else ""}
+
+
+def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:
+    env = chmarl_pb.parallel_env(observation, **options)
+    return FeatureEnv(env, frozen) if frozen else env

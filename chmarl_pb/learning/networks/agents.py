@@ -1,0 +1,74 @@
+"""The agents' networks: each agent has its own, and it sees nothing but its own history."""
+
+from typing import cast
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.learning.spaces import Tree, over
+
+NO_ACTION = -1  # last action at the first step
+
+
+class Agent(nn.Module):
+    """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018."""
+
+    def __init__(self, space: spaces.Space, actions: int, config: RunConfig):
+        """Make the layers for an observation space and a number of actions."""
+        super().__init__()
+        self.actions, self.hidden = actions, config.hidden
+        self.encoder = build_encoder(space, config.features, config.image_encoder, config.graph_pool)
+        self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
+        self.head = nn.Linear(config.hidden, actions)
+
+    def forward(
+        self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the values of the actions (B, T, A), the GRU's outputs (B, T, H), and its last state (1, B, H).
+
+        Args:
+            observation: tensors with the leading dimensions (B, T).
+            last_action: (B, T) int64, the agent's own action of the step before, or ``NO_ACTION``.
+            hidden: (1, B, H), the GRU's state before; zeros if None.
+        """
+        features = self.encoder(observation).unflatten(0, last_action.shape)
+        acted = nn.functional.one_hot(last_action + 1, self.actions + 1)[..., 1:]
+        histories, hidden = self.memory(torch.cat([features, acted.to(features.dtype)], dim=-1), hidden)
+        return self.head(histories), histories, hidden
+
+
+def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], config: RunConfig) -> nn.ModuleDict:
+    """Return agent -> its network, from its observation space and its number of actions."""
+    return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
+
+
+class Player:
+    """Lets agents act in several episodes side by side, step by step; remembers their histories."""
+
+    def __init__(self, agents: nn.ModuleDict, episodes: int):
+        """Begin a number of episodes."""
+        self.agents = agents
+        self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
+        self._last = {name: torch.full((episodes,), NO_ACTION) for name in agents}
+
+    @torch.no_grad()
+    def values(self, name: str, episodes: Tensor, observation: Tree) -> Tensor:
+        """Return an agent's values (B, A) in some of the episodes.
+
+        Args:
+            name: of the agent.
+            episodes: (B) numbers of the episodes.
+            observation: tensors with the leading dimension B.
+        """
+        one_step = over(lambda part: part.unsqueeze(1), observation)
+        before = self._hidden[name][episodes].unsqueeze(0)
+        values, _, after = self.agents[name](one_step, self._last[name][episodes].unsqueeze(1), before)
+        self._hidden[name][episodes] = after[0]
+        return values[:, 0]
+
+    def remember(self, name: str, episodes: Tensor, actions: Tensor) -> None:
+        """Note the actions (B) that an agent takes in some of the episodes."""
+        self._last[name][episodes] = actions

@@ -1,0 +1,142 @@
+"""Encoders: a batch of observations -> one feature vector each.
+
+:func:`build_encoder` reads the observation space alone. Of our own keys (``observation_keys.py``), a scene graph goes
+through a graph convolution, tokens through an embedding; any picture goes through a convolutional network; every other
+key is flattened.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.learning.networks.detections import SHAPE as DETECTOR_SHAPE
+from chmarl_pb.learning.networks.detections import DetectionEncoder
+from chmarl_pb.learning.networks.efficientnet import SHAPE as EFFICIENTNET_SHAPE
+from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
+from chmarl_pb.learning.networks.images import IMAGE_ENCODERS, FeatureEncoder
+from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
+from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
+from chmarl_pb.learning.networks.resnet import SHAPE as RESNET_SHAPE
+from chmarl_pb.learning.observation_keys import (
+    IMAGE,
+    INSTRUCTION,
+    NODE_CLASS,
+    graphs,
+    is_goal,
+    is_picture,
+    is_tokens,
+    named,
+)
+
+#: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
+_FROZEN: dict[tuple[int, ...], Callable[[], Part]] = {
+    RESNET_SHAPE: FeatureEncoder,
+    EFFICIENTNET_SHAPE: partial(FeatureEncoder, *EFFICIENTNET_SHAPE),
+    DETECTOR_SHAPE: DetectionEncoder,
+}
+GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
+
+
+def build_encoder(
+    space: spaces.Space,
+    size: int = 128,
+    image_encoder: str = "cnn",
+    graph_pool: str = "mean",
+    numbers_past: bool = False,
+) -> nn.Module:
+    """Return a module that encodes batches of a space's observations.
+
+    The module takes one tensor, or a dict of tensors for a Dict, with any leading dimensions, which it flattens to
+    one: it returns (B, size), float32. Our keys may have a robot's name before them (``humanoid_image``). Graphs may be
+    cut to fewer rows than their space has.
+
+    Args:
+        space: a Box, a Discrete, or a Dict of these.
+        size: number of features.
+        image_encoder: of pictures that are observed as such: "cnn" is small and learns; "resnet18" is frozen. Features
+            that ``FeatureEnv`` gives in their place are known by their shape.
+        graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
+        numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
+            appended to the features as they are; see :class:`chmarl_pb.learning.networks.numbers.Numbers`.
+
+    Raises:
+        ValueError: the space is of another kind, or there is no such encoder.
+        CheckpointError: there are no weights of ResNet-18.
+    """
+    if isinstance(space, spaces.Dict):
+        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past)
+    part = _flat_or_image("", space, image_encoder)
+    return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
+
+
+class DictEncoder(nn.Module):
+    """Encodes each part of a Dict by itself, and all of them together by two linear layers.
+
+    Attributes:
+        size: number of features, with the numbers that go past the layers.
+    """
+
+    def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str, numbers_past: bool = False):
+        """Make the parts that a space needs."""
+        super().__init__()
+        if graph_pool not in GRAPH_POOLS:
+            raise ValueError(f"graph_pool={graph_pool!r} is not known; use one of: {', '.join(GRAPH_POOLS)}")
+        self.space = space
+        words: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
+        parts: dict[str, Part] = {}
+        self.graphs = graphs(space)
+        inside = {key for others in self.graphs.values() for key in others}
+        for key, box in space.spaces.items():
+            if key in self.graphs:
+                parts[key] = GRAPH_POOLS[graph_pool](box, space[self.graphs[key][0]])
+            elif is_tokens(key, box):
+                parts[key] = TokenEncoder(words.setdefault(id_count(box), embedding(id_count(box))))
+            elif is_goal(key, box):
+                parts[key] = GoalEncoder(box)
+            elif key not in inside:
+                parts[key] = _flat_or_image(key, box, image_encoder)
+        self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
+        width = sum(part.size for part in parts.values())
+        self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
+        self.numbers = Numbers(space) if numbers_past else None
+        self.size = size + (self.numbers.size if self.numbers else 0)
+
+    def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
+        """Return (B, size)."""
+        flat = {key: flattened(observation[key], box.shape) for key, box in self.space.spaces.items()}
+        features = []
+        for key, part in zip(self.keys, self.parts, strict=True):
+            beside = [flat[other] for other in self.graphs.get(key, ())]
+            if isinstance(part, GatedGraphEncoder | DetectionEncoder):
+                beside.append(self._asked(_instruction_beside(key), flat))
+            features.append(part(flat[key], *beside))
+        joint = self.joint(torch.cat(features, dim=1))
+        return torch.cat([joint, self.numbers(observation)], dim=1) if self.numbers else joint
+
+    def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
+        """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
+        words = self.parts[self.keys.index(key)] if key in self.keys else None
+        if not isinstance(words, TokenEncoder):
+            raise ValueError(f"pooling by the instruction needs its tokens, {key!r}, in the observation")
+        return words.total(flat[key])
+
+
+def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
+    if isinstance(space, spaces.Box) and is_picture(space):
+        if image_encoder not in IMAGE_ENCODERS:
+            raise ValueError(f"image_encoder={image_encoder!r} is not known; use one of: {', '.join(IMAGE_ENCODERS)}")
+        return IMAGE_ENCODERS[image_encoder](space.shape)
+    if isinstance(space, spaces.Box) and named(key, IMAGE) and space.dtype == np.float16 and space.shape in _FROZEN:
+        return _FROZEN[space.shape]()
+    if isinstance(space, spaces.Box | spaces.Discrete):
+        return FlatEncoder(space)
+    raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
+
+
+def _instruction_beside(key: str) -> str:
+    """Return the key of the instruction beside that of a graph's nodes or of a picture: both have the same prefix."""
+    return key.removesuffix(NODE_CLASS).removesuffix(IMAGE) + INSTRUCTION

@@ -1,0 +1,158 @@
+"""Frozen networks that encode pictures: they never learn, and what they give can be kept on disk as it is.
+
+Each is a file of weights, made by ``python -m training.pretrain``; those of ImageNet come from torchvision (ResNet-18)
+or with a package (EfficientNet-Lite0).
+"""
+
+import hashlib
+import os
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, tensors_of
+
+IMAGENET = "imagenet"  # name of torchvision's weights
+KEPT = 2**13  # pictures whose features are remembered: 12 MB
+_TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
+
+#: Named weights -> what computes the features of uint8 pictures (B, height, width, 3).
+Build = Callable[[dict[str, Tensor]], Callable[[Tensor], Tensor]]
+
+#: Name -> how it is built from its weights, and the shape of the features of one picture.
+ENCODERS: dict[str, tuple[Build, tuple[int, ...]]] = {
+    "resnet18": (resnet.build, resnet.SHAPE),
+    "detector": (detector.build, detections.SHAPE),
+    efficientnet.NAME: (efficientnet.build, efficientnet.SHAPE),
+}
+
+
+class FrozenEncoder:
+    """A network that never learns; its features are rounded to float16.
+
+    The features of a picture do not depend on the pictures that they are computed with. Those of pictures that came up
+    lately are remembered.
+
+    Attributes:
+        name: one of ``ENCODERS``.
+        shape: of the features of one picture.
+        fingerprint: sha256 of the weights.
+        asked: number of pictures whose features were wanted.
+        computed: number of those that were not remembered.
+    """
+
+    def __init__(self, name: str, weights: dict[str, Tensor], kept: int = KEPT):
+        """Take weights; those of a last layer of torchvision's are left out.
+
+        Args:
+            name: one of ``ENCODERS``.
+            weights: name -> weights.
+            kept: number of pictures whose features are remembered.
+
+        Raises:
+            RuntimeError: they do not fit.
+        """
+        weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
+        build, self.shape = ENCODERS[name]
+        self.name, self.fingerprint = name, fingerprint(weights)
+        self.asked, self.computed = 0, 0
+        self._kept, self._known = kept, OrderedDict[bytes, Tensor]()
+        self._network = build(weights)
+
+    @torch.no_grad()
+    def __call__(self, images: Tensor) -> Tensor:
+        """Return (B, *shape) float16 of uint8 pictures (B, height, width, 3)."""
+        keys = [hashlib.sha256(image).digest() for image in images.contiguous().numpy()]
+        new = {key: row for row, key in enumerate(keys) if key not in self._known}
+        for names, rows in zip(_chunks(list(new)), _chunks(list(new.values())), strict=True):
+            features = self._network(images[rows]).half()
+            self._known.update(zip(names, (row.clone() for row in features), strict=True))
+        self.asked, self.computed = self.asked + len(keys), self.computed + len(new)
+        for key in keys:
+            self._known.move_to_end(key)
+        found = torch.stack([self._known[key] for key in keys]) if keys else torch.empty(0, *self.shape).half()
+        while len(self._known) > self._kept:
+            self._known.popitem(last=False)
+        return found
+
+
+def weights_file(name: str) -> Path:
+    """Return an encoder's default file of weights: its package's, ``$CHMARL_NAME``, or one in the folder for caches.
+
+    Raises:
+        MissingExtraError: the package is not there.
+    """
+    if name == efficientnet.NAME:
+        return efficientnet.weights_file()
+    chosen = os.environ.get(f"CHMARL_{name.upper()}")
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return Path(chosen).expanduser() if chosen else caches / "chmarl_pb" / f"{name}.pt"
+
+
+@cache
+def frozen_encoder(name: str, source: str | None = None) -> FrozenEncoder:
+    """Return an encoder, loaded once in a process.
+
+    Args:
+        name: one of ``ENCODERS``.
+        source: a file of weights; ``"imagenet"`` for torchvision's; None: :func:`weights_file`.
+
+    Raises:
+        CheckpointError: there are no such weights, or they do not fit.
+    """
+    source = source or str(weights_file(name))
+    try:
+        return FrozenEncoder(name, resnet.imagenet() if source == IMAGENET else _read(Path(source), name))
+    except (RuntimeError, TypeError, LookupError) as error:
+        raise CheckpointError(f"{source}: no weights of {name}: {str(error).splitlines()[0]}") from error
+
+
+def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
+    """Return an encoder, after checking that a policy was trained with the same one.
+
+    Raises:
+        CheckpointError: there are no weights, or others than those of the policy in a file.
+    """
+    if name not in ENCODERS:
+        raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(ENCODERS)}")
+    encoder = frozen_encoder(name)
+    if encoder.fingerprint != fingerprint:
+        raise CheckpointError(
+            f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); "
+            + ("its package has changed" if name == efficientnet.NAME else f"name their file by CHMARL_{name.upper()}")
+        )
+    return encoder
+
+
+def fingerprint(weights: dict[str, Tensor]) -> str:
+    """Return the sha256 of named tensors."""
+    digest = hashlib.sha256()
+    for name, value in sorted(weights.items()):
+        digest.update(name.encode() + value.contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+def _chunks(values: list) -> list[list]:
+    return [values[first : first + _TOGETHER] for first in range(0, len(values), _TOGETHER)]
+
+
+def _read(path: Path, name: str) -> dict[str, Tensor]:
+    if not path.exists():
+        if name == efficientnet.NAME:
+            raise CheckpointError(f"{path}: no weights of {name}; install its package again")
+        raise CheckpointError(
+            f"{path}: no weights of {name}; make them by `python -m training.pretrain --network {name}`, name another "
+            f"file by CHMARL_{name.upper()}, or use image_encoder='cnn', which needs none"
+        )
+    check_whole(path)
+    if name == efficientnet.NAME:
+        efficientnet.check(path)
+    weights = tensors_of(path, path)
+    if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
+        raise CheckpointError(f"{path}: not a file of weights: a dict of tensors is needed")
+    return OrderedDict(weights)

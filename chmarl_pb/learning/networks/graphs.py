@@ -1,0 +1,136 @@
+"""Scene graphs: a graph convolution over all graphs of a batch at once.
+
+Letters: B graphs in the batch, N real nodes of all of them.
+"""
+
+import warnings
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.learning.networks.parts import EMBEDDING, Part, embedding, id_count
+
+GRAPH = 64  # features of a node after each graph convolution
+HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of each node, and numbers in each
+
+_CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
+
+# Torch calls these matrices beta at their first use; the one product that is needed is tested.
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    torch.sparse_csr_tensor(
+        torch.tensor([0, 0]), torch.tensor([], dtype=torch.long), torch.tensor([]), (1, 1), check_invariants=False
+    )
+
+
+class GraphEncoder(Part):
+    """Class and state embeddings -> two graph convolutions -> mean over the nodes.
+
+    A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2) with the bias inside,
+    ReLU(D^-1/2 (A + I) D^-1/2 (H W + b)): A counts the relations between two nodes, whatever their kind and direction,
+    and D is the degree with the self loop. An empty graph has the features 0.
+    """
+
+    size = GRAPH
+
+    def __init__(self, classes: spaces.Space, states: spaces.Space):
+        """Make tables for the ids in two spaces; 0 is padding."""
+        super().__init__()
+        self.classes, self.states = embedding(id_count(classes)), embedding(id_count(states))
+        self.first = nn.Linear(2 * EMBEDDING, GRAPH)
+        self.second = nn.Linear(GRAPH, GRAPH)
+
+    def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
+        """Return (B, GRAPH) from classes (B, nodes), states (B, nodes), edges (B, edges, 3)."""
+        real = node_class > 0  # padding is left out: (N) nodes of all graphs, one after the other
+        return _mean(self.convolved(real, node_class, node_state, edges), real)
+
+    def convolved(self, real: Tensor, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
+        """Return (N, GRAPH) of all real nodes after both convolutions."""
+        spread = _propagation(real, edges)
+        nodes = self._embedded(node_class[real].long(), node_state[real].long())
+        nodes = torch.relu(_Product.apply(spread, nodes))
+        return torch.relu(_Product.apply(spread, self.second(nodes)))
+
+    def _embedded(self, node_class: Tensor, node_state: Tensor) -> Tensor:
+        """Return H W + b of the first convolution; the product is taken once for each class and state, not node."""
+        by_class = self.classes.weight @ self.first.weight[:, :EMBEDDING].T + self.first.bias
+        by_state = self.states.weight @ self.first.weight[:, EMBEDDING:].T
+        return by_class.index_select(0, node_class) + by_state.index_select(0, node_state)
+
+
+class GatedGraphEncoder(GraphEncoder):
+    """The same convolutions, but pooled by what the instruction asks for, beside the mean.
+
+    A mean over all nodes blurs whether the one thing that counts is among them. Here each of ``HEADS`` gates, in
+    (0, 1), compares a node's class with the words of the instruction; a head is the sum of what lies behind its
+    gates, so it tells whether such a node is there, its state and what it is related to.
+    """
+
+    size = GRAPH + HEADS * (VALUE + 1)
+
+    def __init__(self, classes: spaces.Space, states: spaces.Space):
+        """Make tables for the ids in two spaces; 0 is padding."""
+        super().__init__(classes, states)
+        self.key = nn.Linear(EMBEDDING, HEADS * KEY)
+        self.query = nn.Linear(EMBEDDING, HEADS * KEY)
+        self.value = nn.Linear(GRAPH, HEADS * VALUE)
+
+    def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor, words: Tensor | None = None) -> Tensor:
+        """Return (B, size); ``words`` is the sum of the embeddings of the instruction's words, (B, EMBEDDING)."""
+        assert words is not None
+        real = node_class > 0
+        graph, ids = real.nonzero(as_tuple=True)[0], node_class[real].long()
+        nodes = self.convolved(real, node_class, node_state, edges)
+        keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
+        match = torch.einsum("chd,bhd->bch", keys, self.query(words).unflatten(1, (HEADS, KEY)))  # of class and words
+        gates = torch.sigmoid(match.flatten(0, 1).index_select(0, graph * len(keys) + ids) - _CLOSED)
+        told = (self.value(nodes).unflatten(1, (HEADS, VALUE)) * gates.unsqueeze(2)).flatten(1)
+        heads = torch.cat([told, gates], dim=1)
+        pooled = heads.new_zeros(len(real), heads.shape[1]).index_add_(0, graph, heads)
+        return torch.cat([_mean(nodes, real), pooled], dim=1)
+
+
+def _mean(nodes: Tensor, real: Tensor) -> Tensor:
+    """Return the means (B, F) of the features (N, F) of each graph's nodes; 0 for an empty graph."""
+    total = nodes.new_zeros(len(real), nodes.shape[1]).index_add_(0, real.nonzero(as_tuple=True)[0], nodes)
+    return total / real.sum(dim=1, keepdim=True).clamp(min=1)
+
+
+class _Product(torch.autograd.Function):
+    """A symmetric sparse matrix without gradient, times features."""
+
+    @staticmethod
+    def forward(ctx: Any, matrix: Tensor, features: Tensor) -> Tensor:
+        ctx.matrix = matrix
+        return torch.sparse.mm(matrix, features)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[None, Tensor]:
+        return None, torch.sparse.mm(ctx.matrix, gradient)
+
+
+def _propagation(real: Tensor, edges: Tensor) -> Tensor:
+    """Return D^-1/2 (A + I) D^-1/2 of all graphs of a batch as one sparse matrix (N, N).
+
+    Args:
+        real: (B, nodes) which nodes are not padding.
+        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
+    """
+    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
+    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
+    graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
+    ends = numbers[graph.unsqueeze(1), edges[graph, row, :2].long().clamp(max=real.shape[1])]
+    one, other = ends[(ends >= 0).all(dim=1)].unbind(dim=1)
+    loops = torch.arange(int(real.sum()), device=real.device)
+    rows, columns = torch.cat([one, other, loops]), torch.cat([other, one, loops])
+    degree = torch.bincount(rows, minlength=len(loops))
+    root = degree.float().rsqrt()
+    columns = columns[rows.argsort()]
+    values = root.repeat_interleave(degree) * root[columns]
+    starts = nn.functional.pad(degree.cumsum(0), (1, 0))
+    return torch.sparse_csr_tensor(
+        starts.int(), columns.int(), values, (len(loops), len(loops)), check_invariants=False
+    )

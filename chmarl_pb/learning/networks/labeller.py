@@ -1,0 +1,72 @@
+"""What ResNet-18 learns from views of homes: which classes a picture shows, and where; and how well it does."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.learning.networks.detection_metrics import skill
+from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.labelled_views import Views
+from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
+
+SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
+
+
+class Labeller(nn.Module):
+    """ResNet-18 with three linear heads, which are thrown away afterwards."""
+
+    learning_rate, batch = 2e-3, 64
+    views, epochs = 20_000, 6  # to learn from, and passes over them
+
+    def __init__(self) -> None:
+        """Make the layers."""
+        super().__init__()
+        self.network = ResNet18()
+        self.cells = nn.Conv2d(FEATURES, len(LABELS), 1)
+        self.present = nn.Linear(FEATURES, len(LABELS))
+        self.centres = nn.Linear(FEATURES, 2 * len(LABELS))
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return logits of cells (B, C, GRID, GRID) and of presence (B, C), and centres (B, C, 2)."""
+        maps = self.network.maps(images)
+        features = maps.mean(dim=(2, 3))
+        return self.cells(maps), self.present(features), self.centres(features).unflatten(1, (-1, 2))
+
+    def loss(self, views: Views, rows: np.ndarray, done: float) -> Tensor:
+        """Return the sum of three losses on some views: two cross-entropies and, of what is present, a distance.
+
+        Args:
+            views: with labels.
+            rows: numbers of the views.
+            done: share of the training; at first, every second row and column of the pictures is left out.
+        """
+        every = 2 if done < SMALL else 1
+        images = torch.from_numpy(views.images[rows, ::every, ::every])
+        cells, present, centres = (
+            torch.from_numpy(part[rows]).float() for part in (views.cells, views.present, views.centres)
+        )
+        told_cells, told_present, told_centres = self(images)
+        shown = nn.functional.binary_cross_entropy_with_logits(told_present, present)
+        told_cells = nn.functional.interpolate(told_cells, cells.shape[-1])  # small pictures have fewer
+        placed = nn.functional.binary_cross_entropy_with_logits(told_cells, cells)
+        far = ((told_centres - centres).abs().sum(dim=2) * present).sum() / present.sum().clamp(min=1)
+        return 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
+
+    def weights(self) -> dict[str, Tensor]:
+        """Return what is kept of it."""
+        return self.network.state_dict()
+
+    def features(self, images: Tensor) -> Tensor:
+        """Return what the frozen network gives, in float32."""
+        return self.network(images)
+
+    @torch.no_grad()
+    def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
+        """Return how well classes are recognised from frozen features, see ``detection_metrics.skill``."""
+        parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
+        features = torch.cat(parts).float()
+        centres = self.centres(features).unflatten(1, (-1, 2))
+        return skill(self.present(features).numpy(), centres.numpy(), views)

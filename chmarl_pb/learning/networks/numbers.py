@@ -1,0 +1,50 @@
+"""What needs no encoding: the few numbers that an encoder of graphs, words or pictures would drown."""
+
+from collections.abc import Mapping
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.learning.networks.parts import EMBEDDING, Part, embedding, flattened, id_count
+from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF, is_goal, named
+
+_IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
+
+
+class GoalEncoder(Part):
+    """The embeddings of the classes that the goal names, and the bits as they are."""
+
+    def __init__(self, goal: spaces.Space):
+        """Make a table of classes."""
+        super().__init__()
+        self.shape = goal.shape
+        self.classes = embedding(id_count(goal))
+        self.size = _IDS * EMBEDDING + 2
+
+    def forward(self, goal: Tensor) -> Tensor:
+        """Return (B, size) from goals (B, 4)."""
+        flat = flattened(goal, self.shape)
+        return torch.cat([self.classes(flat[:, :_IDS].long()).flatten(1), flat[:, _IDS:].float()], dim=1)
+
+
+class Numbers(nn.Module):
+    """The messages, the robot's own state, and whether what it is asked for is in view, in one row.
+
+    Attributes:
+        size: their number.
+    """
+
+    def __init__(self, space: spaces.Dict):
+        """Find the keys in a space."""
+        super().__init__()
+        self._shapes = {
+            key: box.shape for key, box in space.spaces.items() if named(key, MESSAGES, SELF) or is_goal(key, box)
+        }
+        self._from = {key: _IDS if named(key, GOAL) else 0 for key in self._shapes}
+        self.size = sum(spaces.flatdim(space[key]) - first for key, first in self._from.items())
+
+    def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
+        """Return (B, size), float32."""
+        rows = {key: flattened(observation[key], shape).flatten(1) for key, shape in self._shapes.items()}
+        return torch.cat([row[:, self._from[key] :].float() for key, row in rows.items()], dim=1)

@@ -1,0 +1,46 @@
+"""ResNet-18 as a frozen encoder of pictures: 512 features, as in CH-MARL; see ``frozen.py``.
+
+torchvision's files of weights fit; torchvision itself is not needed.
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from chmarl_pb.learning.networks.int8 import RANGES, IntegerResNet18
+from chmarl_pb.learning.networks.residual import FEATURES as FEATURES
+from chmarl_pb.learning.networks.residual import ResNet18, folded
+from chmarl_pb.learning.runs.checkpoint import CheckpointError
+
+SHAPE = (FEATURES,)  # of the features of a picture
+
+
+def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
+    """Return what computes (B, 512) of uint8 pictures (B, height, width, 3).
+
+    Weights with ranges are used in integers, others in float32, which is five times as slow.
+
+    Raises:
+        RuntimeError: the weights do not fit.
+    """
+    network = ResNet18()
+    network.load_state_dict({name: value for name, value in weights.items() if name != RANGES})
+    network = folded(network.eval().requires_grad_(False)).to(memory_format=torch.channels_last)
+    if RANGES in weights:
+        return IntegerResNet18(network, weights[RANGES])
+    # Floats differ in the last bit with the size of the batch.
+    return lambda images: torch.cat([network(image.unsqueeze(0)) for image in images])
+
+
+def imagenet() -> dict[str, Tensor]:
+    """Return the weights that torchvision's own loader fetches.
+
+    Raises:
+        CheckpointError: torchvision is not there.
+    """
+    try:
+        from torchvision.models import ResNet18_Weights  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise CheckpointError("ImageNet's weights need torchvision; run `pip install torchvision`") from error
+    return ResNet18_Weights.IMAGENET1K_V1.get_state_dict(progress=True, check_hash=True)

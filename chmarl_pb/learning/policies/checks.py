@@ -1,0 +1,31 @@
+"""What a policy has to be given again as it was in training."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.learning.runs.checkpoint import CheckpointError
+
+
+def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
+    """Check that pictures are as large as in training; frozen features of others have the same shape.
+
+    Args:
+        env: environment to act in.
+        setting: of the training.
+        path: of the checkpoint, for the error.
+
+    Raises:
+        CheckpointError: they are not.
+    """
+    own = env.options.image_size
+    if env.options.observation == "visual" and (wanted := setting.get("image_size", own)) != own:
+        raise CheckpointError(
+            f"{path}: was trained with pictures of {wanted} pixels, not {own}; give image_size={wanted}"
+        )
+
+
+def silenced(setting: dict[str, Any]) -> tuple[str, ...]:
+    """Return the keys that read as zeros in training: ``messages`` and ``feedback``, where they were off."""
+    return tuple(key for key in ("messages", "feedback") if not setting.get(key, True))

@@ -1,0 +1,214 @@
+"""Cloned robots: their settings, their networks, and the policy that drives an environment by them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.learning.config import FROZEN, check
+from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.learning.networks.agents import NO_ACTION
+from chmarl_pb.learning.networks.frozen import ENCODERS, frozen_encoder, trained_with
+from chmarl_pb.learning.networks.kept_features import feature_space, with_features
+from chmarl_pb.learning.observation_keys import named
+from chmarl_pb.learning.policies.checks import check_size
+from chmarl_pb.learning.runs import checkpoint
+from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.policies.policy import Actions, Infos, Observations
+
+KIND = "bc"  # of checkpoints
+IMAGE_SIZE = 128  # pixels of the pictures in data sets
+
+
+@dataclass(frozen=True)
+class CloningConfig:
+    """What fixes a run of cloning, beside the data.
+
+    Attributes:
+        observation: "scene_graph" or "visual".
+        centralized: whether one network sees and drives both robots.
+        messages: whether the robots hear each other.
+        feedback: whether the robots are told what they should have done.
+        noise: share of random actions in the data set that is learned from; see ``chmarl-pb dataset generate``.
+        seed: of weights, order and dropout.
+        epochs: passes over the data.
+        batch_size: episodes in a batch.
+        learning_rate: of Adam at the start; it falls to zero along a cosine.
+        weight_decay: of AdamW.
+        dropout: share of features that are left out in training.
+        features: length of an encoded observation.
+        hidden: length of the GRU's state.
+        past_actions: whether a robot is told its own last action.
+        image_encoder: of pictures.
+        temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
+        validation_interval: epochs between two choices of the best weights.
+        validation_tasks: of each validation split that are played then, at equal distances.
+    """
+
+    observation: str = "scene_graph"
+    centralized: bool = False
+    messages: bool = True
+    feedback: bool = True
+    noise: float = 0.0
+    seed: int = 0
+    epochs: int = 10
+    batch_size: int = 16
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-4
+    dropout: float = 0.0
+    features: int = 128
+    hidden: int = 128
+    past_actions: bool = True
+    image_encoder: str = "resnet18"
+    temperature: float = 0.0
+    validation_interval: int = 2
+    validation_tasks: int = 50
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be made of; see :func:`chmarl_pb.learning.config.check`."""
+        check(self)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the keys that the networks do not see."""
+        return tuple(key for key in ("messages", "feedback") if not getattr(self, key))
+
+    @property
+    def uses_features(self) -> bool:
+        """Whether pictures are encoded before they reach the networks, by frozen weights."""
+        return self.observation == "visual" and self.image_encoder in ENCODERS
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """The robots that each network drives."""
+        return (AGENTS,) if self.centralized else tuple((name,) for name in AGENTS)
+
+
+class Mind(nn.Module):
+    """One network that drives one robot or both: encoder, last actions -> GRU -> a head for each robot."""
+
+    def __init__(self, space: spaces.Dict, actions: tuple[int, ...], config: CloningConfig):
+        """Make the layers for an observation space and each robot's number of actions."""
+        super().__init__()
+        self.actions = actions
+        self.encoder = build_encoder(space, config.features, config.image_encoder)
+        self.dropout = nn.Dropout(config.dropout)
+        self.past_actions = config.past_actions
+        self.memory = nn.GRU(config.features + sum(actions) * self.past_actions, config.hidden, batch_first=True)
+        self.heads = nn.ModuleList(nn.Linear(config.hidden, count) for count in actions)
+
+    def forward(
+        self, observation: dict[str, Tensor], last: Tensor, hidden: Tensor | None = None
+    ) -> tuple[list[Tensor], Tensor]:
+        """Return logits (B, T, A) of each robot's actions and the GRU's last state (1, B, H).
+
+        Args:
+            observation: tensors with the leading dimensions (B, T).
+            last: (B, T, robots) last actions, or ``NO_ACTION``.
+            hidden: (1, B, H), the GRU's state before; zeros if None.
+        """
+        features = self.dropout(self.encoder(observation)).unflatten(0, last.shape[:2])
+        if self.past_actions:
+            # A row of its own for NO_ACTION, which is then left out.
+            acted = [nn.functional.one_hot(last[..., i] + 1, n + 1)[..., 1:] for i, n in enumerate(self.actions)]
+            features = torch.cat([features, *(one_hot.to(features.dtype) for one_hot in acted)], dim=-1)
+        histories, hidden = self.memory(features, hidden)
+        histories = self.dropout(histories)
+        return [head(histories) for head in self.heads], hidden
+
+
+def make_minds(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
+    """Return the networks of all robots of an environment, with random weights."""
+    space = _joint_space(env)
+    if config.uses_features:
+        space = feature_space(space, frozen_encoder(config.image_encoder))
+    actions = {name: len(names) for name, names in env.action_names.items()}
+    minds = []
+    for group in config.groups:
+        keys = [key for key in space.spaces if key.startswith(group) and not named(key, *config.left_out)]
+        minds.append(
+            Mind(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
+        )
+    return nn.ModuleList(minds)
+
+
+def _joint_space(env: HouseholdEnv) -> spaces.Dict:
+    """Return both robots' observation spaces as one, with the keys of the joint environment."""
+    return spaces.Dict(
+        {f"{name}_{key}": part for name in AGENTS for key, part in env.observation_space(name).spaces.items()}
+    )
+
+
+class ClonedPolicy:
+    """Drives both robots by cloned networks."""
+
+    def __init__(self, minds: nn.ModuleList, config: CloningConfig):
+        """Take the networks over; they must not be trained while an episode is played."""
+        self.minds, self.config = minds, config
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._hidden: list[Tensor | None] = [None] * len(self.minds)
+        self._last = dict.fromkeys(AGENTS, NO_ACTION)
+        self._rng = torch.Generator().manual_seed(seed or 0)
+
+    @threads(1)
+    @torch.no_grad()
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
+        if self.config.uses_features:
+            observations = with_features(observations, frozen_encoder(self.config.image_encoder))
+        parts = {f"{name}_{key}": part for name in AGENTS for key, part in observations[name].items()}
+        seen = {key: torch.from_numpy(part)[None, None] for key, part in parts.items()}
+        for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
+            last = torch.tensor([[[self._last[name] for name in group]]])
+            logits, self._hidden[number] = mind(seen, last, self._hidden[number])
+            self._last |= {name: self._choice(values[0, 0]) for name, values in zip(group, logits, strict=True)}
+        return dict(self._last)
+
+    def _choice(self, logits: Tensor) -> int:
+        if self.config.temperature == 0:
+            return int(logits.argmax())
+        probabilities = torch.softmax(logits / self.config.temperature, dim=0)
+        return int(torch.multinomial(probabilities, 1, generator=self._rng))
+
+
+class ClonedPolicies:
+    """Makes the policies of a checkpoint of clones; can be sent to other processes."""
+
+    def __init__(self, path: Path):
+        """Read the settings of a checkpoint.
+
+        Raises:
+            CheckpointError: it is missing, damaged or of another kind.
+        """
+        self.path = path
+        with checkpoint.reading(path):
+            self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
+        self.deterministic = self.config.temperature == 0
+
+    def __call__(self, env: HouseholdEnv) -> ClonedPolicy:
+        """Return the policy for an environment.
+
+        Raises:
+            CheckpointError: the checkpoint was trained with other observations.
+        """
+        with checkpoint.reading(self.path):
+            return self._policy(env, checkpoint.load(self.path, KIND))
+
+    def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> ClonedPolicy:
+        check_size(env, {"image_size": IMAGE_SIZE}, self.path)
+        if self.config.uses_features:
+            trained_with(self.config.image_encoder, content[FROZEN], self.path)
+        minds = make_minds(env, self.config)
+        checkpoint.fill(minds, content["minds"], self.path)
+        return ClonedPolicy(minds.requires_grad_(False).eval(), self.config)
+
+
+def weights_of(config: CloningConfig) -> str:
+    """Return the fingerprint of the frozen weights that a run uses, or nothing."""
+    return frozen_encoder(config.image_encoder).fingerprint if config.uses_features else ""

@@ -1,0 +1,1 @@
+"""A training run: collecting, learning, validating, logging, saving."""

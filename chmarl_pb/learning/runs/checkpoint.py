@@ -1,0 +1,146 @@
+"""Checkpoint files: written whole or not at all, read without running code, refused with a clear reason.
+
+The reasons are our own words: torch's advise to load a file that it refuses in a way that can run code.
+"""
+
+import pickle
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import torch
+from torch import nn
+
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.files import replacing
+from chmarl_pb.learning.runs.seal import fault, seal
+
+FORMAT = "chmarl_pb checkpoint 1"
+
+
+class CheckpointError(ChmarlError, ValueError):
+    """A checkpoint is missing, damaged, of another format, or of another architecture."""
+
+
+def save(path: Path, kind: str, content: dict[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all; its folder is made if it is missing.
+
+    Args:
+        path: of the file.
+        kind: what it holds, e.g. "value" or "bc"; says who can read it.
+        content: tensors, numbers, texts, and lists and dicts of these.
+    """
+    with replacing(path) as temporary:
+        torch.save({"format": FORMAT, "kind": kind, **content}, temporary)
+        seal(temporary)
+
+
+def load(path: Path, kind: str | None = None) -> dict[str, Any]:
+    """Return what ``save`` wrote, with its ``kind``; no code of the file is run.
+
+    Args:
+        path: of the file.
+        kind: what it has to hold; None: any kind.
+
+    Raises:
+        CheckpointError: the file is missing, damaged, or of another format or kind.
+    """
+    if not path.exists():
+        raise CheckpointError(f"{path}: no such checkpoint; `python -m training.train` writes checkpoints")
+    check_whole(path)
+    content = tensors_of(path, path)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = str(content.get("format") if isinstance(content, dict) else None)[:80]
+        raise CheckpointError(f"{path}: its format is {found!r}, this version reads {FORMAT!r}; train it again")
+    if kind not in (None, content.get("kind")) or "kind" not in content:
+        raise CheckpointError(f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}")
+    return content
+
+
+def check_whole(path: Path) -> None:
+    """Check that a file is as it was written.
+
+    Raises:
+        CheckpointError: it is damaged, or cannot be read.
+    """
+    try:
+        reason = fault(path) if path.is_file() else "it is no file"
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+    if reason:
+        raise CheckpointError(f"{path}: not a whole checkpoint: {reason}; copy or train it again")
+
+
+def tensors_of(source: Path | IO[bytes], path: Path) -> Any:
+    """Return what torch has written into a file; no code of the file is run.
+
+    Args:
+        source: the file, or an open part of it.
+        path: of the file, for the error.
+
+    Raises:
+        CheckpointError: it is no such file, or holds what could run code.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pickles that torch has not written
+            return torch.load(source, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError:
+        reason = "it holds something else than tensors, numbers and texts, which could run code and is never loaded"
+    except Exception:  # torch raises nearly anything on files that it has not written
+        reason = "it is not as torch writes it"
+    raise CheckpointError(f"{path}: not a whole checkpoint: {reason}; copy or train it again")
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Refuse a file in which the block misses something, or finds it of another kind.
+
+    Raises:
+        CheckpointError: it does.
+    """
+    try:
+        yield
+    except CheckpointError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        raise CheckpointError(
+            f"{path}: does not hold what this version looks for ({repr(error)[:200]}); train it again, or read it with "
+            "the version that wrote it"
+        ) from error
+
+
+def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> None:
+    """Load weights into a module.
+
+    Args:
+        module: to be filled.
+        weights: its ``state_dict``.
+        path: of the file that they come from, for the error.
+
+    Raises:
+        CheckpointError: the weights are those of another architecture.
+    """
+    try:
+        module.load_state_dict(weights)
+    except (RuntimeError, AttributeError, TypeError) as error:
+        lines = [line.strip() for line in str(error).splitlines()]
+        reason = " ".join(lines[:2])
+        raise CheckpointError(
+            f"{path}: its weights do not fit this network: {reason} Use the configuration, observation and version "
+            "that it was trained with"
+        ) from error
+
+
+def fill_optimizer(optimizer: torch.optim.Optimizer, state: dict[str, Any], path: Path) -> None:
+    """Load the state of an optimizer that comes from a file.
+
+    Raises:
+        CheckpointError: it is of another architecture.
+    """
+    try:
+        optimizer.load_state_dict(state)
+    except (ValueError, KeyError) as error:
+        raise CheckpointError(f"{path}: its optimizer does not fit this network ({error})") from error

@@ -1,0 +1,178 @@
+"""Replay of whole episodes: arrays of fixed shapes in the types of the spaces, and a bound on their memory."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+
+from chmarl_pb.learning.algorithms.losses import Batch
+from chmarl_pb.learning.spaces import Interface, Tree, over, stack, zeros
+
+GIB = 2**30
+
+
+@dataclass
+class Episode:
+    """One played episode; T steps, T + 1 observations; agents that are gone observe zeros.
+
+    Attributes:
+        observations: T + 1 times agent -> observation.
+        actions: T times agent -> its action; 0 if it is gone.
+        labels: T times agent -> what a teacher would have done; empty if there is none.
+        legal: T + 1 times agent -> (A) bool.
+        states: T + 1 times (S).
+        rewards: T times (N).
+        acted: T times (N) bool.
+        terminated: T times (N) bool.
+        info: the last infos.
+    """
+
+    observations: list[dict[str, Tree]] = field(default_factory=list)
+    actions: list[dict[str, int]] = field(default_factory=list)
+    labels: list[dict[str, int]] = field(default_factory=list)
+    legal: list[dict[str, np.ndarray]] = field(default_factory=list)
+    states: list[np.ndarray] = field(default_factory=list)
+    rewards: list[np.ndarray] = field(default_factory=list)
+    acted: list[np.ndarray] = field(default_factory=list)
+    terminated: list[np.ndarray] = field(default_factory=list)
+    info: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Return the number of steps."""
+        return len(self.actions)
+
+    def label(self, name: str) -> int:
+        """Return what the teacher would do now in an agent's place, or -1."""
+        return self.labels[-1].get(name, -1) if self.labels else -1
+
+    @property
+    def gain(self) -> float:
+        """The sum of the rewards, averaged over the agents that act."""
+        acted, rewards = np.array(self.acted), np.array(self.rewards)
+        return float(((rewards * acted).sum(axis=1) / acted.sum(axis=1).clip(min=1)).sum())
+
+
+class Replay:
+    """Keeps the newest episodes and draws batches of them.
+
+    Attributes:
+        capacity: most episodes that are kept.
+        added: episodes that were added in all.
+    """
+
+    def __init__(self, interface: Interface, horizon: int, capacity: int, memory_gib: float):
+        """Reserve memory; pages that are never written take none.
+
+        Args:
+            interface: of the environment.
+            horizon: most steps of an episode.
+            capacity: most episodes.
+            memory_gib: bound of the memory; shortens ``capacity``.
+
+        Raises:
+            ValueError: not even one episode fits.
+        """
+        self.horizon, self._interface = horizon, interface
+        self.episode_bytes = sum(array.nbytes for array in leaves(self._arrays(1)))
+        self.capacity = min(capacity, int(memory_gib * GIB / self.episode_bytes))
+        if self.capacity < 1:
+            raise ValueError(
+                f"memory_gib={memory_gib}: one episode takes {self.episode_bytes / GIB:.3f} GiB; give more"
+            )
+        self._kept = self._arrays(self.capacity)
+        self.added = 0
+
+    def __len__(self) -> int:
+        """Return the number of episodes that are kept."""
+        return min(self.added, self.capacity)
+
+    def add(self, episode: Episode) -> None:
+        """Keep an episode, in the place of the oldest if there is no other.
+
+        Raises:
+            ValueError: it has more steps than ``horizon``.
+        """
+        steps = len(episode)
+        if steps > self.horizon:
+            raise ValueError(f"an episode has {steps} steps, more than horizon={self.horizon}; give a longer horizon")
+        place, kept = self.added % self.capacity, self._kept
+        for name in self._interface.agents:
+            seen = stack([observation[name] for observation in episode.observations])
+            over(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
+            _write(kept["actions"][name], place, np.array([action[name] for action in episode.actions]))
+            labels = [label.get(name, -1) for label in episode.labels] or [-1] * steps
+            _write(kept["labels"][name], place, np.array(labels))
+            _write(kept["legal"][name], place, np.array([legal[name] for legal in episode.legal]))
+        for key in ("states", "rewards", "acted", "terminated"):
+            _write(kept[key], place, np.array(getattr(episode, key)))
+        kept["steps"][place] = steps
+        self.added += 1
+
+    def sample(self, count: int, rng: np.random.Generator, newest: int | None = None) -> Batch:
+        """Draw different episodes (all, if there are fewer), cut to the longest of them.
+
+        Args:
+            count: number of episodes.
+            rng: of the choice.
+            newest: how many of the episodes that were added last can be drawn; None: all that are kept.
+        """
+        among = len(self) if newest is None else min(newest, len(self))
+        first = 0 if newest is None else self.added - among
+        chosen = (first + rng.choice(among, min(count, among), replace=False)) % self.capacity
+        steps = int(self._kept["steps"][chosen].max())
+
+        def cut(array: np.ndarray, length: int) -> Any:
+            return torch.from_numpy(array[chosen, :length])
+
+        kept = self._kept
+        return Batch(
+            {name: over(lambda array: cut(array, steps + 1), tree) for name, tree in kept["observations"].items()},
+            {name: cut(array, steps).long() for name, array in kept["actions"].items()},
+            {name: cut(array, steps + 1) for name, array in kept["legal"].items()},
+            cut(kept["states"], steps + 1), cut(kept["rewards"], steps), cut(kept["acted"], steps),
+            cut(kept["terminated"], steps), {name: cut(array, steps).long() for name, array in kept["labels"].items()},
+        )  # fmt: skip
+
+    def state(self) -> dict[str, Any]:
+        """Return the episodes that are kept, as tensors that share the buffer's memory."""
+        used = len(self)
+        return {"added": self.added, "kept": _deep(lambda array: torch.from_numpy(array[:used]), self._kept)}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state of a buffer of the same kind."""
+        self.added = state["added"]
+        for array, new in zip(leaves(self._kept), leaves(state["kept"]), strict=True):
+            array[: len(new)] = new.numpy()
+
+    def _arrays(self, capacity: int) -> dict[str, Any]:
+        io, steps = self._interface, self.horizon
+        agents = len(io.agents)
+        return {
+            "observations": {name: zeros(space, capacity, steps + 1) for name, space in io.observations.items()},
+            "actions": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
+            "labels": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
+            "legal": {name: np.ones((capacity, steps + 1, count), bool) for name, count in io.actions.items()},
+            "states": np.zeros((capacity, steps + 1, io.state_size), np.float32),
+            "rewards": np.zeros((capacity, steps, agents), np.float32),
+            "acted": np.zeros((capacity, steps, agents), bool),
+            "terminated": np.zeros((capacity, steps, agents), bool),
+            "steps": np.zeros(capacity, np.int32),
+        }
+
+
+def leaves(tree: Any) -> list[Any]:
+    """Return the arrays of a nested dict, in order."""
+    return [leaf for part in tree.values() for leaf in leaves(part)] if isinstance(tree, dict) else [tree]
+
+
+def _deep(function: Any, tree: Any) -> Any:
+    if isinstance(tree, dict):
+        return {key: _deep(function, part) for key, part in tree.items()}
+    return function(tree)
+
+
+def _write(array: np.ndarray, place: int, new: np.ndarray) -> None:
+    """Write an episode's steps, and zeros over what an older episode left behind them."""
+    array[place, : len(new)] = new.reshape(-1, *array.shape[2:])
+    array[place, len(new) :] = 0

@@ -1,0 +1,28 @@
+"""One process for a run's folder: a second one would mix its rows and checkpoints with those of the first."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from chmarl_pb.errors import BusyError
+from chmarl_pb.files import Lock
+from chmarl_pb.learning.runs.checkpoint import CheckpointError
+
+
+@contextmanager
+def held(folder: Path | None) -> Iterator[None]:
+    """Hold a run's folder, which is made if it is missing, as long as the block runs; None: there is none to hold.
+
+    Raises:
+        CheckpointError: another process holds it.
+        WriteError: nothing can be written there.
+    """
+    if folder is None:
+        yield
+        return
+    try:
+        lock = Lock(folder / "training")
+    except BusyError as error:
+        raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
+    with lock:
+        yield

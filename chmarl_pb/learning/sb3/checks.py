@@ -1,0 +1,82 @@
+"""Observations as the benchmark gives them: networks that read ids refuse what a wrapper has stacked or scaled."""
+
+from collections.abc import Mapping
+from typing import TypeGuard
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from torch import Tensor
+
+from chmarl_pb.envs.observations import observation_space
+from chmarl_pb.envs.options import Options
+from chmarl_pb.learning.observation_keys import IMAGE, MESSAGES, PREFIXES, SELF, is_picture, named
+
+_MEMORY = (
+    "the network reads one observation at a time; leave out VecFrameStack and the like (RecurrentPPO has a memory)"
+)
+_IDS = "ids of classes and words must stay whole numbers, but were normalised or scaled"
+_PICTURE = "pictures were scaled already, which the network does itself; give policy_kwargs normalize_images=False"
+_SCALED = "give VecNormalize norm_obs=False, and leave out wrappers that change observations"
+
+
+class Check:
+    """Refuses observations that were flattened, stacked, normalised or scaled."""
+
+    def __init__(self, space: spaces.Space, *read: str):
+        """Check a space, and remember the keys whose values tell more.
+
+        Args:
+            space: of the observations.
+            read: names of the keys that the network reads; none: all.
+
+        Raises:
+            ValueError: the space is not as the environment has it.
+        """
+        if not isinstance(space, spaces.Dict):
+            raise ValueError(f"{space} is not the Dict that the environment gives; leave out wrappers that flatten it")
+        for prefix in PREFIXES:
+            _check_robot(prefix, {key.removeprefix(prefix): space[key] for key in space if key.startswith(prefix)})
+        boxes = {key: box for key, box in space.items() if named(key, *read) or not read}
+        self._highest = {key: torch.tensor(box.high) for key, box in boxes.items() if _has_whole_numbers(box)}
+
+    def __call__(self, observation: Mapping[str, Tensor]) -> None:
+        """Check a batch that is acted on; what is learned from has been acted on before.
+
+        VecNormalize and Stable-Baselines3's own scaling of pictures change values, but not the space.
+
+        Raises:
+            ValueError: ids or pixels are no whole numbers of their space.
+        """
+        if torch.is_grad_enabled():
+            return
+        for key, high in self._highest.items():
+            values = observation[key]
+            if bool(((values != values.round()) | (values < 0) | (values > high.to(values.device))).any()):
+                raise ValueError(f"{key!r}: {_PICTURE if values.dim() == 4 else _IDS}; {_SCALED}")
+
+
+def _check_robot(prefix: str, own: Mapping[str, spaces.Space]) -> None:
+    """Check the keys of one robot, which are named here without its prefix."""
+    given = observation_space(Options(goal=True), ("",) * _rooms(own))
+    for name in own.keys() & given.spaces.keys():
+        if own[name].shape != given[name].shape:
+            raise ValueError(f"{prefix + name!r} has the shape {own[name].shape}, not {given[name].shape}: {_MEMORY}")
+        if _has_whole_numbers(given[name]) and own[name] != given[name]:
+            raise ValueError(f"{prefix + name!r} is {own[name]}, not {given[name]}: {_IDS}; {_SCALED}")
+    picture = own.get(IMAGE)
+    if picture is not None and not is_picture(picture) and picture.dtype != np.float16:  # as frozen features have
+        raise ValueError(f"{prefix + IMAGE!r} is {picture}, not one uint8 picture: stacked or scaled; {_SCALED}")
+
+
+def _rooms(own: Mapping[str, spaces.Space]) -> int:
+    """Return how many rooms a robot is told of."""
+    shape = own[MESSAGES].shape if MESSAGES in own else None
+    if shape:
+        return shape[-1]
+    return max(spaces.flatdim(own[SELF]) - 4, 0) if SELF in own else 0
+
+
+def _has_whole_numbers(space: spaces.Space) -> TypeGuard[spaces.Box]:
+    """Return whether a space holds ids or pixels; bits may be scaled."""
+    return isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.integer) and space.high.max() > 1

@@ -1,0 +1,199 @@
+"""The settings of a run of Stable-Baselines3, in one place."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from sb3_contrib import RecurrentPPO
+from stable_baselines3 import A2C, DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from chmarl_pb.learning.config import check
+from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
+from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
+
+_MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """An algorithm of SB3.
+
+    Attributes:
+        model: its class.
+        policy: name of its policy.
+        network: what the policy's network has beside the features extractor.
+    """
+
+    model: type[BaseAlgorithm]
+    policy: str
+    network: dict[str, Any]
+
+
+_HEADS = {"net_arch": {"pi": [64], "vf": [64]}}
+
+ALGORITHMS = {
+    "ppo": Algorithm(PPO, "MultiInputPolicy", _HEADS),
+    "a2c": Algorithm(A2C, "MultiInputPolicy", _HEADS),
+    "dqn": Algorithm(DQN, "MultiInputPolicy", {"net_arch": [64]}),
+    "recurrent-ppo": Algorithm(
+        RecurrentPPO, "MultiInputLstmPolicy", {**_HEADS, "lstm_hidden_size": 128, "enable_critic_lstm": True}
+    ),
+}
+
+Settings = dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a network reads of an observation, and how it learns.
+
+    Attributes:
+        goal: whether the goal is observed.
+        encoded: whether graphs, words and pictures are encoded.
+        reward_scale: factor of the rewards that are learned from.
+        settings: algorithm -> what differs from its defaults.
+    """
+
+    goal: bool
+    encoded: bool
+    reward_scale: float
+    settings: Settings
+
+
+_ON_POLICY = {"gamma": 0.97, "gae_lambda": 0.95, "ent_coef": 0.01, "learning_rate": 5e-4}
+_DQN = {
+    "gamma": 0.97, "learning_rate": 3e-4, "batch_size": 64, "train_freq": 1, "gradient_steps": 2,
+    "learning_starts": 2_000, "target_update_interval": 2_000, "exploration_fraction": 0.4,
+}  # fmt: skip
+
+#: Small careful steps on unscaled rewards.
+_CAREFUL: Settings = {
+    "ppo": {**_ON_POLICY, "n_steps": 64, "batch_size": 128, "n_epochs": 4},
+    "a2c": {**_ON_POLICY, "n_steps": 16},
+    "dqn": _DQN,
+    "recurrent-ppo": {**_ON_POLICY, "n_steps": 64, "batch_size": 128, "n_epochs": 4},
+}
+_BOLD_PPO = {**_ON_POLICY, "ent_coef": 0.015, "learning_rate": 7e-4, "n_steps": 64, "batch_size": 128, "n_epochs": 10}
+#: More of every step on scaled rewards, as few numbers allow.
+_BOLD: Settings = {
+    "ppo": _BOLD_PPO,
+    "a2c": {**_ON_POLICY, "ent_coef": 0.015, "learning_rate": 1e-3, "n_steps": 16},
+    "dqn": {**_DQN, "learning_rate": 5e-4, "batch_size": 128, "gradient_steps": 4},
+    "recurrent-ppo": {**_BOLD_PPO, "n_epochs": 5},
+}
+
+PRESETS = {
+    "goal": Preset(goal=True, encoded=False, reward_scale=0.2, settings=_BOLD),
+    "goal-encoder": Preset(goal=True, encoded=True, reward_scale=0.2, settings=_BOLD),
+    "encoder": Preset(goal=False, encoded=True, reward_scale=1.0, settings=_CAREFUL),
+}
+
+#: Settings of runs that were written before there was a choice.
+BEFORE_PRESETS = {"preset": "encoder"}
+
+
+@dataclass(frozen=True)
+class Config:
+    """What fixes the numbers of a run.
+
+    Attributes:
+        algo: "ppo", "a2c", "dqn" or "recurrent-ppo".
+        env_id: a Gymnasium id of the benchmark.
+        preset: what the network reads, and how it learns. "goal": the few numbers of ``messages``, ``self``, ``goal``
+            alone; "goal-encoder": the encoder's features, too; "encoder": these alone, without the goal.
+        steps: of the environments in all.
+        seed: of every random stream.
+        envs: environments played side by side.
+        messages: whether the robots hear each other.
+        feedback: whether they get language feedback.
+        image_size: pixels.
+        image_encoder: "cnn" learns from pictures; others are frozen, see :mod:`chmarl_pb.learning.networks.frozen`.
+        frozen: sha256 of the frozen weights; empty without them.
+        features: numbers that an observation is encoded to.
+        graph_pool: of scene graphs; see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
+        learning_rate: of the optimizer; None: that of the algorithm.
+        interval: steps between two validations, each with a checkpoint.
+        tasks: number of validation tasks of each of the two splits.
+        max_steps: of an episode.
+    """
+
+    algo: str
+    env_id: str
+    preset: str = "goal"
+    steps: int = 600_000
+    seed: int = 0
+    envs: int = 16
+    messages: bool = True
+    feedback: bool = True
+    image_size: int = 128
+    image_encoder: str = "cnn"
+    frozen: str = ""
+    features: int = 128
+    graph_pool: str = "gated"
+    learning_rate: float | None = None
+    interval: int = 25_000
+    tasks: int = 50
+    max_steps: int = 28
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be made of, see ``config.check``, and unknown presets."""
+        check(self)
+        if self.preset not in PRESETS:
+            raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
+
+    @property
+    def alone(self) -> bool:
+        """Whether the humanoid is the only learner."""
+        return "Humanoid" in self.env_id
+
+    @property
+    def sampled(self) -> bool:
+        """Whether actions are drawn when a trained policy plays; without memory, the likeliest repeats its failures."""
+        return self.algo != "dqn"
+
+    @property
+    def observation(self) -> str:
+        """The benchmark's name of what is observed."""
+        return "visual" if "Visual" in self.env_id else "scene_graph"
+
+    @property
+    def env_options(self) -> dict[str, Any]:
+        """Keyword arguments of the environments; DQN knows single numbers as actions only."""
+        shared = {name: asdict(self)[name] for name in ("messages", "feedback", "image_size", "max_steps")}
+        if PRESETS[self.preset].goal:
+            shared["goal"] = True
+        return shared | ({"flat_actions": True} if self.algo == "dqn" and not self.alone else {})
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the keys that the network reads; none: all."""
+        return () if PRESETS[self.preset].encoded else (GOAL, MESSAGES, SELF)
+
+    @property
+    def policy_kwargs(self) -> dict[str, Any]:
+        """Keyword arguments of the policy's network."""
+        network = {**ALGORITHMS[self.algo].network, "normalize_images": False}
+        if not PRESETS[self.preset].encoded:
+            return {**network, "features_extractor_class": GoalFeatures}
+        encoder = {"features_dim": self.features, "graph_pool": self.graph_pool}
+        if PRESETS[self.preset].goal:
+            encoder["numbers_past"] = True
+        return {**network, "features_extractor_class": HouseholdFeatures, "features_extractor_kwargs": encoder}
+
+    def settings(self, space: spaces.Space) -> dict[str, Any]:
+        """Return the algorithm's keyword arguments for an observation space."""
+        settings = dict(PRESETS[self.preset].settings[self.algo])
+        if self.learning_rate is not None:
+            settings["learning_rate"] = self.learning_rate
+        if self.algo == "dqn":
+            settings["buffer_size"] = min(50_000, self.steps, _MEMORY // (2 * _size(space)))  # before and after a step
+        return settings
+
+
+def _size(space: spaces.Space) -> int:
+    """Return the bytes of an observation."""
+    parts = list(space.spaces.values()) if isinstance(space, spaces.Dict) else [space]
+    return sum(math.prod(part.shape or ()) * np.dtype(part.dtype).itemsize for part in parts)

@@ -1,0 +1,284 @@
+"""``best.zip`` of a run: a model of Stable-Baselines3 with our settings beside it, and the policy made from it."""
+
+import json
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.vec_env import VecTransposeImage
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.errors import OptionError
+from chmarl_pb.files import replacing
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, trained_with
+from chmarl_pb.learning.networks.kept_features import feature_space
+from chmarl_pb.learning.observation_keys import GOAL, PREFIXES, named
+from chmarl_pb.learning.policies.checks import check_size, silenced
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
+from chmarl_pb.learning.runs.seal import seal
+from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
+from chmarl_pb.learning.sb3.features import encoded
+from chmarl_pb.learning.spaces import stack
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.search import DroneSearch
+
+_SETTINGS = "chmarl_pb.json"  # member of the zip
+
+
+def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
+    """Write a model, whole or not at all, so that SB3 and :func:`load_policy` can read it."""
+    with replacing(path) as temporary:
+        with temporary.open("wb") as file:
+            model.save(file)
+        with zipfile.ZipFile(temporary, "a") as archive:
+            archive.writestr(_SETTINGS, json.dumps(asdict(config)))
+        seal(temporary)
+
+
+def load_policy(path: Path) -> "Sb3Policies":
+    """Return what makes the policy of a ``best.zip``; entry point ``chmarl_pb.checkpoints``.
+
+    Only the settings (JSON) and the weights (``weights_only=True``) are read, so no code of the file is run.
+    SB3's own ``load`` unpickles the rest of the zip, which can run any code: use it on files that you trust only.
+
+    Raises:
+        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+    """
+    return Sb3Policies(path)
+
+
+class Sb3Policies:
+    """Makes the policies of a model; can be sent to other processes."""
+
+    def __init__(self, path: Path):
+        """Remember the path of a model."""
+        self.path = path
+        self.deterministic = not read_model(path)[0].sampled  # as `evaluate` asks
+
+    def __call__(self, env: HouseholdEnv) -> Policy:
+        """Return the policy for an environment.
+
+        Raises:
+            CheckpointError: the model was trained with other observations, actions or frozen weights.
+        """
+        config, weights = read_model(self.path)
+        check_size(env, asdict(config), self.path)
+        if PRESETS[config.preset].goal and not env.options.goal:
+            raise CheckpointError(
+                f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
+            )
+        network = _network(config, env)
+        fill(network, weights, self.path)
+        network.set_training_mode(False)
+        encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
+        return Sb3Policy(network.requires_grad_(False), env, config.sampled, silenced(asdict(config)), encoder)
+
+
+def policy_of(model: BaseAlgorithm) -> "ModelPolicies":
+    """Return what makes the policy of a model in memory, for ``chmarl_pb.evaluate(policy_of(model), workers=1, ...)``.
+
+    Args:
+        model: of Stable-Baselines3, trained on one of the ids; wrappers may have left keys out, but not changed them.
+
+    Raises:
+        ValueError: the model was trained on normalised observations.
+    """
+    normalised = model.get_vec_normalize_env()
+    if normalised is not None and normalised.norm_obs:
+        raise ValueError("the model knows normalised observations only; train it with VecNormalize(norm_obs=False)")
+    return ModelPolicies(model)
+
+
+class ModelPolicies:
+    """Makes the policies of a model."""
+
+    def __init__(self, model: BaseAlgorithm):
+        """Remember a model."""
+        self._network = model.policy
+        self.deterministic = not hasattr(self._network, "get_distribution")  # as `evaluate` asks
+
+    def __call__(self, env: HouseholdEnv) -> Policy:
+        """Return the policy for an environment.
+
+        Raises:
+            OptionError: the environment does not give all that the model observes.
+        """
+        parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
+        given = parts["humanoid"] | joined(parts)
+        if missing := [key for key in _keys_of(self._network) if key not in given]:
+            raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
+        self._network.set_training_mode(False)
+        return Sb3Policy(self._network, env, not self.deterministic)
+
+
+class Sb3Policy:
+    """Drives both robots by one network, or the humanoid by the network and the drone by the search policy.
+
+    Attributes:
+        crowd: plays so in several episodes at once.
+    """
+
+    def __init__(
+        self,
+        network: BasePolicy,
+        env: HouseholdEnv,
+        sampled: bool,
+        silenced: tuple[str, ...] = (),
+        encoder: FrozenEncoder | None = None,
+    ):
+        """Take a network over.
+
+        Args:
+            network: what chooses the actions.
+            env: environment to act in.
+            sampled: whether actions are drawn; if not, the best are taken.
+            silenced: names of the keys that read as zeros, as they did in training.
+            encoder: what turns pictures into the features that the network sees; None: it sees pictures.
+        """
+        self.crowd = Sb3Crowd(network, env, sampled, silenced, encoder)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self.crowd.reset([seed or 0])
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return drawn actions, or the most valuable ones of DQN."""
+        return self.crowd.act([0], [observations], [infos])[0]
+
+
+class Sb3Crowd:
+    """Drives the robots of several episodes; each episode draws its actions from a stream of its own."""
+
+    def __init__(
+        self,
+        network: BasePolicy,
+        env: HouseholdEnv,
+        sampled: bool,
+        silenced: tuple[str, ...],
+        encoder: FrozenEncoder | None,
+    ):
+        """Take a network over; see :class:`Sb3Policy`."""
+        self._network: Any = network  # its kinds have no common type
+        self._sampled, self._silenced, self._encoder = sampled, silenced, encoder
+        self._names, self._rooms = env.action_names, env.rooms
+        self._keys = _keys_of(network)
+        self._alone = not any(key.startswith(PREFIXES[1:]) for key in self._keys)
+
+    def reset(self, seeds: Sequence[int]) -> None:
+        """Begin one episode for each seed."""
+        self._streams = [torch.Generator().manual_seed(seed) for seed in seeds]
+        self._drones = [DroneSearch(self._names["drone"], self._rooms) for _ in seeds]
+        if self._recurrent:
+            layers, _, units = self._network.lstm_hidden_state_shape
+            self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]
+
+    @threads(1)
+    @torch.no_grad()
+    def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
+        """Return the actions in the episodes with these numbers."""
+        parts = [one["humanoid"] if self._alone else joined(one) for one in seen]
+        batch = stack([{key: part[key] for key in self._keys} for part in parts])
+        batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
+        if self._encoder is not None:
+            batch = encoded(batch, self._encoder)
+        numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
+        pairs: Iterable[Sequence[int]] = numbers
+        if self._alone:
+            drones = [
+                self._drones[place].act(self._heard(one["drone"]), info["drone"])
+                for place, one, info in zip(places, seen, told, strict=True)
+            ]
+            pairs = zip(numbers, drones, strict=True)
+        elif isinstance(self._network.action_space, spaces.Discrete):
+            pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
+        return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
+
+    def _heard(self, seen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return what a robot observes, without what it did not hear in training."""
+        return seen | {key: np.zeros_like(seen[key]) for key in self._silenced}
+
+    @property
+    def _recurrent(self) -> bool:
+        return hasattr(self._network, "lstm_hidden_state_shape")
+
+    def _numbers(self, places: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Return (B) numbers of actions, or (B, 2) for both robots."""
+        if not self._sampled:
+            return self._network._predict(batch, deterministic=True)
+        if self._recurrent:
+            before = tuple(part[:, places] for part in self._memory)
+            found, after = self._network.get_distribution(batch, before, torch.zeros(len(places)))
+            for memory, part in zip(self._memory, after, strict=True):
+                memory[:, places] = part
+        else:
+            found = self._network.get_distribution(batch)
+        robots = found.distribution if isinstance(found.distribution, list) else [found.distribution]
+        drawn = [
+            [torch.multinomial(robot.probs[row], 1, generator=self._streams[place]) for robot in robots]
+            for row, place in enumerate(places)
+        ]
+        return torch.tensor(drawn).squeeze(1)
+
+
+def _keys_of(network: BasePolicy) -> tuple[str, ...]:
+    """Return the keys of the observations that a network was made for."""
+    assert isinstance(network.observation_space, spaces.Dict)
+    return tuple(network.observation_space)
+
+
+def joined(robots: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of both robots as the joint ids name them."""
+    return {f"{name}_{key}": value for name in AGENTS for key, value in robots[name].items()}
+
+
+def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
+    """Return the network with new weights."""
+    parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
+    seen = parts["humanoid"] if config.alone else joined(parts)
+    # What the network was not trained with, as the goal, is left out.
+    read = config.keys or tuple(name for name in parts["humanoid"] if name != GOAL or PRESETS[config.preset].goal)
+    space = spaces.Dict({key: part for key, part in seen.items() if named(key, *read)})
+    if config.frozen:
+        space = feature_space(space, frozen_encoder(config.image_encoder))
+    for key, part in space.items():
+        if isinstance(part, spaces.Box) and is_image_space(part):
+            space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
+    counts = [len(env.action_names[name]) for name in AGENTS]
+    actions: spaces.Space = spaces.Discrete(counts[0]) if config.alone else spaces.MultiDiscrete(counts)
+    if config.env_options.get("flat_actions"):
+        actions = spaces.Discrete(counts[0] * counts[1])
+    algorithm = ALGORITHMS[config.algo]
+    make = algorithm.model.policy_aliases[algorithm.policy]
+    return make(space, actions, lambda _: 0.0, **config.policy_kwargs)
+
+
+def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
+    """Return settings and weights.
+
+    Raises:
+        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+    """
+    check_whole(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if _SETTINGS not in archive.namelist():
+                raise CheckpointError(
+                    f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
+                    "they are loaded; to evaluate one that you trust, load it in a module:callable and return "
+                    "training.sb3.policy_of(model)(env)"
+                )
+            with reading(path):
+                config = Config(**{**BEFORE_PRESETS, **json.loads(archive.read(_SETTINGS))})
+                with archive.open("policy.pth") as file:
+                    return config, tensors_of(file, path)
+    except (OSError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path}: not a whole checkpoint ({error}); copy or train it again") from error

@@ -1,0 +1,141 @@
+"""Train a baseline of Stable-Baselines3; killed at any moment, the same call goes on."""
+
+import json
+import time
+from contextlib import ExitStack
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeImage
+
+import chmarl_pb
+from chmarl_pb.errors import WorkerError
+from chmarl_pb.files import write_atomically
+from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.threads import threads as torch_threads
+from chmarl_pb.learning.sb3.bar import Bar
+from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
+from chmarl_pb.learning.sb3.features import FeatureVecEnv
+from chmarl_pb.learning.sb3.journal import Journal
+from chmarl_pb.learning.sb3.policy import save_model
+from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
+from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
+from chmarl_pb.learning.sb3.wrappers import ScaledRewards, SelectedKeys
+
+BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
+_VALIDATION_ENVS = 2
+
+
+def run(
+    config: Config, folder: Path, workers: int | None = None, quiet: bool = True, threads: int = 1
+) -> BaseAlgorithm:
+    """Train a model, or go on with an interrupted run from its last checkpoint; it ends with the same numbers.
+
+    The first signal that asks the run to end has it saved as it was when the present rollout began; a killed run loses
+    a minute at most.
+
+    Args:
+        config: everything that fixes the run.
+        folder: for the best weights, checkpoints, log and result.
+        workers: processes of the environments; see :func:`chmarl_pb.sb3_vec_env`.
+        quiet: whether no progress is shown.
+        threads: of torch, while this runs; networks as small as these are fastest with one.
+
+    Returns:
+        The model with the last weights.
+
+    Raises:
+        Interrupted: a signal asked the run to end.
+        CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
+    """
+    tasks = validation_tasks(config.tasks)
+    make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
+    signals = Signals()
+    with ExitStack() as stack:
+        stack.enter_context(torch_threads(threads))
+        stack.enter_context(held(folder))
+        title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
+        bar = stack.enter_context(Bar(title, config.steps, quiet))
+        journal = Journal(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options))
+        env = _wrapped(journal, config, PRESETS[config.preset].reward_scale)
+        stack.callback(env.close)
+        validation_env = _wrapped(chmarl_pb.sb3_vec_env(_VALIDATION_ENVS, make, workers), config)
+        stack.callback(validation_env.close)
+        best = _Best(config, folder)
+        validation = Validation(validation_env, len(tasks), config.sampled, folder, best, bar.say, signals.check)
+        return _learn(config, folder, env, journal, validation, signals, bar)
+
+
+def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
+    if config.frozen:
+        env = FeatureVecEnv(env, frozen_encoder(config.image_encoder))
+    if config.keys:
+        env = SelectedKeys(env, config.keys)
+    env = VecMonitor(env)
+    space = env.observation_space
+    pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
+    return ScaledRewards(VecTransposeImage(env) if pictures else env, reward_scale)
+
+
+def _learn(
+    config: Config, folder: Path, env: VecEnv, journal: Journal, validation: Validation, signals: Signals, bar: Bar
+) -> BaseAlgorithm:
+    algorithm, start = ALGORITHMS[config.algo], time.perf_counter()
+    settings = config.settings(env.observation_space)
+    model = algorithm.model(
+        algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device="cpu", **settings
+    )
+    own_log = 0 if config.algo == "dqn" else _log_interval(config)
+    milestones = Milestones(
+        validation, folder / LAST, asdict(config), config.seed, config.interval, journal, own_log, signals.check
+    )
+    milestones.resume(model)
+    first = model.num_timesteps
+    model.set_logger(make_logger(folder, first))
+    if not milestones.finished:
+        every: Any = None if own_log else _log_interval(config)
+        bar.prepare()
+        with signals:
+            try:
+                model.learn(config.steps - first, [milestones, bar], log_interval=every, reset_num_timesteps=False)
+            except (Asked, WorkerError) as error:
+                if isinstance(error, WorkerError) and signals.number is None:  # else the signal has ended the workers
+                    raise
+                milestones.save()
+                raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
+    rows = validation.rows()
+    best = max(rows, key=lambda row: row["plw"])
+    result = {
+        "config": asdict(config), "splits": SPLITS, "best": best, "validations": rows, "steps": model.num_timesteps,
+        "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
+    }  # fmt: skip
+    write_atomically(folder / RESULT, json.dumps(result, indent=1) + "\n")
+    return model
+
+
+def _log_interval(config: Config) -> int:
+    """Return how often a row is logged: on-policy in steps, DQN in episodes."""
+    if config.algo == "dqn":
+        return 200
+    rollout = config.envs * int(PRESETS[config.preset].settings[config.algo]["n_steps"])
+    return max(2_048 // rollout, 1) * rollout
+
+
+class _Best(BaseCallback):
+    """Keeps the weights that are the best so far."""
+
+    def __init__(self, config: Config, folder: Path):
+        super().__init__()
+        self._config, self._path = config, folder / BEST
+
+    def _on_step(self) -> bool:
+        save_model(self.model, self._config, self._path)
+        return True

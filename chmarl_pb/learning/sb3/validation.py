@@ -1,0 +1,54 @@
+"""The validation tasks as a Gymnasium environment whose return is PLW, for Stable-Baselines3's EvalCallback."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+
+import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
+from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.learning.runs.validation import spread_tasks
+from chmarl_pb.tasks.task import Task
+
+SPLITS = ("val-seen", "val-unseen")
+
+
+class PathWeighted(gymnasium.Wrapper):
+    """Plays tasks in turn, each with the seed that an evaluation gives it; pays an episode's PLW at its end."""
+
+    def __init__(self, env: gymnasium.Env, tasks: Sequence[Task], stride: int):
+        """Wrap an environment.
+
+        Args:
+            env: the inner environment.
+            tasks: to be played.
+            stride: number of environments that share the tasks.
+        """
+        super().__init__(env)
+        self._tasks, self._stride, self._next, self._steps = tasks, stride, 0, 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start the next task; a seed says which is the first."""
+        self._next = self._next if seed is None else seed
+        self._task = self._tasks[self._next % len(self._tasks)]
+        self._next, self._steps = self._next + self._stride, 0
+        return self.env.reset(seed=episode_seed(self._task, 0), options={"task": self._task})
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Act once."""
+        observation, _, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        won = terminated and info["is_success"]
+        score = path_weighted(won, self._steps, self._task.optimal_steps) if terminated or truncated else 0.0
+        return observation, score, terminated, truncated, info
+
+
+def validation_tasks(most: int) -> list[Task]:
+    """Return at most some tasks of each validation split, at equal distances."""
+    return [task for split in SPLITS for task in spread_tasks(split, most)]
+
+
+def make_validation(env_id: str, tasks: Sequence[Task], stride: int, options: dict[str, Any]) -> gymnasium.Env:
+    """Return an environment that plays validation tasks; see :class:`PathWeighted`."""
+    return PathWeighted(gymnasium.make(env_id, disable_env_checker=True, **options), tasks, stride)

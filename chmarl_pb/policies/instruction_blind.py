@@ -1,0 +1,46 @@
+"""The instruction-blind policy: it sees, but is not told what to bring where.
+
+It follows the messages as the blind policy does, and by elimination: what stood in view while no message named a room
+of X is not X, nor is anything that a Pick did not take; Y likewise. So it picks what is left.
+"""
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.policies.blind import VERBS, BlindDrone, BlindHumanoid
+from chmarl_pb.policies.narrow_views import Narrowed, SeeingView, seeing_view
+
+_KINDS = (frozenset(catalog.GRASPABLES), frozenset(catalog.RECEPTACLES))  # that X and Y are of
+
+
+class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
+    """Goes where messages say, and tries what it sees there until it was the right thing."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last episode."""
+        super().reset(rng)
+        self._ruled_out: tuple[set[str], set[str]] = set(), set()
+        self._seen: frozenset[str] = frozenset()
+
+    def choose(self, view: SeeingView) -> str:
+        """Return the name of the next action."""
+        for messages, ruled_out in zip(view.messages, self._ruled_out, strict=True):
+            if not messages:
+                ruled_out |= view.classes
+        if self._last == VERBS[view.holding]:  # in vain
+            self._ruled_out[view.holding].update(self._seen)
+        self._seen = view.classes
+        return super().choose(view)
+
+    def _worth_trying(self, view: SeeingView) -> bool:
+        return bool((view.classes & _KINDS[view.holding]) - self._ruled_out[view.holding])
+
+
+class InstructionBlindPolicy(Narrowed[SeeingView]):
+    """Both robots, by :class:`SeeingView` alone."""
+
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
+        """Remember the names of each robot's actions and of the rooms."""
+        super().__init__(
+            actions, rooms, seeing_view, {"humanoid": InstructionBlindHumanoid(rooms), "drone": BlindDrone(rooms)}
+        )

@@ -1,0 +1,55 @@
+"""The open-loop policy: a fixed tour for each class of Y; it never looks, hears or gets feedback, and has no partner.
+
+The tours were searched on the homes of training: ``python -m chmarl_pb.data.build_tours``.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import chain, cycle
+from pathlib import Path
+
+from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.tasks.language import parse_instruction
+
+FILE = Path(__file__).parent / "open_loop.json"
+
+
+class OpenLoopPolicy:
+    """Reads the instruction once and plays the tour of its Y to the end, over and over; the drone stays."""
+
+    def __init__(self, actions: dict[str, tuple[str, ...]]):
+        """Remember the names of each robot's actions."""
+        self.actions = actions
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._tour: Iterator[str] | None = None
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return robot -> number of its action."""
+        if self._tour is None:
+            self._tour = self._begin(infos["humanoid"]["instruction"])
+        chosen = {"humanoid": next(self._tour), "drone": "stay"}
+        return {robot: self.actions[robot].index(action) for robot, action in chosen.items()}
+
+    def _begin(self, instruction: str) -> Iterator[str]:
+        _, target = parse_instruction(instruction)
+        return cycle(_possible(tours()[target], self.actions["humanoid"]) or ["stay"])
+
+
+@cache
+def tours() -> dict[str, list[str]]:
+    """Return class of Y -> names of the humanoid's actions."""
+    return {target: line.split() for target, line in json.loads(FILE.read_text(encoding="utf-8")).items()}
+
+
+def _possible(tour: Sequence[str], actions: Sequence[str]) -> list[str]:
+    """Return a tour without its visits to rooms that a home does not have."""
+    visits: list[list[str]] = []
+    for action in tour:
+        if action.startswith("goto_") or not visits:
+            visits.append([])
+        visits[-1].append(action)
+    return list(chain.from_iterable(visit for visit in visits if visit[0] in actions))

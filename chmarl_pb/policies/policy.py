@@ -1,0 +1,71 @@
+"""What drives the robots: a Policy sees observations and infos and answers with actions."""
+
+from collections.abc import Callable
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from chmarl_pb.errors import OptionError
+
+Observations = dict[str, dict[str, np.ndarray]]
+Infos = dict[str, dict[str, Any]]
+Actions = dict[str, int]
+
+
+class Policy(Protocol):
+    """Anything that drives the robots through an episode: random, planned, searched, learned, a person."""
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode; called after the environment's reset."""
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return robot -> number of its action."""
+
+
+class RandomPolicy:
+    """Chooses uniformly among all actions."""
+
+    def __init__(self, counts: dict[str, int]):
+        """Remember how many actions each robot has."""
+        self.counts = counts
+        self._rng = np.random.default_rng()
+
+    def reset(self, seed: int | None) -> None:
+        """Start the random stream anew."""
+        self._rng = np.random.default_rng(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return a random action of each robot."""
+        return {robot: int(self._rng.integers(count)) for robot, count in self.counts.items()}
+
+
+@runtime_checkable
+class PolicyEnv(Protocol):
+    """What policies may ask of the ParallelEnv that they are made for; ``stage`` and ``setting`` are the planner's.
+
+    Attributes:
+        action_names: robot -> names of its actions, in the order of their numbers.
+        rooms: rooms of the home, in the order of the messages.
+    """
+
+    action_names: dict[str, tuple[str, ...]]
+    rooms: tuple[str, ...]
+    stage: Any
+    setting: Any
+
+
+#: Makes the policy that drives an environment.
+Factory = Callable[[Any], Policy]
+
+
+def core_of(env: Any) -> Any:
+    """Return the ParallelEnv behind an environment or a view of it.
+
+    Raises:
+        OptionError: it is none of this package's.
+    """
+    inner = env.unwrapped
+    inner = getattr(inner, "parallel", inner)
+    if not hasattr(inner, "action_names") or not hasattr(inner, "stage"):
+        raise OptionError(f"{type(env).__name__} is not an environment of chmarl_pb; make one by parallel_env()")
+    return inner

@@ -1,0 +1,60 @@
+"""The policies that come with the benchmark, by name."""
+
+from typing import Any
+
+from chmarl_pb.errors import OptionError
+from chmarl_pb.policies.blind import BlindPolicy
+from chmarl_pb.policies.cooperative_planner import PlannerPolicy
+from chmarl_pb.policies.instruction_blind import InstructionBlindPolicy
+from chmarl_pb.policies.open_loop import OpenLoopPolicy
+from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of
+from chmarl_pb.policies.reactive import ReactivePolicy
+from chmarl_pb.policies.search import SearchPolicy
+from chmarl_pb.policies.variants import Alone, Unheard
+
+#: Policies that do without most of what a robot is given -> what they do with; weak ones first.
+SHORTCUTS = {
+    "open-loop": "reads the instruction, then plays a fixed tour",
+    "reactive": "sees and reads, remembers nothing",
+    "blind": "sees nothing, reads nothing",
+    "instruction-blind": "sees, ignores the instruction",
+}
+
+
+def _search(env: PolicyEnv) -> Policy:
+    return SearchPolicy(env.action_names, env.rooms)
+
+
+#: Name -> what makes the policy for an environment.
+BUILT_IN: dict[str, Factory] = {
+    "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
+    "open-loop": lambda env: OpenLoopPolicy(env.action_names),
+    "reactive": lambda env: ReactivePolicy(env.action_names, env.rooms),
+    "blind": lambda env: BlindPolicy(env.action_names, env.rooms),
+    "instruction-blind": lambda env: InstructionBlindPolicy(env.action_names, env.rooms),
+    "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms),
+    "search-silent": lambda env: Unheard(_search(env)),
+    "search": _search,
+    "planner": PlannerPolicy,
+}
+
+#: Those that play a task the same way for every seed.
+DETERMINISTIC = frozenset({"open-loop", "planner"})
+
+
+def make_policy(name: str, env: Any) -> Policy:
+    """Return a policy that comes with the benchmark.
+
+    Args:
+        name: "planner" (privileged, optimal), "search" (reads ``info["visible"]``: with scene graphs no more than they
+            show, with pictures the truth), "search-alone" (the drone stays), "search-silent" (without messages),
+            "random", or one that does without most of what a robot is given: "blind", "instruction-blind",
+            "open-loop", "reactive".
+        env: the ParallelEnv, or a view of it, that the policy is to drive.
+
+    Raises:
+        OptionError: there is no such policy.
+    """
+    if name not in BUILT_IN:
+        raise OptionError(f"unknown policy {name!r}; use one of: {', '.join(BUILT_IN)}")
+    return BUILT_IN[name](core_of(env))

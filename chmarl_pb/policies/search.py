@@ -1,0 +1,179 @@
+"""The search policy: it knows only what the robots see and what the messages say.
+
+What is in view it reads from ``info["visible"]``. With scene graphs that is what they show; with pictures it is the
+truth, which a learner would have to recognise first.
+
+The drone sweeps room after room; the humanoid goes where a message says that the thing it needs has
+been seen, looks around there, and otherwise searches the rooms itself, in the opposite order.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.tasks.language import parse_instruction
+
+_SIDES = ("turn_left", "turn_right")
+_TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
+_PACES = 3  # forward moves before it looks around again
+#: Moves that show the drone the surroundings of a room's centre: one round of eight places.
+SWEEP = (
+    "move_forward", "move_left", "move_backward", "move_backward",
+    "move_right", "move_right", "move_forward", "move_forward",
+)  # fmt: skip
+
+
+class HumanoidSearch:
+    """Searches, picks and places with the humanoid alone.
+
+    As a policy it does what it proposes. A teacher's proposals are followed or not: it goes on from what was done.
+    """
+
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
+        """Remember the names of actions and rooms, in the order of their numbers."""
+        self.actions, self.rooms = actions, rooms
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._rng = np.random.default_rng(seed)
+        self._looks: list[str] = []
+        self._searched: set[str] = set()
+        self._wanted, self._tried = "", ""
+
+    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the next action."""
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
+        return self.actions.index(self._choose(observation, info))
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        self._tried = done = self.actions[action]
+        if done.startswith("goto_"):
+            self._looks = self._round()
+            return
+        if done in _SIDES and sum(look in _SIDES for look in self._looks) == _TURNS:  # the first turn chooses the side
+            self._looks[-_TURNS:] = [done] * _TURNS
+        if self._looks[-1:] == [done]:
+            self._looks.pop()
+
+    def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
+        graspable, receptacle = parse_instruction(info["instruction"])
+        holding = bool(observation["self"][-1])
+        wanted, verb, row = (receptacle, "place", 1) if holding else (graspable, "pick", 0)
+        if wanted != self._wanted:
+            self._wanted, self._looks, self._searched = wanted, [], set()
+        here = room_of(observation, self.rooms)
+        failed = self._tried == verb and not info["action_success"]
+        if wanted in {catalog.class_of(name) for name in info["visible"]} and not failed:
+            return verb
+        told = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
+        return self._look_around(here, told)
+
+    def _look_around(self, here: str | None, told: list[str]) -> str:
+        """Go to a room that was told of, else to the next one, and look around there."""
+        if told and here not in told:
+            return f"goto_{told[0]}"
+        if not self._looks:
+            if not told:
+                return self._next_room(here)
+            self._looks = ["move_forward"] * _PACES + self._round()
+        return self._looks[-1]
+
+    def _next_room(self, here: str | None) -> str:
+        if here is not None:
+            self._searched.add(here)
+        left = [room for room in self.rooms if room not in self._searched]
+        if not left:
+            self._searched = set() if here is None else {here}
+            left = [room for room in self.rooms if room not in self._searched] or list(self.rooms)
+        return f"goto_{left[-1]}"
+
+    def _round(self) -> list[str]:
+        """Return a look around: all turns to one side, drawn at random."""
+        return [str(self._rng.choice(_SIDES))] * _TURNS
+
+
+class DroneSearch:
+    """Sweeps the rooms with the drone until X and Y have been seen, then waits where X was."""
+
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
+        """Remember the names of actions and rooms, in the order of their numbers."""
+        self.actions, self.rooms = actions, rooms
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self._moves: list[str] = []
+        self._left = list(self.rooms)
+        self._seen: set[str] = set()
+
+    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the next action."""
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
+        wanted = parse_instruction(info["instruction"])
+        self._seen |= {catalog.class_of(name) for name in info["visible"]}
+        self._seen |= {name for name, bits in zip(wanted, observation["messages"], strict=True) if bits.any()}
+        return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        done = self.actions[action]
+        if done.startswith("goto_"):
+            self._moves = list(SWEEP[::-1])
+            self._left = [room for room in self._left if f"goto_{room}" != done]
+        elif self._moves[-1:] == [done]:
+            self._moves.pop()
+
+    def _sweep(self) -> str:
+        if not self._moves:
+            self._left = self._left or list(self.rooms)
+            return f"goto_{self._left[0]}"
+        return self._moves[-1]
+
+
+class SearchPolicy:
+    """Both searches together."""
+
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
+        """Remember the names of each robot's actions and of the rooms."""
+        self.searches: dict[str, HumanoidSearch | DroneSearch] = {
+            "humanoid": HumanoidSearch(actions["humanoid"], rooms),
+            "drone": DroneSearch(actions["drone"], rooms),
+        }
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        for search in self.searches.values():
+            search.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return robot -> number of its action, each from its own observation and info alone."""
+        return {name: search.act(observations[name], infos[name]) for name, search in self.searches.items()}
+
+    def propose(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what both would do now; a teacher's proposals need not be followed."""
+        return {name: search.propose(observations[name], infos[name]) for name, search in self.searches.items()}
+
+    def note(self, actions: Actions) -> None:
+        """Go on from what the robots have done."""
+        for name, action in actions.items():
+            self.searches[name].note(action)
+
+
+def room_of(observation: dict[str, np.ndarray], rooms: tuple[str, ...]) -> str | None:
+    """Return the room that a robot's ``self`` observation tells, or None between rooms."""
+    number = int(np.argmax(observation["self"][: len(rooms) + 1]))
+    return rooms[number] if number < len(rooms) else None

@@ -1,0 +1,124 @@
+"""Where policies come from: built in, ``module:callable``, a checkpoint, or a factory."""
+
+import importlib
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, cast
+
+from chmarl_pb.errors import MissingExtraError, OptionError
+from chmarl_pb.files import file_hash
+from chmarl_pb.policies.policy import Factory
+from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC
+
+#: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
+#: "module:callable" which takes the path and returns a Factory.
+ENTRY_POINTS = "chmarl_pb.checkpoints"
+
+_LOADERS: dict[str, Callable[[Path], Factory]] = {}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A policy, ready to be made for an environment.
+
+    Attributes:
+        name: as given.
+        make: makes the policy that drives an environment.
+        deterministic: whether it plays every task the same way, so that one seed is enough.
+        sha256: of the checkpoint or of the file that defines it; None for what comes with the package.
+    """
+
+    name: str
+    make: Factory
+    deterministic: bool
+    sha256: str | None
+
+
+def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
+    """Let checkpoints be evaluated, in this process; the entry points ``ENTRY_POINTS`` do it in all processes.
+
+    Args:
+        ending: of the file's name, with the dot, e.g. ".pt".
+        load: returns what makes the policy of a checkpoint.
+    """
+    _LOADERS[ending] = load
+
+
+def find_policy(policy: str | Factory) -> Source:
+    """Return the policy that is meant.
+
+    Args:
+        policy: a built-in name, ``module:callable`` (the callable takes the environment and returns a
+            ``Policy``), the path of a checkpoint, or such a callable itself. A callable with the
+            attribute ``deterministic = True`` is played once for each task.
+
+    Raises:
+        OptionError: there is no such policy, or it cannot be loaded.
+    """
+    if not isinstance(policy, str):
+        return Source(_name_of(policy), policy, bool(getattr(policy, "deterministic", False)), _defined_in(policy))
+    if policy in BUILT_IN:
+        return Source(policy, BUILT_IN[policy], policy in DETERMINISTIC, None)
+    path = Path(policy)
+    if path.exists():
+        return _checkpoint(path)
+    module, colon, name = policy.partition(":")
+    if path.name != policy or (path.suffix and not colon):
+        raise OptionError(f"{policy}: no such file; name a checkpoint that is there")
+    if not colon:
+        raise OptionError(
+            f"unknown policy {policy!r}; use one of: {', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
+        )
+    factory = _imported(module, name)
+    return Source(policy, factory, bool(getattr(factory, "deterministic", False)), _defined_in(factory))
+
+
+def _imported(module: str, name: str) -> Factory:
+    if "" not in sys.path and str(Path.cwd()) not in sys.path:
+        sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
+    try:
+        found: Any = importlib.import_module(module)
+        for part in name.split("."):
+            found = getattr(found, part)
+    except MissingExtraError:
+        raise
+    except (ImportError, AttributeError, ValueError) as error:
+        raise OptionError(f"policy {module}:{name}: {error}; name a module that can be imported from here") from error
+    if not callable(found):
+        raise OptionError(f"policy {module}:{name} is not callable; name a function that takes the environment")
+    return cast(Factory, found)
+
+
+def _checkpoint(path: Path) -> Source:
+    installed = {f".{point.name}": point for point in entry_points(group=ENTRY_POINTS)}
+    ending = path.suffix
+    if ending in _LOADERS:
+        load = _LOADERS[ending]
+    elif ending in installed:
+        load = installed[ending].load()
+    else:
+        known = ", ".join(sorted({*_LOADERS, *installed})) or "none"
+        raise OptionError(
+            f"{path}: no learner can load a checkpoint that ends in {ending!r} (known endings: {known}); install the "
+            f"learner that wrote it, or give module:callable"
+        )
+    factory = load(path)
+    sha256 = file_hash(path) if path.is_file() else None
+    return Source(str(path), factory, bool(getattr(factory, "deterministic", False)), sha256)
+
+
+def _name_of(factory: Factory) -> str:
+    kind = factory if hasattr(factory, "__qualname__") else type(factory)
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def _defined_in(factory: Factory) -> str | None:
+    try:
+        path = inspect.getsourcefile(factory if hasattr(factory, "__code__") else type(factory))
+    except (OSError, TypeError):
+        return None
+    return file_hash(Path(path)) if path and Path(path).is_file() else None

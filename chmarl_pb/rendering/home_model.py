@@ -1,0 +1,65 @@
+"""Draws the empty home: all its things at rest, with the rasteriser that draws what moves."""
+
+import numpy as np
+
+from chmarl_pb.errors import AssetError
+from chmarl_pb.rendering import bounds, placing, raster
+from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.meshes import models_of, parts_of
+from chmarl_pb.rendering.triangles import Lens, clean_canvas, depth_of
+from chmarl_pb.world.bullet import pybullet
+
+_WHITE = 255
+
+
+class HomeModel:
+    """A body whose links do not move, ready to be drawn from anywhere."""
+
+    def __init__(self, client: int, body: int):
+        """Read the body's meshes.
+
+        Raises:
+            AssetError: TinyRenderer has to draw it: a visual shape is no box and no plain mesh, or PyBullet does not
+                tell where a link is, as from the 128th on.
+        """
+        links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
+        parts = parts_of(client, body)
+        things = [[part for part in parts if part.link == link] for link in links]
+        self._models = models_of(things, [{link: number} for number, link in enumerate(links)])
+        self._scratch = np.empty((len(self._models.vertices), 6), np.float32)
+        frames, inverses = np.zeros((2, len(things), 4, 4), np.float32)
+        sides, balls = np.zeros((len(self._models.corners), 6)), np.zeros((len(things), 4))
+        self._placed = placing.Placed(frames, inverses, sides, balls)
+        self._shown = np.array([number for number, thing in enumerate(things) if thing], dtype=np.int32)
+        for number in self._shown.tolist():
+            pose = _pose(client, body, number - 1)
+            placing.put(number, number, np.array([[*pose[0], *pose[1]]]), self._models, self._placed)
+
+    def draw(self, lens: Lens, size: int) -> Picture:
+        """Return the picture that a camera takes; its segmentation holds link indices, -1 for nothing.
+
+        Args:
+            lens: the camera at its pose.
+            size: width and height in pixels.
+        """
+        near, far = lens.planes
+        colour = np.full((size, size, 4), _WHITE, np.uint8)
+        depth = np.full((size, size), depth_of(-far, near, far), np.float32)
+        nothing = depth.copy()
+        nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
+        links = np.full((size, size), -1, np.int32)
+        raster.picture(
+            self._shown, -1, self._models, self._placed, lens, light(), nothing, bounds.farthest(nothing),
+            clean_canvas(size), self._scratch, colour, depth, links,
+        )  # fmt: skip
+        return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))
+
+
+def _pose(client: int, body: int, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return where a link's inertial frame is."""
+    if link < 0:
+        return pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+    try:
+        return pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)[:2]
+    except pybullet.error as error:
+        raise AssetError(f"link {link}: {error}") from error

@@ -1,0 +1,264 @@
+"""Pictures of the empty home, drawn once for each camera pose and kept.
+
+A home's static geometry seen from a lattice pose never changes, so a step only has to draw what
+moves (see :mod:`chmarl_pb.rendering.movables`). Pictures are kept on disk where that is possible (see
+:mod:`chmarl_pb.rendering.view_store`) and in memory otherwise.
+"""
+
+import platform
+import sys
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.compiled import COMPILES
+from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.homes.content import content_hash, sha256_of
+from chmarl_pb.homes.home import Home
+from chmarl_pb.navigation.free_space import Space, space_of
+from chmarl_pb.navigation.lattice import HEADINGS
+from chmarl_pb.rendering import bounds, camera, home_model, meshes, placing, raster, triangles
+from chmarl_pb.rendering.camera import Camera, Picture, Vector, lens, render, view_matrix
+from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.home_model import HomeModel
+from chmarl_pb.rendering.triangles import Lens
+from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_store
+from chmarl_pb.world import Client, bodies, loaded_home
+from chmarl_pb.world.bullet import distribution, pybullet
+
+CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
+
+_OWN = 4096  # bytes of a kept view beside its picture
+_numbers = count()
+
+
+class Shown(NamedTuple):
+    """What a view of the empty home shows, as compiled functions take it.
+
+    Attributes:
+        depth: (size, size) in [0, 1].
+        links: (size, size) PyBullet link index of the home at each pixel, -1 for nothing.
+        tiles: what :func:`chmarl_pb.rendering.bounds.farthest` makes of the depth.
+        pixels: number of pixels of each link, by link index; shorter than the list of links at its end.
+    """
+
+    depth: NDArray[np.float32]
+    links: NDArray[np.integer]
+    tiles: NDArray[np.float32]
+    pixels: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class HomeView:
+    """The empty home from one camera pose.
+
+    Attributes:
+        view: view matrix.
+        picture: its segmentation holds PyBullet link indices of the home, -1 for nothing.
+        camera: the camera that it was drawn with.
+    """
+
+    view: Vector
+    picture: Picture
+    camera: Camera
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The camera at its pose, as bodies are drawn with it."""
+        return lens(self.camera, self.view)
+
+    @cached_property
+    def tiles(self) -> NDArray[np.float32]:
+        """The greatest depth in each tile of the picture, to tell early what the home hides."""
+        return bounds.farthest(self.picture.depth)
+
+    @cached_property
+    def shown(self) -> Shown:
+        """What it shows."""
+        links = self.picture.segmentation
+        return Shown(self.picture.depth, links, self.tiles, count_pixels(links, 0))
+
+
+def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
+    """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
+    return np.bincount(segmentation.ravel() + 1, minlength=length + 1)[1:]
+
+
+class HomeViews:
+    """All views of one home, shared by every environment of this process, and with others through the disk."""
+
+    def __init__(self, home: Home):
+        """Prepare to draw a home; it is loaded at the first view that is not on disk."""
+        self.space: Space = space_of(home)
+        self._number = next(_numbers)
+        self._store = view_store()
+        self._files: dict[tuple[str, int], ViewFile | None] = {}
+        self._kept = _kept()
+
+    @property
+    def client(self) -> int:
+        """A PyBullet client with the empty home, for pictures of other kinds."""
+        return self._other_drawer.number
+
+    @cached_property
+    def _other_drawer(self) -> Client:
+        with self._loaded() as (client, _):
+            return client
+
+    @cached_property
+    def _model(self) -> HomeModel | None:
+        """The home's triangles, or None if TinyRenderer is to draw them: our own rasteriser is slow as plain Python."""
+        if not COMPILES:
+            return None
+        with self._loaded() as (client, body), closing(client):
+            try:
+                return HomeModel(client.number, body)
+            except AssetError:
+                return None
+
+    @cached_property
+    def _drawer(self) -> Client:
+        """The client in which TinyRenderer draws: pictures of another kind would change how it rounds colours."""
+        with self._loaded() as (client, _):
+            return client
+
+    def look(self, robot: str, pose: int, size: int) -> HomeView:
+        """Return the empty home as a robot's camera sees it from a lattice pose.
+
+        Args:
+            robot: "humanoid" or "drone".
+            pose: its pose on its lattice.
+            size: width and height in pixels.
+
+        Raises:
+            HomeError: the home's files have changed since it was read.
+        """
+        key = (self._number, robot, pose, size)
+        view = self._kept.get(key)
+        if view is None:
+            matrix = view_matrix(eye(self.space, robot, pose))
+            file, taken = self._file(robot, size), _OWN
+            picture = file.get(pose, matrix) if file else None
+            if picture is None:
+                drawn = self.draw(CAMERAS[robot], matrix, size).picture
+                picture = file.put(pose, matrix, drawn) if file else None
+                if picture is None:
+                    picture, taken = drawn, _OWN + _bytes(drawn)
+            view = HomeView(matrix, picture, CAMERAS[robot])
+            self._kept.put(key, view, taken)
+        return view
+
+    def draw(self, camera: Camera, view: Vector, size: int) -> HomeView:
+        """Draw the empty home anew, from anywhere.
+
+        Args:
+            camera: the camera.
+            view: its view matrix.
+            size: width and height in pixels.
+        """
+        if self._model is not None:
+            picture = self._model.draw(lens(camera, view), size)
+        else:
+            drawn = render(self._drawer.number, camera, view, size)
+            # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: a
+            # second picture of a single pixel lets each one that is kept be an odd one.
+            render(self._drawer.number, camera, view, 1)
+            links = np.where(drawn.segmentation < 0, -1, (drawn.segmentation >> 24) - 1).astype(np.int16)
+            picture = Picture(drawn.colour, drawn.depth, links)
+        for array in (picture.colour, picture.depth, picture.segmentation):
+            array.flags.writeable = False
+        return HomeView(view, picture, camera)
+
+    @contextmanager
+    def _loaded(self) -> Iterator[tuple[Client, int]]:
+        """Yield a new client with the home, and the home's body; its meshes are there while the context lasts."""
+        home = self.space.home
+        if content_hash(home) != home.content:
+            raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+        client = Client()  # disconnected when nobody keeps it
+        with loaded_home(client.number, home) as body:
+            yield client, body
+
+    def _file(self, robot: str, size: int) -> ViewFile | None:
+        """Return the views on disk of a robot's camera at a size, or None if there is no store."""
+        key = (robot, size)
+        if key not in self._files:
+            poses, name = _poses(self.space, robot), self._file_name(robot, size)
+            self._files[key] = self._store.open(name, poses, size) if self._store else None
+        return self._files[key]
+
+    def _file_name(self, robot: str, size: int) -> str:
+        """Return a name with a hash of everything that the pictures depend on."""
+        lattice = self.space.drone_lattice if robot == "drone" else self.space.lattice
+        some_views = [view_matrix(eye(self.space, robot, pose)) for pose in range(min(HEADINGS, len(lattice.points)))]
+        facts = (self.space.home.content, robot, size, FORMAT, some_views, _library())
+        depends_on = [repr(facts).encode(), lattice.points.tobytes(), *_drawing_code()]
+        return f"{self.space.home.name[:40]}_{robot}_{size}_{sha256_of(depends_on)}"
+
+
+Key = tuple[int, str, int, int]  # number of the home's views, robot, pose, size
+
+
+class KeptViews:
+    """The views of all homes of this process; those that were not used for longest give way."""
+
+    def __init__(self, capacity: int):
+        """Keep at most this many bytes of pictures."""
+        self._capacity, self._bytes = capacity, 0
+        self._views: OrderedDict[Key, tuple[HomeView, int]] = OrderedDict()
+
+    def get(self, key: Key) -> HomeView | None:
+        """Return a kept view, or None."""
+        kept = self._views.get(key)
+        if kept is None:
+            return None
+        self._views.move_to_end(key)
+        return kept[0]
+
+    def put(self, key: Key, view: HomeView, size: int) -> None:
+        """Keep a view that takes so many bytes of memory."""
+        self._views[key] = view, size
+        self._bytes += size
+        while self._bytes > self._capacity:
+            self._bytes -= self._views.popitem(last=False)[1][1]
+
+
+@cache
+def _kept() -> KeptViews:
+    return KeptViews(CAPACITY)
+
+
+def _bytes(picture: Picture) -> int:
+    return picture.colour.nbytes + picture.depth.nbytes + picture.segmentation.nbytes
+
+
+def _poses(space: Space, robot: str) -> int:
+    return len(space.drone_lattice.points) if robot == "drone" else len(space.lattice.points) * HEADINGS
+
+
+@cache
+def _library() -> tuple[object, ...]:
+    """Return what is known of the machine code that draws."""
+    binary = Path(pybullet.__file__).stat().st_size
+    return *distribution(), binary, sys.platform, platform.machine(), platform.libc_ver()
+
+
+@cache
+def _drawing_code() -> tuple[bytes, ...]:
+    """Return the sources that decide what a picture of a home looks like: light, cameras, loading, numbers of links."""
+    modules = bounds, camera, bodies, meshes, placing, triangles, raster, home_model, sys.modules[__name__]
+    return tuple(Path(str(module.__file__)).read_bytes() for module in modules)
+
+
+@lru_cache(maxsize=16)
+def home_views(home: Home) -> HomeViews:
+    """Return the views of a home, shared within this process."""
+    return HomeViews(home)

@@ -1,0 +1,184 @@
+"""The triangles of a body, as TinyRenderer holds them after loading it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.errors import AssetError
+from chmarl_pb.rendering.placing import Models
+from chmarl_pb.world.bullet import pybullet
+
+Floats = NDArray[np.float32]
+
+# TinyRenderer's box: corners of each side, its normal, and its two triangles.
+_BOX_CORNERS = (
+    (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1),
+    (-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
+    (-1, -1, -1), (-1, 1, -1), (-1, 1, 1), (-1, -1, 1),
+    (1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1),
+    (-1, -1, -1), (-1, -1, 1), (1, -1, 1), (1, -1, -1),
+    (-1, 1, -1), (-1, 1, 1), (1, 1, 1), (1, 1, -1),
+)  # fmt: skip
+_BOX_NORMALS = ((0, 0, 1), (0, 0, -1), (-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0))
+_FORTH, _BACK = (0, 1, 2, 0, 2, 3), (2, 1, 0, 3, 2, 0)
+_BOX_TRIANGLES = (_FORTH, _BACK, _BACK, _FORTH, _BACK, _FORTH)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A mesh of one colour, fixed to a link.
+
+    Attributes:
+        link: PyBullet link index, -1 for the base.
+        colour: (3,) bytes.
+        vertices: (n, 3) in the link's inertial frame, metres.
+        normals: (m, 3) in the link's inertial frame.
+        corners: (triangles, 6) numbers of three vertices and three normals.
+    """
+
+    link: int
+    colour: NDArray[np.uint8]
+    vertices: Floats
+    normals: Floats
+    corners: NDArray[np.int32]
+
+
+def parts_of(client: int, body: int) -> list[Part]:
+    """Return the parts of a loaded body, in the order in which TinyRenderer draws them.
+
+    Raises:
+        AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
+    """
+    parts, read = [], cache(_read_obj)
+    flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
+    for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
+        _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
+        if texture >= 0:
+            raise AssetError(f"{name.decode() or 'a box'}: textures are not known to our own rasteriser")
+        if kind == pybullet.GEOM_BOX:
+            points, normals, corners = _box(size)
+        else:
+            vertices, normals, corners = read(_obj_path(kind, name))
+            points = (vertices.astype(float) * size).astype(np.float32)
+        if rgba[3] == 0 or not len(corners):
+            continue  # nothing to see
+        centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
+        # PyBullet's own functions for transforms round to single precision.
+        inverse = rotation(np.array(turn)).T
+        basis = inverse @ rotation(np.array(quaternion))
+        moved = _moved(points, basis, inverse @ np.subtract(position, centre))
+        colour = (np.float32(255) * np.array(rgba[:3], dtype=np.float32)).astype(np.uint8)
+        parts.append(Part(link, colour, moved, _settled(_moved(normals, basis, np.zeros(3))), corners))
+    return parts
+
+
+def _obj_path(kind: int, name: bytes) -> Path:
+    path = Path(name.decode())
+    if kind != pybullet.GEOM_MESH or path.suffix.lower() != ".obj":
+        raise AssetError(f"{path or 'a visual shape'}: only boxes and OBJ meshes can be drawn by our own rasteriser")
+    return path
+
+
+def _box(size: Sequence[float]) -> tuple[Floats, Floats, NDArray[np.int32]]:
+    """Return TinyRenderer's box of the extents x, y, z in metres: four corners a side, two triangles each."""
+    points = np.array(_BOX_CORNERS) * (np.array(size) * 0.5)
+    triangles = np.array([[4 * side + corner for corner in row] for side, row in enumerate(_BOX_TRIANGLES)])
+    numbers = triangles.reshape(-1, 3)
+    return (
+        points.astype(np.float32),
+        np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32),
+        np.hstack([numbers, numbers]).astype(np.int32),
+    )
+
+
+def _read_obj(path: Path) -> tuple[Floats, Floats, NDArray[np.int32]]:
+    """Return vertices, normals and corners of a Wavefront file.
+
+    Raises:
+        AssetError: it has materials, polygons of more than three corners, corners without normals, or numbers that
+            point nowhere.
+    """
+    rows: dict[str, list[list[float]]] = {"v": [], "vn": []}
+    corners = []
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            kind, *values = line.split() or [""]
+            if kind in rows:
+                rows[kind].append([float(value) for value in values[:3]])
+            elif kind == "f":
+                (a, _, u), (b, _, v), (c, _, w) = (value.split("/") for value in values)
+                corners.append([int(number) - 1 for number in (a, b, c, u, v, w)])
+            elif kind == "mtllib":
+                raise AssetError(f"{path}: materials are not known to our own rasteriser")
+        vertices, normals = (np.array(rows[kind], dtype=np.float32).reshape(-1, 3) for kind in ("v", "vn"))
+    except ValueError as error:
+        raise AssetError(f"{path}: not a mesh of triangles with normals ({error})") from error
+    numbers = np.array(corners, dtype=np.int32).reshape(-1, 6)
+    # The compiled code does not look whether a number is in range.
+    if (numbers < 0).any() or (numbers >= np.repeat((len(vertices), len(normals)), 3)).any():
+        raise AssetError(f"{path}: a face names a corner or a normal that the file does not have")
+    if not (normals != 0).any(axis=1).all():
+        raise AssetError(f"{path}: a normal has no direction")
+    return vertices, normals, numbers
+
+
+def _moved(points: Floats, basis: NDArray[np.float64], origin: NDArray[np.float64]) -> Floats:
+    """Return points in a frame's parent, worked out in double precision."""
+    x, y, z = points.astype(float).T
+    moved = [x * row[0] + y * row[1] + z * row[2] + shift for row, shift in zip(basis, origin, strict=True)]
+    return np.stack(moved, axis=1).astype(np.float32)
+
+
+def _settled(normals: Floats) -> Floats:
+    """Return normals as TinyRenderer has them in odd pictures: it makes them unit vectors at every use, in place."""
+    for _ in range(3):
+        x, y, z = normals.T
+        normals = normals * (np.float32(1) / np.sqrt(x * x + y * y + z * z))[:, None]
+    return normals
+
+
+def rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rotation matrices (..., 3, 3) of quaternions (..., 4) x, y, z, w, with Bullet's arithmetic."""
+    x, y, z, w = np.moveaxis(quaternion, -1, 0)
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    xs, ys, zs = x * scale, y * scale, z * scale
+    wx, wy, wz, xx, xy, xz, yy, yz, zz = w * xs, w * ys, w * zs, x * xs, x * ys, x * zs, y * ys, y * zs, z * zs
+    rows = [1 - (yy + zz), xy - wz, xz + wy, xy + wz, 1 - (xx + zz), yz - wx, xz - wy, yz + wx, 1 - (xx + yy)]
+    return np.stack(rows, axis=-1).reshape(*quaternion.shape[:-1], 3, 3)
+
+
+def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]) -> Models:
+    """Return bodies as arrays to draw from.
+
+    Args:
+        bodies: parts of each body.
+        frames: for each body, PyBullet link index -> number of its frame.
+    """
+    parts = [(part, frames[number][part.link]) for number, body in enumerate(bodies) for part in body]
+    every = [part for part, _ in parts]
+    vertices, normals = _starts([part.vertices for part in every]), _starts([part.normals for part in every])
+    corners = [
+        part.corners + np.repeat((vertices[number], normals[number]), 3).astype(np.int32)
+        for number, part in enumerate(every)
+    ]
+    return Models(
+        _starts(bodies),
+        np.array([frame for _, frame in parts], dtype=np.int32),
+        _starts(corners),
+        vertices,
+        normals,
+        np.array([part.colour for part in every], dtype=np.uint8),
+        np.concatenate([part.vertices for part in every]),
+        np.concatenate([part.normals for part in every]),
+        np.concatenate(corners),
+        np.repeat(np.arange(len(every), dtype=np.int32), [len(rows) for rows in corners]),
+        np.repeat(np.arange(len(bodies), dtype=np.int32), [len(body) for body in bodies]),
+    )
+
+
+def _starts(rows: Sequence[Sequence | NDArray]) -> NDArray[np.int32]:
+    return np.cumsum([0, *map(len, rows)], dtype=np.int32)

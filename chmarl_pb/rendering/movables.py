@@ -1,0 +1,203 @@
+"""What moves: the models of every graspable object and of both robots, and where they are.
+
+One :class:`Movables` serves a process. A :class:`Bodies` holds where the bodies of one world are, ready
+to be drawn; only what has moved since the last look is worked out again.
+"""
+
+from collections.abc import Iterable
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb import catalog
+from chmarl_pb.compiled import compiled
+from chmarl_pb.rendering import placing, raster
+from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.home_views import HomeView
+from chmarl_pb.rendering.meshes import Part, models_of, parts_of
+from chmarl_pb.rendering.triangles import Canvas, clean_canvas
+from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.robots.drone import load_drone
+from chmarl_pb.robots.humanoid import load_humanoid
+from chmarl_pb.world import UPRIGHT, Client, Pose, load_graspable, quiet
+from chmarl_pb.world.bullet import pybullet
+
+_KEPT = 8192  # poses of robots
+
+Frames = NDArray[np.float64]  # (frames, 7) x, y, z in metres and quaternion x, y, z, w
+
+
+class Movables:
+    """The models of all bodies that move.
+
+    Attributes:
+        numbers: name -> number of the body, in the order in which TinyRenderer draws them.
+        models: their meshes.
+        first_frame: name -> number of its first frame.
+        frames: number of frames in all.
+        scratch: room for drawing, see :func:`chmarl_pb.rendering.raster.draw`.
+        balls: name of a robot and configuration of the arm -> height above its base's origin and radius of a ball that
+            holds the robot however it is turned, metres.
+    """
+
+    def __init__(self) -> None:
+        """Load all graspables and robots once, to read their meshes."""
+        self._connection = Client()
+        self._client = client = self._connection.number
+        with quiet():
+            objects = {f"{name}_1": load_graspable(client, name) for name in catalog.GRASPABLES}
+            self._robots = {"humanoid": load_humanoid(client), "drone": load_drone(client)}
+        self._arm = Arm(client, self._robots["humanoid"])
+        self._inertial = {name: thing.inertial for name, thing in objects.items()}
+        bodies = {name: thing.body for name, thing in objects.items()} | self._robots
+        parts = {name: parts_of(client, body) for name, body in bodies.items()}
+        for thing in objects.values():
+            pybullet.removeBody(thing.body, physicsClientId=client)
+        self.numbers = {name: number for number, name in enumerate(bodies)}
+        self._links = {name: _links(own) for name, own in parts.items()}
+        *starts, self.frames = np.cumsum([0, *map(len, self._links.values())]).tolist()
+        self.first_frame = dict(zip(bodies, starts, strict=True))
+        self.models = models_of(
+            list(parts.values()),
+            [{link: start + place for place, link in enumerate(self._links[name])} for name, start in
+             self.first_frame.items()],
+        )  # fmt: skip
+        self.scratch = np.empty((len(self.models.vertices), 6), np.float32)
+        self._kept: dict[tuple[str, Pose, Configuration], Frames] = {}
+        self.balls = {(name, arm): self._ball(name, arm) for name in self._robots for arm in (Arm.rest, Arm.carry)}
+
+    def object_frames(self, name: str, pose: Pose) -> Frames:
+        """Return where an object's frame is, from the pose of its origin."""
+        centre, _ = pybullet.multiplyTransforms(*pose, self._inertial[name], UPRIGHT)
+        return np.array([[*centre, *pose[1]]])
+
+    def robot_frames(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+        """Return where a robot's frames are.
+
+        Args:
+            name: "humanoid" or "drone".
+            pose: of its base.
+            configuration: of the humanoid's arm.
+        """
+        key = (name, pose, configuration)
+        frames = self._kept.get(key)
+        if frames is None:
+            if len(self._kept) >= _KEPT:
+                del self._kept[next(iter(self._kept))]
+            frames = self._kept[key] = self._ask(name, pose, configuration)
+        return frames
+
+    def _ball(self, name: str, configuration: Configuration) -> tuple[float, float]:
+        bodies = Bodies(self)
+        bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), configuration)
+        x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()
+        return height, radius + float(np.hypot(x, y))
+
+    def _ask(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+        """Let PyBullet work out a robot's frames."""
+        body = self._robots[name]
+        pybullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+        if name == "humanoid":
+            self._arm.set(configuration)
+        rows = []
+        for link in self._links[name]:
+            where: Pose = pose
+            if link >= 0:
+                where = pybullet.getLinkState(
+                    body, link, computeForwardKinematics=True, physicsClientId=self._client
+                )[:2]  # fmt: skip
+            rows.append([*where[0], *where[1]])
+        return np.array(rows)
+
+
+def _links(parts: Iterable[Part]) -> list[int]:
+    """Return the links that have parts, each once."""
+    return list(dict.fromkeys(part.link for part in parts))
+
+
+@cache
+def movables() -> Movables:
+    """Return the process's models of what moves."""
+    return Movables()
+
+
+class Bodies:
+    """Where the bodies of one world are.
+
+    Attributes:
+        models: their meshes.
+        placed: their places.
+        scratch: room for drawing.
+    """
+
+    def __init__(self, models: Movables | None = None) -> None:
+        """Begin with nothing in place; models are the process's unless given."""
+        self._movables = models or movables()
+        self.models, self.scratch = self._movables.models, self._movables.scratch
+        frames, inverses = np.zeros((2, self._movables.frames, 4, 4), np.float32)
+        sides, balls = np.zeros((len(self.models.corners), 6)), np.zeros((len(self._movables.numbers), 4))
+        self.placed = placing.Placed(frames, inverses, sides, balls)
+        self._poses: dict[str, object] = {}
+
+    def put_objects(self, poses: dict[str, Pose]) -> None:
+        """Put objects at the poses of their origins."""
+        moved = {name: pose for name, pose in poses.items() if self._poses.get(name) is not pose}
+        if moved:
+            self._poses |= moved
+            frames = np.concatenate([self._movables.object_frames(name, pose) for name, pose in moved.items()])
+            numbers = np.array([self._movables.numbers[name] for name in moved])
+            first_frames = np.array([self._movables.first_frame[name] for name in moved])
+            _put_objects(numbers, first_frames, frames, self.models, self.placed)
+
+    def put_robot(self, name: str, pose: Pose, configuration: Configuration) -> None:
+        """Put a robot at the pose of its base, the humanoid's arm into a configuration."""
+        frames = self._movables.robot_frames(name, pose, configuration)
+        if self._poses.get(name) is not frames:
+            self._poses[name] = frames
+            placing.put(
+                self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
+            )  # fmt: skip
+
+
+@compiled
+def _put_objects(bodies, first_frames, frames, models, placed):  # type: ignore[no-untyped-def]
+    """Put bodies of one frame each in their places; see :func:`chmarl_pb.rendering.placing.put`."""
+    for number, body in enumerate(bodies):
+        placing.put(body, first_frames[number], frames[number : number + 1], models, placed)
+
+
+def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:
+    """Return a view of the empty home with bodies drawn into it.
+
+    Args:
+        home: the view.
+        bodies: where the bodies are.
+        present: numbers of those to draw.
+        first: segmentation value of body 0; values of the home are kept as they are.
+    """
+    picture = home.picture
+    size = len(picture.depth)
+    depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
+    raster.picture(
+        present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
+        _canvas(size), bodies.scratch, colour.view(np.uint8).reshape(size, size, 4), depth, links,
+    )  # fmt: skip
+    return Picture(colour, depth, links)
+
+
+def colours_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return the colours (size, size, 3) of what :func:`draw_over` draws."""
+    size = len(home.picture.depth)
+    rgb = np.empty((size, size, 3), np.uint8)
+    raster.copy_rgb(home.picture.colour.view(np.uint8).reshape(size, size, 4), rgb)
+    raster.paint(
+        present, bodies.models, bodies.placed, home.lens, light(), home.picture.depth, home.tiles, _canvas(size),
+        bodies.scratch, rgb,
+    )  # fmt: skip
+    return rgb
+
+
+@cache
+def _canvas(size: int) -> Canvas:
+    return clean_canvas(size)

@@ -1,0 +1,231 @@
+"""Draws bodies into views of the empty home as TinyRenderer would, but only the pixels that they cover.
+
+A body that lies outside the view, or that the home hides, is found out before its triangles are
+looked at.
+"""
+
+import numpy as np
+
+from chmarl_pb.compiled import compiled
+from chmarl_pb.rendering.bounds import extent
+from chmarl_pb.rendering.placing import multiply
+from chmarl_pb.rendering.triangles import (
+    ONE,
+    TWO,
+    ZERO,
+    brightness,
+    corner_of,
+    cover,
+    cover_clipped,
+    depth_of,
+    dot4,
+    screen,
+    weights_at,
+)
+
+SAFE = np.float32(1e-3)  # metres: far more than rounding can matter
+
+
+@compiled
+def project(part, models, frame, lens, half, scratch):  # type: ignore[no-untyped-def]
+    """Set a part's rows of the scratch to its corners as the camera has them."""
+    view, product = np.empty((4, 4), np.float32), np.empty((4, 4), np.float32)
+    multiply(lens.world_to_camera, frame, view)
+    multiply(lens.projection, view, product)
+    for number in range(models.first_vertex[part], models.first_vertex[part + 1]):
+        x, y, z = models.vertices[number, 0], models.vertices[number, 1], models.vertices[number, 2]
+        row = scratch[number]
+        row[4] = dot4(product[0, 0], product[0, 1], product[0, 2], product[0, 3], x, y, z, ONE)
+        row[5] = dot4(product[1, 0], product[1, 1], product[1, 2], product[1, 3], x, y, z, ONE)
+        row[2] = dot4(product[2, 0], product[2, 1], product[2, 2], product[2, 3], x, y, z, ONE)
+        row[3] = dot4(product[3, 0], product[3, 1], product[3, 2], product[3, 3], x, y, z, ONE)
+        row[0], row[1] = screen(row[4], row[3], half), screen(row[5], row[3], half)
+
+
+@compiled
+def draw_part(part, enough, models, sides, lens, home, canvas, scratch):  # type: ignore[no-untyped-def]
+    """Draw the triangles of one part that face the camera, when its corners have been projected.
+
+    Args:
+        part: number of the part.
+        enough: number of clean pixels after which the rest need not be drawn.
+        models: the :class:`chmarl_pb.rendering.placing.Models`.
+        sides: of :class:`chmarl_pb.rendering.placing.Placed`.
+        lens: the camera.
+        home: (size, size) depth of the empty home, in [0, 1].
+        canvas: what to draw on.
+        scratch: as :func:`draw` has it, set by :func:`project`.
+
+    Returns:
+        How many of the drawn pixels were clean.
+    """
+    size, clean = home.shape[0], 0
+    eye, corners, last = lens.eye, models.corners, np.float32(size - 1)
+    near, far = lens.planes[0], lens.planes[1]
+    for face in range(models.first_triangle[part], models.first_triangle[part + 1]):
+        x, y, z = sides[face, 0] - eye[0], sides[face, 1] - eye[1], sides[face, 2] - eye[2]
+        if (x * sides[face, 3] + y * sides[face, 4]) + z * sides[face, 5] >= 0:
+            continue
+        i, j, k = corners[face, 0], corners[face, 1], corners[face, 2]
+        behind = int(scratch[i, 3] < 0) + int(scratch[j, 3] < 0) + int(scratch[k, 3] < 0)
+        if behind == 0:
+            across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
+            if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
+                a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
+                clean += cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.face)
+        elif behind < 3 and not outside(scratch[i], scratch[j], scratch[k]):
+            clean += cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
+        if clean >= enough:
+            break
+    return clean
+
+
+@compiled
+def outside(a, b, c):  # type: ignore[no-untyped-def]
+    """Return whether three corners, rows of the scratch, lie beyond the same side of the picture."""
+    return (
+        (a[4] < -a[3] - SAFE and b[4] < -b[3] - SAFE and c[4] < -c[3] - SAFE)
+        or (a[4] > a[3] + SAFE and b[4] > b[3] + SAFE and c[4] > c[3] + SAFE)
+        or (a[5] < -a[3] - SAFE and b[5] < -b[3] - SAFE and c[5] < -c[3] - SAFE)
+        or (a[5] > a[3] + SAFE and b[5] > b[3] + SAFE and c[5] > c[3] + SAFE)
+    )
+
+
+@compiled
+def _spans_pixel(a, b, c, last):  # type: ignore[no-untyped-def]
+    """Return whether a whole number from 0 to ``last`` lies between the least and the greatest of three."""
+    return np.ceil(max(ZERO, min(a, b, c))) <= min(last, max(a, b, c))
+
+
+@compiled
+def _rows_of(scratch, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the rows of three corners; entry by entry, which compiles much faster than row by row."""
+    rows = np.empty((3, 6), np.float32)
+    for place, corner in enumerate((i, j, k)):
+        for column in range(6):
+            rows[place, column] = scratch[corner, column]
+    return rows
+
+
+@compiled
+def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: ignore[no-untyped-def]
+    """Draw bodies where they are nearer than the empty home.
+
+    Args:
+        bodies: (n,) numbers of the bodies, in the order in which TinyRenderer draws them.
+        models: the :class:`chmarl_pb.rendering.placing.Models`.
+        placed: where they are, :class:`chmarl_pb.rendering.placing.Placed`.
+        lens: the camera.
+        home: (size, size) depth of the empty home, in [0, 1].
+        tiles: what :func:`chmarl_pb.rendering.bounds.farthest` makes of it.
+        canvas: what to draw on.
+        scratch: (vertices, 6) room for the corners: x and y in pixels, z, w, x and y in clip coordinates.
+
+    Returns:
+        (n, 4) first and last column, first and last row of the part of the picture that each body may have changed.
+    """
+    size = home.shape[0]
+    boxes = np.empty((len(bodies), 4), np.int64)
+    for number, body in enumerate(bodies):
+        left, right, top, bottom = extent(placed.balls[body], lens, tiles, size)
+        boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3] = left, right, top, bottom
+        if right < left:
+            continue
+        for part in range(models.first_part[body], models.first_part[body + 1]):
+            project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
+            draw_part(part, size * size + 1, models, placed.sides, lens, home, canvas, scratch)
+    return boxes
+
+
+@compiled
+def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, colour):  # type: ignore[no-untyped-def]
+    """Draw bodies into a picture's ``colour`` (size, size, 3 or 4) alone.
+
+    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards, and the light.
+    """
+    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    _shade(boxes, models, placed, light, canvas.face, scratch, colour)
+    _wipe(boxes, canvas.raw, canvas.face)
+
+
+@compiled
+def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scratch, colour, depth, links):  # type: ignore[no-untyped-def]
+    """Draw bodies into a picture.
+
+    As :func:`paint`; ``depth`` and ``links`` (size, size) are changed as well, ``links`` to the numbers of the bodies
+    from ``first`` on.
+    """
+    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    _shade(boxes, models, placed, light, canvas.face, scratch, colour)
+    near, far, raw, faces = lens.planes[0], lens.planes[1], canvas.raw, canvas.face
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = faces[row, column]
+            if face >= 0:
+                depth[row, column] = depth_of(raw[row, column], near, far)
+                links[row, column] = first + models.body[models.part[face]]
+    _wipe(boxes, raw, faces)
+
+
+@compiled
+def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignore[no-untyped-def]
+    """Set the colours of the pixels in which triangles are seen."""
+    normals = np.empty((3, 3), np.float32)
+    last = colour.shape[0] - 1
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            face = faces[row, column]
+            if face < 0:
+                continue
+            part, corners = models.part[face], models.corners[face]
+            b0, b1, b2 = weights_at(
+                _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(last - row)
+            )
+            _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+            ambient, reflected = brightness(normals, b0, b1, b2, light)
+            for i in range(3):
+                own = np.float32(models.colour[part, i])
+                colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
+
+
+@compiled
+def _union(boxes):  # type: ignore[no-untyped-def]
+    """Return the smallest box around boxes."""
+    left, right, top, bottom = 1 << 30, -1, 1 << 30, -1
+    for number in range(len(boxes)):
+        if boxes[number, 1] >= boxes[number, 0]:
+            left, right = min(left, boxes[number, 0]), max(right, boxes[number, 1])
+            top, bottom = min(top, boxes[number, 2]), max(bottom, boxes[number, 3])
+    return left, right, top, bottom
+
+
+@compiled
+def _wipe(boxes, raw, faces):  # type: ignore[no-untyped-def]
+    """Make a canvas clean again."""
+    left, right, top, bottom = _union(boxes)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            faces[row, column] = -1
+            raw[row, column] = -np.inf
+
+
+@compiled
+def copy_rgb(colour, out):  # type: ignore[no-untyped-def]
+    """Copy red, green and blue of a picture (size, size, 4) to another (size, size, 3)."""
+    for row in range(colour.shape[0]):
+        for column in range(colour.shape[1]):
+            for i in range(3):
+                out[row, column, i] = colour[row, column, i]
+
+
+@compiled
+def _turn_normals(corners, normals, inverse, out):  # type: ignore[no-untyped-def]
+    """Set ``out`` (3, 3) to the normals of a triangle's corners in the world."""
+    for k in range(3):
+        normal = normals[corners[3 + k]]
+        for i in range(3):
+            out[k, i] = dot4(
+                inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3], normal[0], normal[1], normal[2], ZERO
+            )

@@ -1,0 +1,84 @@
+"""A stage: one home with its world, its robots and their eyes, kept for all episodes played in it."""
+
+from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.navigation.check import limits
+from chmarl_pb.navigation.free_space import space_of
+from chmarl_pb.robots.drone import Drone
+from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.sensing.scene_graph import SceneGraphs
+from chmarl_pb.sensing.vision import Sight
+from chmarl_pb.tasks.planner import Oracle
+from chmarl_pb.tasks.setting import Setting, set_up
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import Uncopied, World
+
+
+class Stage(Uncopied):
+    """One home, ready to play.
+
+    Attributes:
+        space: what the home offers.
+        world: the physics.
+        humanoid: the humanoid.
+        drone: the drone.
+        sight: what they see.
+        graphs: the scene graphs of what they see.
+        oracle: the privileged planner of this world.
+    """
+
+    def __init__(self, home: str):
+        """Load a home by name or path.
+
+        Raises:
+            HomeError: the home cannot be used.
+        """
+        self.home = load_home(home)
+        for problem in limits(self.home):
+            raise HomeError(f"{self.home.path}: {problem}")
+        self.space = space_of(self.home)
+        # Derive lattice and surfaces first: a home that robots cannot move in is refused before physics loads it.
+        self.rooms, _ = tuple(self.space.lattice.anchors), self.space.surfaces
+        self.room_names = tuple(self.home.rooms)
+        # Where each room of the home stands in ``rooms``; after the last if it is none of them.
+        self.room_numbers = [
+            self.rooms.index(room) if room in self.rooms else len(self.rooms) for room in self.home.rooms
+        ]
+        self.world = World(self.home)
+        try:
+            self.humanoid = Humanoid(self.world, self.space)
+            self.drone = Drone(self.world, self.space)
+            self.sight = Sight(self.world)
+            self.graphs = SceneGraphs(self.world, self.space, self.sight.names)
+            self.oracle = Oracle(self.world, self.space, self.sight)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def actions(self) -> dict[str, tuple[str, ...]]:
+        """Robot -> names of its actions, in the order of their numbers."""
+        return {"humanoid": self.humanoid.actions, "drone": self.drone.actions}
+
+    def begin(self, task: Task) -> Setting:
+        """Lay out a task and put the robots at their starts.
+
+        Raises:
+            TaskError: the home cannot hold the task.
+        """
+        setting = set_up(self.world, self.space, task)
+        self.humanoid.spawn(setting.humanoid)
+        self.drone.spawn(setting.drone)
+        return setting
+
+    def solve(self, task: Task) -> list[str]:
+        """Begin a task and return the planner's actions of the humanoid.
+
+        Raises:
+            TaskError: the task cannot be solved.
+        """
+        return self.oracle.plan(self.begin(task).goal)
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.world.close()

@@ -1,0 +1,78 @@
+"""Which task an episode plays: one that is named, one of a split, or one made up for a home."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from chmarl_pb.errors import TaskError
+from chmarl_pb.tasks.sampling import sample_task
+from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.splits import find_task, load_tasks
+from chmarl_pb.tasks.task import Task
+
+_DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
+
+
+class TaskSource:
+    """Draws tasks of a split; for a home outside the split, solvable tasks made up for that home."""
+
+    def __init__(self, split: str, home: str | Path | None):
+        """Remember where to draw from.
+
+        Args:
+            split: name of a split.
+            home: name or path of the only home to play in, or None for all of the split.
+        """
+        self._home = None if home is None else str(home)
+        self._tasks = [task for task in load_tasks(split) if self._home in (None, task.home)]
+
+    def named(self, task: Task | str) -> Task:
+        """Return a task given by itself or by its id.
+
+        Raises:
+            TaskError: there is no such task.
+        """
+        if isinstance(task, Task):
+            return task
+        if not isinstance(task, str):
+            raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
+        return find_task(task)
+
+    def draw(self, rng: np.random.Generator, stage_of: Callable[[str], Stage]) -> Task:
+        """Draw a task.
+
+        Args:
+            rng: source of randomness.
+            stage_of: the stage of a home, by its name or path.
+
+        Raises:
+            TaskError: the home offers no task that can be solved.
+        """
+        if self._tasks:
+            return self._tasks[rng.integers(len(self._tasks))]
+        assert self._home is not None
+        return draw_solvable(stage_of(self._home), self._home, rng)
+
+
+def draw_solvable(stage: Stage, home: str, rng: np.random.Generator, task_id: str | None = None) -> Task:
+    """Draw a task for a home until the planner solves one, and return it with its L*.
+
+    Args:
+        stage: of the home.
+        home: the home's name or path, as the task is to name it.
+        rng: source of randomness.
+        task_id: the task's id; made of the home's name and the task's seed if None.
+
+    Raises:
+        TaskError: no drawn task can be solved.
+    """
+    reason = ""
+    for _ in range(_DRAWS):
+        task = sample_task(stage.space, home, rng, task_id)
+        try:
+            return replace(task, optimal_steps=len(stage.solve(task)))
+        except TaskError as error:
+            reason = str(error)
+    raise TaskError(f"{stage.home.path}: none of {_DRAWS} drawn tasks can be solved; the last: {reason}")

@@ -1,0 +1,38 @@
+"""The storyboard: which scenes the video shows, in which order and for how long."""
+
+from dataclasses import dataclass
+
+from chmarl_pb.viewer.motion_player import Scene
+from chmarl_pb.viewer.record import Recording
+
+FRAME_RATE = 30  # frames a second, as the snapshots come
+SPEED = 2  # how much faster than life motions are shown
+_OPENING, _PAUSE, _ENDING = 45, 18, 75  # frames that the scene rests
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture of the video.
+
+    Attributes:
+        step: index of the moment that it belongs to.
+        done: whether the step is over, so that its result is known.
+        scene: what is drawn.
+        frames: number of frames that it stays.
+    """
+
+    step: int
+    done: bool
+    scene: Scene
+    frames: int = 1
+
+
+def storyboard(recording: Recording) -> list[Shot]:
+    """Return the shots of a recording: every step's motion, then a pause on its result."""
+    last = recording.steps
+    shots = []
+    for step, moment in enumerate(recording.moments):
+        shots += [Shot(step, False, scene) for scene in moment.motion[::SPEED]]
+        pause = _OPENING if step == 0 else _ENDING if step == last else _PAUSE
+        shots.append(Shot(step, True, moment.rest, pause))
+    return shots

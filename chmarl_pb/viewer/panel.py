@@ -1,0 +1,149 @@
+"""What stands around the pictures of a video frame: instruction, actions, potential, messages, feedback."""
+
+from chmarl_pb.viewer import wording
+from chmarl_pb.viewer.canvas import (
+    BAD,
+    CARD,
+    FAINT,
+    GOOD,
+    INK,
+    ITEM,
+    MUTED,
+    ROBOTS,
+    TARGET,
+    Canvas,
+    Colour,
+    width_of,
+    wrap,
+)
+from chmarl_pb.viewer.film import SPEED
+from chmarl_pb.viewer.record import Moment, Recording
+
+WIDTH, HEIGHT = 1280, 720
+COLUMNS = (24, 440, 856)  # left edges of the three columns in pixels
+COLUMN_WIDTH = 400
+PICTURE_TOP, PICTURE_HEIGHT = 100, 400
+_CARD_TOP, _CARD_BOTTOM = 516, 696
+_PAD = 18
+_HIGHEST = 10  # potential of a solved task
+_AMBER: Colour = (168, 104, 12)
+
+
+def draw_panel(recording: Recording, step: int, done: bool) -> Canvas:
+    """Draw everything but the pictures.
+
+    Args:
+        recording: the episode.
+        step: index of the moment.
+        done: whether the step is over; if not, potential and messages are those before it.
+    """
+    sheet = Canvas(WIDTH, HEIGHT)
+    now = recording.moments[step]
+    known = now if done else recording.moments[step - 1]
+    _header(sheet, recording, step, done)
+    _legend(sheet, recording)
+    for left, robot in zip(COLUMNS, ROBOTS, strict=False):
+        _robot_card(sheet, left, recording, now, known, robot)
+    _score_card(sheet, recording, known, now.reward if done and step else None)
+    return sheet
+
+
+def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
+    left, right = COLUMNS[0], COLUMNS[2] + COLUMN_WIDTH
+    _instruction(sheet, left, recording.instruction, right - left - 200)
+    finished = done and step == recording.steps
+    colour = (GOOD if recording.success else BAD) if finished else INK
+    words = f"Step {step} of {recording.steps}" if step else "Start"
+    if finished:
+        words = f"{'Solved' if recording.success else 'Not solved'} in {recording.steps} steps"
+    sheet.text(right, 42, words, 20, colour, "rs")
+    sheet.text(right, 62, f"shortest plan: {recording.task.optimal_steps}", 13, MUTED, "rs")
+    for x, robot in zip(COLUMNS, ROBOTS, strict=False):
+        sheet.disc(x + 5, 85, 5, ROBOTS[robot])
+        words = "Humanoid's view" if robot == "humanoid" else "Drone's view, straight down"
+        sheet.text(x + 17, 90, words, 14, MUTED)
+
+
+def _instruction(sheet: Canvas, x: float, words: str, width: float) -> None:
+    """Write the instruction as large as it fits into one line, or small in two."""
+    for size in (29, 26, 23):
+        if width_of(words, size) <= width:
+            sheet.text(x, 50, words, size)
+            return
+    for number, row in enumerate(wrap(words, 21, width, 2)):
+        sheet.text(x, 34 + 26 * number, row, 21)
+
+
+def _legend(sheet: Canvas, recording: Recording) -> None:
+    x: float = COLUMNS[2]
+    for letter, colour, words in (
+        ("X", ITEM, wording.item_words(recording.task)),
+        ("Y", TARGET, wording.target_words(recording.task)),
+    ):
+        sheet.disc(x + 8, 85, 8, colour)
+        sheet.text(x + 8, 85, letter, 11, CARD, "mm")
+        x += 22 + sheet.text(x + 22, 90, words, 14, MUTED) + 16
+    sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, f"shown at {SPEED}x speed", 12, MUTED, "rs")
+
+
+def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, known: Moment, robot: str) -> None:
+    sheet.box(left, _CARD_TOP, left + COLUMN_WIDTH, _CARD_BOTTOM, CARD, 10)
+    sheet.box(left, _CARD_TOP + 14, left + 4, _CARD_TOP + 52, ROBOTS[robot], 2)
+    x, width = left + _PAD, COLUMN_WIDTH - 2 * _PAD
+    sheet.text(x, _CARD_TOP + 26, wording.ROBOT_WORDS[robot], 13, MUTED)
+    action = now.actions.get(robot)
+    words = "Start" if action is None else wording.action_words(action, recording.task)
+    end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
+    if known is now and action is not None:
+        _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
+    told = now.feedback[robot] if known is now else ""
+    seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
+    lines = [(line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if told else 4)]
+    lines += [(line, _AMBER) for line in wrap(told, 14, width, 3)] if told else []
+    for number, (line, colour) in enumerate(lines):
+        sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, colour)
+
+
+def _verdict(sheet: Canvas, x: float, y: float, succeeded: bool) -> None:
+    """Draw a tick or a cross on a disc."""
+    sheet.disc(x, y, 9, GOOD if succeeded else BAD)
+    if succeeded:
+        sheet.line([(x - 4, y), (x - 1, y + 3.5), (x + 4.5, y - 3.5)], CARD, 2)
+    else:
+        sheet.line([(x - 3.5, y - 3.5), (x + 3.5, y + 3.5)], CARD, 2)
+        sheet.line([(x - 3.5, y + 3.5), (x + 3.5, y - 3.5)], CARD, 2)
+
+
+def _score_card(sheet: Canvas, recording: Recording, known: Moment, reward: float | None) -> None:
+    left, right = COLUMNS[2], COLUMNS[2] + COLUMN_WIDTH
+    sheet.box(left, _CARD_TOP, right, _CARD_BOTTOM, CARD, 10)
+    x, end = left + _PAD, right - _PAD
+    sheet.text(x, _CARD_TOP + 26, "Potential", 13, MUTED)
+    sheet.text(x + 64, _CARD_TOP + 26, f"{known.potential:g} of {_HIGHEST}", 15)
+    if reward is not None:
+        colour = GOOD if reward > 0 else BAD if reward < 0 else MUTED
+        sheet.text(end, _CARD_TOP + 26, f"reward {wording.reward_words(reward)}", 15, colour, "rs")
+    sheet.box(x, _CARD_TOP + 38, end, _CARD_TOP + 50, FAINT, 6)
+    if known.potential > 0:
+        full = max(12.0, (end - x) * known.potential / _HIGHEST)
+        sheet.box(x, _CARD_TOP + 38, x + full, _CARD_TOP + 50, GOOD, 6)
+    _lamps(sheet, recording, known, x, end)
+
+
+def _lamps(sheet: Canvas, recording: Recording, known: Moment, x: float, end: float) -> None:
+    """Draw a lamp for each room and each of X and Y, lit once it has been seen there."""
+    top, pitch = _CARD_TOP + 84, (end - x - 70) / len(recording.rooms)
+    sheet.text(x, top, "Seen in", 13, MUTED)
+    for number, room in enumerate(recording.rooms):
+        middle = x + 70 + (number + 0.5) * pitch
+        sheet.text(middle, top, wording.room_words(room), 12, MUTED, "ms")
+        for row, (letter, colour) in enumerate((("X", ITEM), ("Y", TARGET))):
+            y = top + 26 + 36 * row
+            lit = bool(known.messages[row, number])
+            sheet.disc(middle, y, 10, colour if lit else FAINT)
+            if lit:
+                sheet.text(middle, y, letter, 13, CARD, "mm")
+    for row, words in enumerate((wording.item_words(recording.task), wording.target_words(recording.task))):
+        lines = wrap(words, 13, 74, 2)
+        for number, line in enumerate(lines):
+            sheet.text(x, top + 31 + 36 * row - 7 * (len(lines) - 1) + 15 * number, line, 13)

@@ -1,0 +1,190 @@
+"""Play one task and note all that is worth showing."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.rollout import Episode, rollout
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.episode_file import EpisodeFile, Replayed
+from chmarl_pb.evaluation.provenance import home_hash
+from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.tasks.messages import Messages
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.viewer.motion_player import Scene, scene_during, scene_of
+
+_LENGTHS = range(6, 10)  # joint steps of an episode that is good to watch
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The state after one step, and the step itself; the first moment is the start, without actions.
+
+    Attributes:
+        actions: robot -> name of its action.
+        succeeded: robot -> whether its action did.
+        reward: shared reward of the step.
+        potential: phi after the step.
+        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen.
+        feedback: robot -> what it was told.
+        visible: robot -> names of the things that it sees.
+        motion: scenes of the driven step at 30 Hz.
+        rest: the scene after the step.
+    """
+
+    actions: dict[str, str]
+    succeeded: dict[str, bool]
+    reward: float
+    potential: float
+    messages: Messages
+    feedback: dict[str, str]
+    visible: dict[str, tuple[str, ...]]
+    motion: tuple[Scene, ...]
+    rest: Scene
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One episode, ready to be shown.
+
+    Attributes:
+        task: the task.
+        home: where it was played.
+        instruction: in plain English.
+        policy: name of the policy that drove the robots.
+        observation: what the policy observed, "visual" or "scene_graph".
+        rooms: rooms that have a message bit, in order.
+        targets: names of the receptacles Y.
+        moments: the start and every step.
+        success: whether X stands on Y at the end.
+    """
+
+    task: Task
+    home: Home
+    instruction: str
+    policy: str
+    observation: str
+    rooms: tuple[str, ...]
+    targets: tuple[str, ...]
+    moments: tuple[Moment, ...]
+    success: bool
+
+    @property
+    def steps(self) -> int:
+        """Number of joint steps."""
+        return len(self.moments) - 1
+
+
+@dataclass
+class _Witness:
+    """A policy that notes the world before each of another policy's decisions."""
+
+    env: HouseholdEnv
+    policy: Policy
+    on_step: Callable[[], None]
+    noted: list[tuple[tuple[Scene, ...], Scene, Messages]] = field(default_factory=list)
+
+    def reset(self, seed: int | None) -> None:
+        self.policy.reset(seed)
+        self.noted = []
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        self.note()
+        self.on_step()
+        return self.policy.act(observations, infos)
+
+    def note(self) -> None:
+        rest = scene_of(self.env.world)
+        motion = tuple(scene_during(snapshot, rest) for snapshot in self.env.snapshots)
+        self.noted.append((motion, rest, self.env.messages.copy()))
+
+
+def record(
+    task: Task, observation: str, policy: str = "planner", on_step: Callable[[], None] = lambda: None
+) -> Recording:
+    """Play a task with driven motions and note every step.
+
+    Args:
+        task: the task.
+        observation: "visual" or "scene_graph".
+        policy: "planner", "search" or "random".
+        on_step: called before every step.
+
+    Raises:
+        OptionError: the observation or the policy is unknown.
+        TaskError: the task cannot be set up.
+    """
+    env = HouseholdEnv(observation, home=task.home, execution="simulated")
+    return _recorded(env, task, lambda: make_policy(policy, env), policy, on_step)
+
+
+def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -> Recording:
+    """Play the actions of an episode file with driven motions and note every step; see :func:`record`.
+
+    Raises:
+        ResultError: the episode was played in another home, or goes another way than the file says.
+    """
+    if home_hash(file.task.home) != file.home_sha256:
+        raise ResultError(f"the home {file.task.home} is not the one that the episode was played in; save it again")
+    options = file.options | {"execution": "simulated"}
+    env = HouseholdEnv(home=file.task.home, **options)
+    recording = _recorded(env, file.task, lambda: Replayed(file.actions, env), file.policy, on_step)
+    if (recording.steps, recording.success) != (len(file.actions), file.success):
+        raise ResultError("the episode goes another way than its file says; `chmarl-pb episode replay` says where")
+    return recording
+
+
+def _recorded(
+    env: HouseholdEnv, task: Task, make: Callable[[], Policy], name: str, on_step: Callable[[], None]
+) -> Recording:
+    """Play one episode and close the environment."""
+    try:
+        witness = _Witness(env, make(), on_step)
+        episode = rollout(env, witness, seed=task.seed, task=task)
+        witness.note()
+        return Recording(
+            task, load_home(task.home), env.instruction, name, env.options.observation, env.rooms,
+            env.setting.goal.receptacles, _moments(env, episode, witness), episode.success,
+        )  # fmt: skip
+    finally:
+        env.close()
+
+
+def choose_task() -> Task:
+    """Return the first test-unseen task of moderate length that leads from one room into another."""
+    tasks = load_tasks("test-unseen")
+    return next((task for task in tasks if task.optimal_steps in _LENGTHS and _leads_on(task)), tasks[0])
+
+
+def _leads_on(task: Task) -> bool:
+    """Return whether no room has both a source and a target of the task."""
+    things = load_home(task.home).receptacles.values()
+    sources = {thing.room for thing in things if thing.class_name == task.source}
+    return sources.isdisjoint(thing.room for thing in things if thing.class_name == task.target)
+
+
+def _moments(env: HouseholdEnv, episode: Episode, witness: _Witness) -> tuple[Moment, ...]:
+    rewards = np.concatenate([[0.0], episode.rewards]).tolist()
+    chosen: list[dict[str, str]] = [{}]
+    chosen += [{name: env.action_names[name][number] for name, number in acts.items()} for acts in episode.actions]
+    return tuple(
+        Moment(
+            actions,
+            {name: infos[name]["action_success"] for name in AGENTS},
+            reward,
+            infos[AGENTS[0]]["potential"],
+            messages,
+            {name: infos[name]["feedback"] for name in AGENTS},
+            {name: infos[name]["visible"] for name in AGENTS},
+            motion,
+            rest,
+        )
+        for actions, reward, infos, (motion, rest, messages) in zip(
+            chosen, rewards, episode.infos, witness.noted, strict=True
+        )
+    )

@@ -1,0 +1,80 @@
+"""How the demo names things, rooms and actions."""
+
+from chmarl_pb import catalog
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.viewer.record import Moment, Recording
+
+#: Word for each robot.
+ROBOT_WORDS = {"humanoid": "Humanoid", "drone": "Drone"}
+
+_ACTIONS = {
+    "move_forward": "Move forward",
+    "move_backward": "Move backward",
+    "move_left": "Move left",
+    "move_right": "Move right",
+    "turn_left": "Turn left",
+    "turn_right": "Turn right",
+    "stay": "Stay",
+}
+
+
+def room_words(room: str) -> str:
+    """Return a room's name: ``livingroom`` -> ``living room``, ``bedroom_2`` -> ``bedroom 2``."""
+    return room.replace("livingroom", "living room").replace("_", " ")
+
+
+def action_words(action: str, task: Task) -> str:
+    """Return an action as a command: ``goto_livingroom`` -> ``Go to the living room``."""
+    if action.startswith("goto_"):
+        return f"Go to the {room_words(action.removeprefix('goto_'))}"
+    if action == "pick":
+        return f"Pick up the {item_words(task)}"
+    if action == "place":
+        return f"Place it on the {target_words(task)}"
+    return _ACTIONS[action]
+
+
+def short_action_words(action: str) -> str:
+    """Return an action in few words: ``goto_livingroom`` -> ``go to living room``, ``turn_left`` -> ``turn left``."""
+    if action.startswith("goto_"):
+        return f"go to {room_words(action.removeprefix('goto_'))}"
+    return action.replace("_", " ")
+
+
+def item_words(task: Task) -> str:
+    """Return the noun of X."""
+    return catalog.GRASPABLES[task.graspable].noun
+
+
+def target_words(task: Task) -> str:
+    """Return the noun of Y."""
+    return catalog.RECEPTACLES[task.target].noun
+
+
+def thing_words(name: str) -> str:
+    """Return a thing's noun: ``kitchen/stove_1`` -> ``stove``."""
+    return catalog.CLASSES[catalog.class_of(name)].noun
+
+
+def seen_words(moment: Moment, robot: str) -> list[str]:
+    """Return the nouns of what a robot sees, each once, in the order of the scene graph."""
+    return list(dict.fromkeys(thing_words(name) for name in moment.visible[robot]))
+
+
+def reward_words(reward: float) -> str:
+    """Return a reward with its sign, and 0 without one."""
+    return f"{reward:+g}" if reward else "0"
+
+
+def known_rooms(recording: Recording, moment: Moment, row: int) -> list[str]:
+    """Return the rooms known for X (row 0) or Y (row 1)."""
+    known = zip(recording.rooms, moment.messages[row], strict=True)
+    return [room_words(room) for room, bit in known if bit]
+
+
+def result_words(recording: Recording) -> str:
+    """Return how the episode ended, in one sentence."""
+    steps = f"{recording.steps} step{'s' if recording.steps != 1 else ''}"
+    if recording.success:
+        return f"Solved in {steps}; the shortest plan has {recording.task.optimal_steps}."
+    return f"Not solved within {steps}; the shortest plan has {recording.task.optimal_steps}."

@@ -1,0 +1,116 @@
+"""Arguments are checked before work begins: one message, and nothing before it, no progress bar above all."""
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import chmarl_pb
+from chmarl_pb.cli import main
+from chmarl_pb.errors import OptionError
+from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.progress import LateProgress
+
+
+def refuses(env: chmarl_pb.HouseholdEnv) -> Policy:
+    """A policy that was made for something else, as a checkpoint may be."""
+    raise OptionError("a policy for pictures; use --observation visual")
+
+
+TASK = ("--task", "val-unseen-000")
+PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((*PLAY, "random", "--workers", "0"), "workers=0: use at least 1"),
+        ((*PLAY, "random", "--seeds", "0"), "seeds=[]"),
+        ((*PLAY, "random", "--max-steps", "0"), "max_steps"),
+        (("evaluate", "--policy", "random", "--split", "nowhere"), "nowhere"),
+        (("evaluate", "--policy", "random", "--task", "nothing"), "nothing"),
+        ((*PLAY, "guess"), "unknown policy 'guess'"),
+        ((*PLAY, "best.pt"), "best.pt: no such file"),
+        ((*PLAY, "best.onnx"), "best.onnx: no such file"),
+        ((*PLAY, "out/best"), "out/best: no such file"),
+        ((*PLAY, "./guess"), "./guess: no such file"),
+        ((*PLAY, "no_such_module:make"), "no_such_module"),
+        ((*PLAY, "tests.cli.test_arguments:refuses", "--seeds", "2"), "a policy for pictures"),
+        ((*PLAY, "tests.cli.test_arguments:refuses", "--workers", "1"), "a policy for pictures"),
+        (("baselines", "--workers", "0"), "workers=0"),
+        (("baselines", "--seeds", "0"), "seeds=[]"),
+        (("baselines", "--split", "val-unseen", "--split", "nowhere"), "nowhere"),
+        (("dataset", "generate", "--workers", "0"), "workers=0"),
+        (("dataset", "generate", "--limit", "0"), "limit 0"),
+        (("dataset", "generate", "--noise", "2"), "noise 2.0"),
+        (("dataset", "generate", "--split", "val-unseen", "--split", "nowhere"), "nowhere"),
+        (("dataset", "verify", "--workers", "0"), "workers=0"),
+        (("dataset", "verify", "--split", "nowhere"), "nowhere"),
+        (("tasks", "build", "--out", "tasks", "--workers", "0"), "workers=0"),
+        (("cache", "--fill", "home_1", "--workers", "0"), "workers=0"),
+        (("cache", "--fill", "home_0"), "home_0"),
+        (("bench", "--runs", "0"), "runs=0"),
+        (("bench", "--only", "nothing"), "nothing"),
+        (("demo", "--task", "nothing"), "nothing"),
+        (("episode", "save", *TASK, "--out", "episode.json", "--policy", "out/best.pt"), "out/best.pt: no such file"),
+        (("episode", "save", *TASK, "--out", "episode.json", "--seed", "-1"), "-1"),
+        (("episode", "save", "--task", "nothing", "--out", "episode.json"), "nothing"),
+        (("episode", "show", "episode.json"), "episode.json"),
+        (("report", "result.json"), "result.json"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_what_is_wrong_is_all_that_is_said(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "data"))
+    assert main(words) == 2
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert said.out == "" and line.startswith("chmarl-pb: ") and message in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bar_is_shown_with_the_first_progress() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True)
+    with LateProgress(console=console) as bar:
+        row = bar.add_task("playing", total=2)
+        assert console.file.getvalue() == ""
+        bar.update(row, completed=0)
+        assert "playing" in console.file.getvalue()
+
+
+def test_a_callable_is_not_taken_for_a_file() -> None:
+    assert find_policy("tests.cli.test_arguments:refuses").make.__name__ == refuses.__name__
+
+
+@pytest.mark.parametrize(
+    ("module", "words", "message"),
+    [
+        ("pretrain", ("--out", "."), "is a folder"),
+        ("pretrain", ("--figures", "."), "is a folder"),
+        ("pretrain", ("--workers", "0"), "--workers 0"),
+        ("ours", ("--episodes", "0"), "--episodes 0"),
+        ("ours", ("--imitation-episodes", "0"), "--imitation-episodes 0"),
+        ("proofs", ("--out", "."), "is a folder"),
+        ("table", ("--jobs", "0"), "--jobs 0"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_so_do_the_commands_of_training(
+    module: str, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    command = pytest.importorskip(f"training.{module}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        command.main(list(words))
+    said = capsys.readouterr()
+    assert ended.value.code == 2 and said.out == "" and message in said.err.splitlines()[-1] and "━" not in said.err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,94 @@
+"""`chmarl-pb cache`: the view store is shown, cleared and filled."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from chmarl_pb.cli import main
+from chmarl_pb.homes.home import Home
+from chmarl_pb.rendering.home_views import HomeViews
+from chmarl_pb.rendering.view_store import view_store
+from chmarl_pb.sensing import view_filling as fill
+from tests.helpers.stored_views import SIZE, looks, used
+
+
+def test_the_command_shows_and_clears(folder: Path, home: Home, capsys: pytest.CaptureFixture[str]) -> None:
+    looks(home)
+    assert main(["cache"]) == 0
+    shown = capsys.readouterr().out
+    assert str(folder) in shown and "4 files" in shown and "small_humanoid_24" in shown
+    assert main(["cache", "--clear"]) == 0
+    assert list(folder.iterdir()) == []
+    assert main(["cache"]) == 0
+    assert "0 files" in capsys.readouterr().out
+
+
+@pytest.fixture
+def seen_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the views in which visibility is decided be small, to be drawn fast."""
+    monkeypatch.setattr(fill, "SIGHT_SIZE", SIZE)
+
+
+def fill_command(home: Home, *more: str) -> int:
+    return main(["cache", "--fill", str(home.path), "--size", str(SIZE), "--workers", "1", *more])
+
+
+@pytest.mark.usefixtures("seen_small")
+def test_filling_draws_each_view_once(
+    folder: Path, home: Home, draws: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fill_command(home) == 0
+    count = sum(file.poses for file in view_store().files)
+    assert len(draws) == count > 2000 and set(draws) == {SIZE}
+    assert f"{used(folder) / 2**20:,.1f} MB" in capsys.readouterr().out
+    draws.clear()
+    assert fill_command(home) == 0
+    assert "0 are missing" in capsys.readouterr().out
+    HomeViews(home).look("drone", 5, SIZE)
+    assert not draws
+
+
+@pytest.mark.usefixtures("seen_small", "folder")
+def test_filling_goes_on_after_an_interruption(home: Home, draws: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    look, missing = HomeViews.look, fill.Filling([str(home.path)], SIZE).missing
+    draws.clear()
+
+    def interrupted(views: HomeViews, *place: object) -> object:
+        if len(draws) == 300:
+            raise KeyboardInterrupt
+        return look(views, *place)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(HomeViews, "look", interrupted)
+        assert fill_command(home) == 130
+    assert fill.Filling([str(home.path)], SIZE).missing == missing - 300
+
+
+@pytest.mark.usefixtures("seen_small", "folder")
+def test_several_processes_fill_the_store(home: Home) -> None:
+    filling = fill.Filling([str(home.path)], SIZE)
+    jobs, before = filling.jobs()[:3], filling.missing
+    assert sum(fill.draw(jobs, workers=2)) == sum(len(job.poses) for job in jobs) == before - filling.missing
+
+
+@pytest.mark.usefixtures("seen_small")
+def test_filling_says_before_it_starts_that_there_is_no_room(
+    folder: Path, home: Home, monkeypatch: pytest.MonkeyPatch, draws: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CHMARL_CACHE_LIMIT", "10")
+    assert fill_command(home) == 2
+    assert "set CHMARL_CACHE_LIMIT=21 or more" in capsys.readouterr().err
+    monkeypatch.setenv("CHMARL_CACHE_LIMIT", "21")
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=2**20))
+    assert fill_command(home) == 2
+    assert "the disk has 1 MB left" in capsys.readouterr().err
+    assert len(draws) <= 2
+    monkeypatch.setenv("CHMARL_CACHE", "off")
+    assert fill_command(home) == 2
+
+
+@pytest.mark.parametrize("wrong", [("--workers", "0"), ("--size", "8")])
+def test_filling_refuses_wrong_numbers(folder: Path, home: Home, wrong: tuple[str, str]) -> None:
+    assert fill_command(home, *wrong) == 2
+    assert not folder.exists()

@@ -1,0 +1,222 @@
+"""Bad input to environments: one clear error, and nothing half done."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet
+import pytest
+
+import chmarl_pb
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.errors import ActionError, ChmarlError, HomeError, NotResetError, OptionError, TaskError
+from chmarl_pb.tasks.task import Task
+from tests.helpers.playing import STAY, digest, everything
+
+# Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+# Bad input
+
+
+def test_every_error_is_one_of_ours() -> None:
+    for error in (ActionError, HomeError, NotResetError, OptionError, TaskError):
+        assert issubclass(error, ChmarlError)
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"observation": "graph"}, "observation='graph'"),
+        ({"split": "test"}, "split='test'"),
+        ({"execution": "fast"}, "execution='fast'"),
+        ({"render_mode": "ansi"}, "render_mode='ansi'"),
+        ({"messages": "yes"}, "messages='yes'"),
+        ({"messages": None}, "messages=None"),
+        ({"feedback": "loud"}, "feedback='loud'"),
+        ({"max_steps": 0}, "max_steps=0"),
+        ({"max_steps": 2.5}, "max_steps=2.5"),
+        ({"max_steps": True}, "max_steps=True"),
+        ({"image_size": 8}, "image_size=8"),
+        ({"image_size": "128"}, "image_size='128'"),
+        ({"split": ["train"]}, "split="),
+    ],
+    ids=str,
+)
+def test_unknown_option_values(options: dict[str, Any], word: str) -> None:
+    with pytest.raises(OptionError, match=word):
+        HouseholdEnv(**options)
+
+
+def test_unknown_option_names(make: Callable[..., Any]) -> None:
+    with pytest.raises(TypeError, match="colour"):
+        chmarl_pb.parallel_env(colour="red")
+    with pytest.raises(TypeError, match="flat_actions"):
+        make("CHMARL/SceneGraphHumanoid-v0", flat_actions=True)
+    with pytest.raises(OptionError, match="flat_actions='yes'"):
+        make("CHMARL/SceneGraph-v0", flat_actions="yes")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "7", True])
+def test_bad_seeds(make: Callable[..., Any], env: HouseholdEnv, seed: Any) -> None:
+    with pytest.raises(OptionError, match="seed="):
+        env.reset(seed=seed)
+    for env_id in ("CHMARL/SceneGraph-v0", "CHMARL/SceneGraphHumanoid-v0"):
+        with pytest.raises(OptionError, match="seed="):
+            make(env_id).unwrapped.reset(seed=seed)
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["first robot", "second robot"])
+def test_a_wrong_action_of_the_aec_view_is_refused_at_its_turn(first: bool) -> None:
+    aec = chmarl_pb.env(split="val-unseen")
+    aec.reset(seed=0)
+    if not first:
+        aec.step(STAY["humanoid"])
+    robot = aec.agent_selection
+    for wrong in (99, None, "stay"):
+        with pytest.raises(ActionError, match=robot):
+            aec.step(wrong)
+        assert aec.agent_selection == robot and aec.unwrapped.steps == 0
+    for name in (["humanoid"] if first else []) + ["drone"]:
+        aec.step(STAY[name])
+    assert aec.unwrapped.steps == 1
+    aec.close()
+
+
+def test_options_that_are_no_dict(env: HouseholdEnv) -> None:
+    with pytest.raises(OptionError, match="not a dict"):
+        env.reset(options="train-0001")  # type: ignore[arg-type]
+
+
+def test_rollout_plays_in_nothing_else(make: Callable[..., Any]) -> None:
+    with pytest.raises(OptionError, match="parallel_env"):
+        chmarl_pb.rollout(make("CHMARL/SceneGraph-v0"), policy=None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("home", ["home_99", "/nowhere/home.urdf", 7])
+def test_unknown_home(home: Any) -> None:
+    with pytest.raises(HomeError, match="no such home"):
+        HouseholdEnv(home=home)
+
+
+def test_unknown_tasks(env: HouseholdEnv) -> None:
+    for task, words in (("train-99999", "unknown task"), (3, "int"), (None, "NoneType")):
+        with pytest.raises(TaskError, match=words):
+            env.reset(options={"task": task})
+    with pytest.raises(HomeError, match="home_99"):
+        env.reset(options={"task": Task("t", "home_99", "mug", "bed", "desk", 0)})
+
+
+def test_a_reset_that_fails_leaves_no_half_episode(env: HouseholdEnv) -> None:
+    env.reset(seed=0)
+    with pytest.raises(TaskError, match="home_4 has no desk"):
+        env.reset(options={"task": Task("t", "home_4", "mug", "bed", "desk", 0)})
+    with pytest.raises(NotResetError):
+        env.step(STAY)
+    env.reset(seed=0)
+    env.step(STAY)
+
+
+BAD_ACTIONS: list[Any] = [
+    -1, 10, 10**30, 1.0, 1.5, float("nan"), "1", None, True, [1, 2], np.array([1.0]), np.float32(2), object,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("action", BAD_ACTIONS, ids=repr)
+def test_bad_actions(env: HouseholdEnv, action: Any) -> None:
+    env.reset(seed=0)
+    before = everything(env)
+    with pytest.raises(ActionError, match=r"humanoid.*whole number from 0 to 9"):
+        env.step({"humanoid": action, "drone": 0})
+    assert everything(env) == before and env.steps == 0
+    env.step(STAY)
+
+
+@pytest.mark.parametrize(
+    "actions", [{}, {"humanoid": 0}, {**STAY, "cat": 1}, None, 3, [0, 0], {0: 1, "drone": 2}], ids=repr
+)
+def test_missing_actions(env: HouseholdEnv, actions: Any) -> None:
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="each of"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize("action", [1, [1], [1, 2, 3], [10, 0], [0, 9], [0.5, 1], None, [[1], [2, 3]], "ab", [-1, 0]])
+def test_bad_joint_actions(make: Callable[..., Any], action: Any) -> None:
+    env = make("CHMARL/SceneGraph-v0", disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ActionError):
+        env.step(action)
+
+
+@pytest.mark.parametrize("action", [90, -1, 0.5, None, [1, 2], True])
+def test_bad_flat_actions(make: Callable[..., Any], action: Any) -> None:
+    env = make("CHMARL/SceneGraph-v0", flat_actions=True, disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="0 to 89"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint8, np.int32, lambda n: np.array(n), lambda n: np.array([n])])
+def test_numpy_integers_are_actions(env: HouseholdEnv, kind: Callable[[int], Any]) -> None:
+    env.reset(seed=0)
+    env.step({name: kind(number) for name, number in STAY.items()})
+
+
+def test_a_refused_action_leaves_the_drones_search_as_it_was(make: Callable[..., Any]) -> None:
+    first, second = (make("CHMARL/SceneGraphHumanoid-v0").unwrapped for _ in range(2))
+    for env in (first, second):
+        env.reset(seed=2)
+    for _ in range(10):
+        with pytest.raises(ActionError):
+            first.step(99)
+        assert digest(*first.step(7)) == digest(*second.step(7))
+
+
+def test_order_of_calls(make: Callable[..., Any]) -> None:
+    env = HouseholdEnv(max_steps=1, render_mode="rgb_array")
+    for call in (lambda: env.step(STAY), env.state, env.render):
+        with pytest.raises(NotResetError, match=r"reset\(\)"):
+            call()
+    env.reset(seed=0)
+    env.step(STAY)
+    with pytest.raises(NotResetError, match=r"reset\(\)"):
+        env.step(STAY)
+    env.close()
+    env.close()
+    with pytest.raises(NotResetError):
+        env.step(STAY)
+    for env_id in ENV_IDS[::2]:
+        view = make(env_id).unwrapped
+        with pytest.raises(NotResetError, match=r"reset\(\)"):
+            view.step([0, 0] if "Humanoid" not in env_id else 0)
+        view.close()
+        view.close()
+
+
+def test_render_without_a_mode(env: HouseholdEnv) -> None:
+    env.reset(seed=0)
+    with pytest.raises(OptionError, match="render_mode"):
+        env.render()
+
+
+def test_closing_frees_the_clients() -> None:
+    def clients() -> int:
+        return sum(pybullet.isConnected(number) for number in range(200))
+
+    HouseholdEnv("visual", image_size=32).close()
+    before = clients()
+    for _ in range(3):
+        env = HouseholdEnv()
+        env.reset(seed=1)
+        assert clients() > before
+        env.close()
+    assert clients() == before
+
+
+def test_a_home_with_other_rooms_is_refused_in_a_running_environment(env: HouseholdEnv, small_home: Path) -> None:
+    with pytest.raises(HomeError, match="environment of its own"):
+        env.reset(options={"task": Task("t", str(small_home), "mug", "desk", "sofa", 0)})

@@ -1,0 +1,201 @@
+"""Vectors of environments: the same as single ones, in this process or in several."""
+
+import pickle
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+
+import chmarl_pb
+from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.envs.vector.env import vector_env
+from chmarl_pb.errors import ActionError, NotResetError, OptionError
+from tests.helpers.toy_env import ToyEnv
+from tests.helpers.toy_vectors import COUNT, EVERYWHERE, actions, same, tame_toy
+
+
+@pytest.fixture
+def make() -> Iterator[Callable[..., Any]]:
+    """A function that makes vectors of toys and closes them."""
+    made = []
+
+    def make(count: int = COUNT, workers: int = 2, env: Any = ToyEnv, **options: Any) -> Any:
+        made.append(vector_env(count, env, workers, **options))
+        return made[-1]
+
+    yield make
+    for env in made:
+        env.close()
+
+
+@EVERYWHERE
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_equals_gymnasium(make: Callable[..., Any], workers: int, mode: AutoresetMode) -> None:
+    ours, theirs = make(workers=workers, autoreset_mode=mode), SyncVectorEnv([ToyEnv] * COUNT, autoreset_mode=mode)
+    assert ours.metadata == theirs.metadata
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    rng = np.random.default_rng(0)
+    assert same(ours.reset(seed=7), theirs.reset(seed=7))
+    for _ in range(30):
+        chosen = actions(rng)
+        result = theirs.step(chosen)
+        assert same(ours.step(chosen), result)
+        over = result[2] | result[3]
+        if mode is AutoresetMode.DISABLED and over.any():
+            first, second = ({"reset_mask": over.copy(), "steps": 3} for _ in range(2))
+            assert same(ours.reset(options=first), theirs.reset(options=second))
+    seeds = [3, None, 5, None, 0]
+    assert same(ours.reset(seed=seeds)[0]["self"][::2], theirs.reset(seed=seeds)[0]["self"][::2])
+
+
+def flat_toy() -> gymnasium.Env:
+    """A toy whose observations are arrays and whose actions are numbers."""
+    env = gymnasium.wrappers.FlattenObservation(tame_toy())
+    return gymnasium.wrappers.TransformAction(env, lambda action: divmod(action, 2), gymnasium.spaces.Discrete(6))
+
+
+@EVERYWHERE
+def test_plain_arrays_and_numbers(make: Callable[..., Any], workers: int) -> None:
+    ours, theirs = make(workers=workers, env=flat_toy), SyncVectorEnv([flat_toy] * COUNT)
+    assert same(ours.reset(seed=1), theirs.reset(seed=1))
+    for chosen in np.random.default_rng(0).integers(0, 6, (9, COUNT)):
+        assert same(ours.step(chosen), theirs.step(chosen))
+
+
+def test_ragged_observations_are_refused() -> None:
+    with pytest.raises(OptionError, match="is not an array"):
+        vector_env(1, ragged_toy, 0)
+
+
+def ragged_toy() -> gymnasium.Env:
+    env = ToyEnv()
+    env.observation_space = gymnasium.spaces.Text(5)
+    return env
+
+
+@EVERYWHERE
+def test_results_are_the_callers(make: Callable[..., Any], workers: int) -> None:
+    env = make(workers=workers)
+    observations, infos = env.reset(seed=0)
+    kept = pickle.loads(pickle.dumps((observations, infos)))
+    env.step(actions(np.random.default_rng(0)))
+    assert same((observations, infos), kept)
+    infos["robot"]["name"][:] = "x"
+    assert "x" not in env.reset(seed=0)[1]["robot"]["name"]
+
+
+def test_without_copies_the_memory_itself_is_returned(make: Callable[..., Any]) -> None:
+    env = make(copy=False, workers=0)
+    observations, _ = env.reset(seed=0)
+    again = env.step(actions(np.random.default_rng(0)))[0]
+    assert np.shares_memory(observations["picture"], again["picture"])
+
+
+@EVERYWHERE
+def test_attributes(make: Callable[..., Any], workers: int) -> None:
+    env = make(workers=workers)
+    env.reset(seed=10)
+    assert env.call("whoami", greeting="seed ") == tuple(f"seed {10 + number}" for number in range(COUNT))
+    env.set_attr("mood", ["a", "b", "c", "d", "e"])
+    assert env.get_attr("mood") == ("a", "b", "c", "d", "e")
+    env.set_attr("mood", "glad")
+    assert env.get_attr("mood") == ("glad",) * COUNT
+    assert [picture.shape for picture in env.render()] == [(8, 8, 3)] * COUNT
+    with pytest.raises(AttributeError):
+        env.get_attr("nothing")
+    env.step(actions(np.random.default_rng(0)))  # a wrong name has not done any harm
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.zeros(2, int), np.zeros((COUNT, 3), int), np.zeros((COUNT, 2)), "go", [[0, 0]] * (COUNT - 1) + [[0]]]
+)
+def test_wrong_actions_are_refused(make: Callable[..., Any], wrong: Any) -> None:
+    env = make(workers=0)
+    env.reset(seed=0)
+    with pytest.raises(ActionError):
+        env.step(wrong)
+    env.step(np.zeros((COUNT, 2), np.int8))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"n": 0}, {"n": 1.5}, {"workers": -1}, {"workers": True}, {"autoreset_mode": "sometimes"}, {"split": "train"}],
+)
+def test_wrong_arguments_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(OptionError):
+        vector_env(**{"n": 2, "env_id": ToyEnv, **wrong})
+
+
+def test_wrong_resets_are_refused(make: Callable[..., Any]) -> None:
+    env = make(workers=0)
+    for wrong in ({"seed": [1, 2]}, {"options": {"reset_mask": [True] * COUNT}}):
+        with pytest.raises(OptionError):
+            env.reset(**wrong)
+    with pytest.raises(OptionError):
+        env.reset(options={"reset_mask": np.zeros(COUNT, bool)})
+
+
+OPTIONS = {"home": "home_6", "split": "val-unseen", "max_steps": 4}
+
+
+@pytest.fixture(scope="module")
+def homes() -> Iterator[VectorEnv]:
+    """Three real environments in two workers, as ``gymnasium.make_vec`` makes them."""
+    made = gymnasium.make_vec("CHMARL/SceneGraph-v0", 3, "vector_entry_point", workers=2, **OPTIONS)
+    yield made
+    made.close()
+
+
+def test_vector_of_homes_equals_single_ones(homes: VectorEnv) -> None:
+    single = gymnasium.make("CHMARL/SceneGraph-v0", **OPTIONS)
+    rng = np.random.default_rng(0)
+    chosen = rng.integers(0, (10, 9), (9, 3, 2))
+    results = [homes.reset(seed=20)] + [homes.step(each) for each in chosen]
+    for number in range(3):
+        observation, info = single.reset(seed=20 + number)
+        over = False
+        assert same({key: value[number] for key, value in results[0][0].items()}, observation)
+        assert results[0][1]["drone"]["task_id"][number] == info["drone"]["task_id"]
+        for each, (observations, rewards, terminated, truncated, infos) in zip(chosen, results[1:], strict=True):
+            if over:
+                observation, info = single.reset()
+                reward, over = 0.0, False
+            else:
+                observation, reward, done, cut, info = single.step(each[number])
+                over = done or cut
+                assert (done, cut) == (terminated[number], truncated[number])
+            assert same({key: value[number] for key, value in observations.items()}, observation)
+            assert rewards[number] == reward
+            assert infos["humanoid"]["visible"][number] == info["humanoid"]["visible"]
+            assert infos["is_success"][number] == info["is_success"]
+    single.close()
+
+
+def test_task_and_errors_pass_through(homes: VectorEnv) -> None:
+    task = next(task for task in chmarl_pb.load_tasks("val-unseen") if task.home == "home_6")
+    _, infos = homes.reset(options={"task": task})
+    assert list(infos["humanoid"]["task_id"]) == [task.id] * 3
+    assert homes.spec is not None
+    assert homes.spec.id == "CHMARL/SceneGraph-v0"
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_make_vec_finds_every_id(env_id: str) -> None:
+    made = gymnasium.make_vec(env_id, 1, image_size=32, **OPTIONS)
+    single = made._engine._batch.envs[0]
+    assert single.spec.id == env_id
+    made.reset(seed=0)
+    assert made.observation_space.contains(made.reset()[0])
+    made.close()
+
+
+def test_a_step_too_many_without_autoreset(make: Callable[..., Any]) -> None:
+    env = make(1, 0, "CHMARL/SceneGraph-v0", autoreset_mode="Disabled", **{**OPTIONS, "max_steps": 1})
+    env.reset(seed=0)
+    env.step([[9, 8]])
+    with pytest.raises(NotResetError):
+        env.step([[9, 8]])

@@ -1,0 +1,135 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chmarl_pb.cli import main
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.episode_file import EpisodeFile, load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.viewer.record import record_file
+
+TASK = load_tasks("test-unseen")[0]
+
+
+@pytest.fixture(scope="module")
+def episode() -> EpisodeFile:
+    env = HouseholdEnv(home=TASK.home, max_steps=20, messages=False)
+    file = record_episode(env, make_policy("random", env), "random", 5, TASK)
+    env.close()
+    return file
+
+
+def test_an_episode_survives_its_file(tmp_path: Path, episode: EpisodeFile) -> None:
+    path = tmp_path / "deep" / "episode.json"
+    save_episode(episode, path)
+    assert load_episode(path) == episode
+    assert path.stat().st_size < 8000
+    assert [entry.name for entry in path.parent.iterdir()] == ["episode.json"]
+    assert (len(episode.states), episode.options["max_steps"], episode.options["messages"]) == (21, 20, False)
+
+
+def test_replay_is_the_same(episode: EpisodeFile) -> None:
+    assert replay_episode(episode) is None
+
+
+def test_replay_after_other_episodes_is_the_same(env: HouseholdEnv) -> None:
+    """The planner's episode in a long-used environment equals its replay in a fresh one."""
+    policy = make_policy("planner", env)
+    for task in load_tasks("test-unseen")[:3]:
+        file = record_episode(env, policy, "planner", 0, task)
+    assert file.success and replay_episode(file) is None
+
+
+def test_an_episode_can_be_shown(episode: EpisodeFile) -> None:
+    """The demo plays the actions with driven motions; they end in the same way, also where the episode was cut."""
+    recording = record_file(episode)
+    assert (recording.steps, recording.success, recording.policy) == (20, episode.success, "random")
+    assert [moment.reward for moment in recording.moments[1:]] == list(episode.rewards)
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "words"),
+    [
+        ("states", lambda states: ["0" * 64, *states[1:]], "at the start"),
+        ("states", lambda states: [*states[:3], "0" * 64, *states[4:]], "after step 3 "),
+        ("rewards", lambda rewards: [*rewards[:-1], 7.0], "reward of step 20 "),
+        ("success", lambda success: not success, "does not end in the same way"),
+        ("home_sha256", lambda value: "0" * 64, "home_7 is not the one"),
+    ],
+)
+def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, part: str, change, words: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "episode.json"
+    save_episode(episode, path)
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps({**data, part: change(data[part])}))
+    difference = replay_episode(load_episode(path))
+    assert difference is not None and words in difference
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: {**data, "format": "other"},
+        lambda data: {**data, "actions": data["actions"][:-1]},
+        lambda data: {**data, "actions": [[1]] * len(data["actions"])},
+        lambda data: {**data, "options": {}},
+        lambda data: {**data, "seed": -1},
+        lambda data: {**data, "seed": "0"},
+        lambda data: {**data, "more": 1},
+        lambda data: {**data, "task": {"id": "x"}},
+        lambda data: [],
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, episode: EpisodeFile, change) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "episode.json"
+    save_episode(episode, path)
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+    with pytest.raises(ResultError, match=r"episode\.json"):
+        load_episode(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"\xff\xfe", None])
+def test_files_that_are_none_are_refused(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "episode.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ResultError, match=r"episode\.json"):
+        load_episode(path)
+
+
+def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "episode.json"
+    assert main(["episode", "save", "--policy", "search", "--task", TASK.id, "--out", str(path)]) == 0
+    assert main(["episode", "replay", str(path)]) == 0
+    assert "are the same" in capsys.readouterr().out
+    file = load_episode(path)
+    states = json.dumps(list(file.states)).replace(file.states[1], "0" * 64)
+    path.write_text(path.read_text().replace(json.dumps(list(file.states)), states))
+    assert main(["episode", "replay", str(path)]) == 1
+    assert "after step 1 " in capsys.readouterr().err
+    assert main(["episode", "replay", str(tmp_path / "none.json")]) == 2
+    assert main(["episode", "save", "--task", TASK.id, "--seed", "-1", "--out", str(tmp_path / "other.json")]) == 2
+    assert not (tmp_path / "other.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"home_sha256": "0" * 64}, "not the one"),
+        ({"success": "other"}, "another way"),
+        ({"actions": "cut"}, "another"),
+    ],
+    ids=["home", "ending", "length"],
+)
+def test_what_a_file_does_not_say_is_not_shown(episode: EpisodeFile, change: dict[str, Any], words: str) -> None:
+    if change == {"actions": "cut"}:
+        change = {"actions": episode.actions[:-1], "rewards": episode.rewards[:-1], "states": episode.states[:-1]}
+    elif change == {"success": "other"}:
+        change = {"success": not episode.success}
+    with pytest.raises(ResultError, match=words):
+        record_file(replace(episode, **change))

@@ -1,0 +1,468 @@
+import json
+import re
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chmarl_pb.cli import main
+from chmarl_pb.cli.baselines import success_within
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import OptionError, ResultError, TaskError
+from chmarl_pb.evaluation import cooperation as accounting
+from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, read_reference, reference_json
+from chmarl_pb.evaluation.ledger import Ledger
+from chmarl_pb.evaluation.metrics import Played, bootstrap_interval, path_weighted, summarize, summarize_by
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.result import Report, load_result
+from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
+from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.registry import BUILT_IN, make_policy
+from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.task import Task
+
+TASKS = load_tasks("test-unseen")[:3]
+MAX_STEPS = 12
+
+
+def staying(env: HouseholdEnv) -> Policy:
+    """Return a policy that does nothing."""
+
+    class Staying:
+        def reset(self, seed: int | None) -> None:
+            pass
+
+        def act(self, observations: dict, infos: dict) -> dict[str, int]:
+            return {name: names.index("stay") for name, names in env.action_names.items()}
+
+    return Staying()
+
+
+staying.deterministic = True  # type: ignore[attr-defined]
+
+
+def task(number: int, optimal_steps: int, home: str = "home_1") -> Task:
+    return Task(f"t-{number:03d}", home, "mug", "desk", "sofa", number, optimal_steps)
+
+
+def played(number: int, optimal: int, steps: int, success: bool = True, seed: int = 0, home: str = "home_1") -> Played:
+    return Played(task(number, optimal, home), seed, steps, success, 10.0 if success else 4.0)
+
+
+# --- metrics -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("success", "steps", "optimal", "score"),
+    [
+        (True, 6, 6, 1.0),
+        (True, 12, 6, 0.5),
+        (True, 50, 5, 0.1),
+        (False, 6, 6, 0.0),
+        (False, 50, 6, 0.0),
+        (True, 5, 6, 1.0),
+    ],
+)
+def test_path_weighted_by_hand(success: bool, steps: int, optimal: int, score: float) -> None:
+    assert path_weighted(success, steps, optimal) == pytest.approx(score)
+
+
+def test_unknown_optimal_length_is_refused() -> None:
+    with pytest.raises(TaskError, match="optimal_steps"):
+        path_weighted(True, 5, 0)
+
+
+def test_summary_by_hand() -> None:
+    seed_0 = [played(0, 4, 8), played(1, 5, 5), played(2, 5, 50, success=False), played(3, 6, 50, success=False)]
+    seed_1 = [played(n, e.task.optimal_steps, 50, success=False, seed=1) for n, e in enumerate(seed_0)]
+    summary = summarize([*seed_0, *seed_1])
+    assert summary.episodes == 8
+    assert summary.success_rate.mean == pytest.approx(0.25)  # seeds: 0.5 and 0
+    assert summary.success_rate.deviation == pytest.approx(np.std([0.5, 0.0], ddof=1))
+    assert summary.plw.mean == pytest.approx((0.5 + 1) / 4 / 2)
+    assert summary.length_on_success.mean == pytest.approx(6.5)
+    assert summary.length_on_success.deviation is None  # only one seed has a success
+    assert summary.final_potential.mean == pytest.approx((7.0 + 4.0) / 2)
+
+
+def test_no_success_has_no_length() -> None:
+    assert summarize([played(0, 4, 50, success=False)]).length_on_success.mean is None
+
+
+def test_groups() -> None:
+    groups = summarize_by([played(0, 4, 4), played(1, 4, 8, home="home_2")], lambda task: task.home)
+    assert [(home, summary.plw.mean) for home, summary in groups.items()] == [("home_1", 1.0), ("home_2", 0.5)]
+
+
+episodes = st.lists(
+    st.builds(
+        lambda number, optimal, extra, success: played(number, optimal, optimal + extra, success),
+        st.integers(0, 10**6), st.integers(1, 20), st.integers(0, 40), st.booleans(),
+    ),
+    min_size=1, max_size=30,
+)  # fmt: skip
+
+
+@given(episodes)
+def test_plw_lies_between_zero_and_success_rate(played: list[Played]) -> None:
+    summary = summarize(played, intervals=False)
+    success, plw = summary.success_rate.mean, summary.plw.mean
+    assert success is not None and plw is not None
+    assert 0 <= plw <= success + 1e-12 <= 1 + 2e-12
+    optimal = all(episode.steps == episode.task.optimal_steps for episode in played if episode.success)
+    assert (abs(plw - success) < 1e-12) == optimal
+
+
+def test_interval_covers_the_mean_and_repeats() -> None:
+    rng = np.random.default_rng(0)
+    sample = [played(n, 5, 5 + int(rng.integers(20)), home=f"home_{n % 3}") for n in range(60)]
+    low, high = bootstrap_interval(sample, lambda episode: episode.score)
+    mean = summarize(sample).plw.mean
+    assert mean is not None and low < mean < high
+    assert (low, high) == bootstrap_interval(sample[::-1], lambda episode: episode.score)
+
+
+def test_interval_keeps_the_shares_of_homes() -> None:
+    """Within each home all tasks are alike, so drawing anew within homes changes nothing."""
+    sample = [played(n, 5, 5 if n < 10 else 10, home="home_1" if n < 10 else "home_2") for n in range(20)]
+    assert bootstrap_interval(sample, lambda episode: episode.score) == pytest.approx((0.75, 0.75))
+
+
+def test_single_task_has_no_interval() -> None:
+    assert summarize([played(0, 4, 4)]).plw.low is None
+
+
+def test_success_within() -> None:
+    sample = [played(0, 4, 10), played(1, 4, 30), played(2, 4, 50, success=False)]
+    assert [success_within(sample, steps) for steps in (9, 10, 30, 50)] == pytest.approx([0, 1 / 3, 2 / 3, 2 / 3])
+
+
+# --- policies ------------------------------------------------------------------------------------
+
+
+def test_policies_are_found() -> None:
+    assert find_policy("planner").deterministic and not find_policy("random").deterministic
+    source = find_policy(f"{__name__}:staying")
+    assert source.deterministic and source.name == f"{__name__}:staying" and source.sha256
+    assert find_policy(staying).name.endswith(":staying")
+
+
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [
+        ("plannner", "search-silent"),
+        ("no_such_module:f", "no_such_module"),
+        ("json:no_such", "no_such"),
+        ("json:__name__", "not callable"),
+    ],
+)
+def test_unknown_policies_are_refused(policy: str, words: str) -> None:
+    with pytest.raises(OptionError, match=words):
+        find_policy(policy)
+
+
+def test_checkpoints_need_a_loader(tmp_path: Path) -> None:
+    path = tmp_path / "net.weights"
+    path.write_bytes(b"1")
+    with pytest.raises(OptionError, match=r"'\.weights'"):
+        find_policy(str(path))
+    register_loader(".weights", lambda path: staying)
+    assert find_policy(str(path)).make is staying
+
+
+def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv) -> None:
+    """The lone humanoid's drone stays; its messages never say more than the pair's."""
+    for name in ("search-silent", "search-alone"):
+        policy = BUILT_IN[name](env)
+        observations, infos = env.reset(options={"task": TASKS[0]})
+        policy.reset(0)
+        shown: list[np.ndarray] = []
+        inner = policy.policy  # type: ignore[attr-defined]
+        act = inner.act
+        inner.act = lambda seen, infos, act=act, shown=shown: (
+            shown.append(seen["humanoid"]["messages"]) or act(seen, infos)
+        )
+        while env.agents:
+            actions = policy.act(observations, infos)
+            assert (shown[-1] <= observations["humanoid"]["messages"]).all()
+            if name == "search-silent":
+                assert not shown[-1].any()
+            else:
+                assert env.action_names["drone"][actions["drone"]] == "stay"
+            observations, _, _, _, infos = env.step(actions)
+
+
+# --- protocol ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def random_report() -> Report:
+    return evaluate("random", tasks=TASKS, seeds=(0, 1), workers=1, max_steps=MAX_STEPS)
+
+
+def test_every_task_once_for_each_seed(random_report: Report) -> None:
+    order = [(episode.seed, episode.task) for episode in random_report.episodes]
+    assert order == [(seed, task) for seed in (0, 1) for task in TASKS]
+    assert len({episode.actions[:5] for episode in random_report.episodes}) == len(order)  # no two seeds alike
+
+
+def test_workers_do_not_matter(random_report: Report) -> None:
+    again = evaluate("random", tasks=TASKS, seeds=(0, 1), workers=2, max_steps=MAX_STEPS)
+    assert again.episodes == random_report.episodes and again.settings == random_report.settings
+
+
+def test_planner_plays_once_and_is_optimal() -> None:
+    report = evaluate("planner", tasks=[task.id for task in TASKS], workers=1)
+    assert len(report.episodes) == len(TASKS)
+    assert (report.success_rate, report.plw) == (1.0, 1.0)
+
+
+def test_a_policy_that_stays_gets_nothing() -> None:
+    report = evaluate(staying, tasks=TASKS, workers=1, max_steps=3)
+    assert report.settings["seeds"] == [0]
+    assert (report.success_rate, report.plw) == (0.0, 0.0)
+    assert {episode.steps for episode in report.episodes} == {3}
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"seeds": ()}, OptionError), ({"seeds": (0, 0)}, OptionError), ({"seeds": (-1,)}, OptionError),
+        ({"workers": 0}, OptionError), ({"split": "test"}, OptionError), ({"tasks": []}, TaskError),
+        ({"tasks": ["test-unseen-xyz"]}, TaskError), ({"tasks": [TASKS[0], TASKS[0]]}, TaskError),
+        ({"observation": "smell"}, OptionError), ({"max_steps": 0}, OptionError), ({"seeds": 3}, OptionError),
+        ({"seeds": (0.5,)}, OptionError), ({"out": "/tmp"}, OptionError), ({"tasks": ["val-seen-000"]}, TaskError),
+    ],
+)  # fmt: skip
+def test_bad_options_are_refused(options: dict, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        evaluate("random", **{"workers": 1, **options})
+
+
+def test_a_policy_that_cannot_travel_is_refused() -> None:
+    with pytest.raises(OptionError, match="workers=1"):
+        evaluate(lambda env: make_policy("random", env), tasks=TASKS, workers=2)
+
+
+def test_interrupted_evaluations_go_on(tmp_path: Path, random_report: Report) -> None:
+    out = tmp_path / "result.json"
+
+    def interrupt(finished: int, total: int) -> None:
+        if finished == 4:
+            raise KeyboardInterrupt
+
+    options = {"tasks": TASKS, "seeds": (0, 1), "workers": 1, "max_steps": MAX_STEPS, "out": out}
+    with pytest.raises(KeyboardInterrupt):
+        evaluate("random", progress=interrupt, **options)
+    partial = tmp_path / "result.json.partial"
+    text = partial.read_text()
+    assert len(text.splitlines()) == 1 + 4 and not out.exists()
+    partial.write_text(text[:-20])  # as if the machine had gone down while it wrote
+    counts: list[int] = []
+    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 4 lines"):
+        report = evaluate("random", progress=lambda finished, total: counts.append(finished), **options)
+    assert counts == [3, 4, 5, 6]
+    assert report.episodes == random_report.episodes and not partial.exists()
+    assert load_result(out).episodes == report.episodes
+
+
+JOBS = [(task(number, 4), seed) for number in range(3) for seed in (0, 1)]
+
+
+def ledger_of(folder: Path, settings: str = "a") -> Ledger:
+    return Ledger(folder / "result.json", {"policy": settings}, JOBS)
+
+
+def test_other_settings_start_anew(tmp_path: Path) -> None:
+    ledger_of(tmp_path).add(played(0, 4, 4))
+    assert len(ledger_of(tmp_path).episodes) == 1
+    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 1 lines"):
+        assert ledger_of(tmp_path, "b").episodes == []
+
+
+def test_a_job_counts_once_whoever_wrote_it(tmp_path: Path) -> None:
+    """As two processes left it that wrote one ledger without knowing of each other."""
+    both = [ledger_of(tmp_path), ledger_of(tmp_path)]
+    for number in range(3):
+        for ledger in both:
+            ledger.add(played(number, 4, 4 + number))
+    both[0].add(played(7, 4, 4))  # nobody asked for this one
+    with pytest.warns(RuntimeWarning, match="4 of 7 lines"):
+        again = ledger_of(tmp_path)
+    assert [episode.job for episode in again.episodes] == [(task(number, 4), 0) for number in range(3)]
+    assert len(again.path.read_text().splitlines()) == 1 + 3
+
+
+@pytest.mark.parametrize("line", [0, 1, 2])
+def test_no_flipped_bit_of_a_ledger_counts(tmp_path: Path, line: int) -> None:
+    ledger = ledger_of(tmp_path)
+    for number in range(2):
+        ledger.add(played(number, 4, 14))
+    whole, wanted = ledger.path.read_bytes(), [played(number, 4, 14) for number in range(2)]
+    lines = whole.splitlines(keepends=True)
+    start = sum(map(len, lines[:line]))
+    for place in range(start, start + len(lines[line])):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << place % 8
+        ledger.path.write_bytes(damaged)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            found = ledger_of(tmp_path).episodes
+        assert all(episode in wanted for episode in found)
+        assert len(found) == 2 or caught or damaged.count(b"\n") < 3
+
+
+def test_every_job_is_played_exactly_once() -> None:
+    options = {"tasks": TASKS, "seeds": (0, 1), "max_steps": 3}
+    report = evaluate("random", workers=1, **options)
+    for wrong in (report.episodes[1:], (*report.episodes, report.episodes[0]), [*report.episodes[1:], played(0, 4, 4)]):
+        with pytest.raises(ResultError, match="played"):
+            evaluate("random", plays=lambda setup, jobs, wrong=wrong: iter(wrong), **options)
+
+
+def test_a_result_with_an_episode_twice_is_refused(tmp_path: Path, random_report: Report) -> None:
+    episodes = random_report.episodes
+    for wrong in ((*episodes[:-1], episodes[0]), (*episodes, episodes[0]), episodes[:-1], episodes[::-1]):
+        replace(random_report, episodes=wrong).save(tmp_path / "result.json")
+        with pytest.raises(ResultError, match="not one for each task and seed"):
+            load_result(tmp_path / "result.json")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('"steps":12', '"steps":11'), ('"success":false', '"success":true'), ('"max_steps": 12', '"max_steps": 13')],
+)
+def test_a_changed_result_is_refused(tmp_path: Path, random_report: Report, old: str, new: str) -> None:
+    path = tmp_path / "result.json"
+    random_report.save(path)
+    text = path.read_text()
+    assert old in text and load_result(path)
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ResultError, match=r"result\.json.*checksum"):
+        load_result(path)
+    path.write_text(re.sub(r' "sha256": "[0-9a-f]+",\n', "", text))  # as the first versions wrote it
+    assert load_result(path).episodes == random_report.episodes
+
+
+def test_result_file_tells_how_to_repeat_it(tmp_path: Path, random_report: Report) -> None:
+    path = tmp_path / "deep" / "result.json"
+    random_report.save(path)
+    data = json.loads(path.read_text())
+    assert {
+        "policy",
+        "split",
+        "observation",
+        "options",
+        "seeds",
+        "tasks_sha256",
+        "homes_sha256",
+        "source_sha256",
+    } <= set(data["settings"])
+    assert {"versions", "machine", "command"} <= set(data["run"])
+    assert data["summary"]["plw"]["mean"] == random_report.plw
+    assert load_result(path).summary == random_report.summary
+    path.write_text(path.read_text()[:-40])
+    with pytest.raises(ResultError, match=r"result\.json"):
+        load_result(path)
+
+
+@pytest.mark.parametrize(
+    ("flags", "style"), [([], True), (["--feedback", "planner"], "planner"), (["--no-feedback"], False)]
+)
+def test_style_of_feedback_on_the_command_line(tmp_path: Path, flags: list[str], style: bool | str) -> None:
+    out = tmp_path / "result.json"
+    arguments = ["evaluate", "--policy", "random", "--task", TASKS[0].id, "--seeds", "1", "--workers", "1"]
+    assert main([*arguments, "--max-steps", "3", *flags, "--out", str(out)]) == 0
+    assert load_result(out).settings["options"]["feedback"] == style
+
+
+def test_train_is_sampled() -> None:
+    assert evaluated_tasks("train") == load_tasks("train")[:TRAIN_SAMPLE]
+    assert all(evaluated_tasks(split) == load_tasks(split) for split in SPLITS if split != "train")
+
+
+# --- cooperation ---------------------------------------------------------------------------------
+
+
+def test_gain_share() -> None:
+    assert [gain_share(plw, 0.5) for plw in (0.5, 0.75, 1.0, 0.25)] == pytest.approx([0.0, 0.5, 1.0, -0.5])
+    assert gain_share(1.0, 1.0) is None
+
+
+def of_split(split: str, steps: Callable[[Task], int | None]) -> Sequence[Played]:
+    rows = [(task, steps(task)) for task in evaluated_tasks(split)]
+    return [Played(task, 0, length or 50, length is not None, 0.0) for task, length in rows]
+
+
+def test_cooperation_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    split = "val-unseen"
+    lengths: dict[str, Callable[[Task], int | None]] = {
+        "search-alone": lambda task: 4 * task.optimal_steps,
+        "search-silent": lambda task: None,
+        "search": lambda task: 2 * task.optimal_steps,
+    }
+    text = reference_json(split, 50, {name: of_split(split, lengths[name]) for name in VARIANTS})
+    (tmp_path / f"{split}.json").write_text(text)
+    monkeypatch.setattr(accounting, "FOLDER", tmp_path)
+    read_reference.cache_clear()
+    gain = cooperation(of_split(split, lambda task: task.optimal_steps), split, 50)
+    assert gain is not None
+    assert (gain.plw_alone, gain.plw_silent, gain.plw_search, gain.plw) == pytest.approx((0.25, 0, 0.5, 1))
+    assert (gain.share, gain.share_search, gain.faster) == pytest.approx((1, 1 / 3, 1))
+    assert gain.steps_saved == pytest.approx(gain.steps_possible)
+    alone = cooperation(of_split(split, lengths["search-alone"]), split, 50)
+    assert alone is not None and (alone.share, alone.steps_saved, alone.faster) == pytest.approx((0, 0, 0))
+    assert cooperation([], split, 50) is None
+    assert cooperation(of_split(split, lengths["search"]), split, 60) is None  # cut later than the references
+    cut = cooperation(of_split(split, lambda task: task.optimal_steps), split, 1)
+    assert cut is not None and (cut.plw_alone, cut.plw_search) == (0, 0)  # no reference is as short as one step
+    (tmp_path / f"{split}.json").write_text(text.replace('"tasks": "', '"tasks": "0'))
+    read_reference.cache_clear()
+    assert read_reference(split) is None  # of other tasks
+    read_reference.cache_clear()
+
+
+# --- command line --------------------------------------------------------------------------------
+
+
+def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "result.json"
+    arguments = ["evaluate", "--policy", "planner", "--task", TASKS[0].id, "--workers", "1", "--no-messages", "--out"]
+    assert main([*arguments, str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "no messages" in printed and "100.0" in printed and out.name in printed
+    assert "on the same tasks" in printed and "instruction-blind" in printed
+    assert load_result(out).settings["options"]["messages"] is False
+    assert main(["evaluate", "--policy", "nobody"]) == 2
+    assert "nobody" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["evaluate", "--policy", "random", "--out", "{folder}"], "is a folder; name a file in it"),
+        (["evaluate", "--policy", "random", "--out", "{file}/result.json"], "is a file; name a folder"),
+        (["report", "--out", "{folder}"], "is a folder"),
+        (["episode", "save", "--task", TASKS[0].id, "--out", "{folder}"], "is a folder"),
+        (["homes", "preview", "home_1", "--out", "{folder}"], "is a folder"),
+        (["bench", "--json", "{folder}"], "is a folder"),
+        (["demo", "--out", "{file}"], "is a file; name a folder"),
+        (["baselines", "--out", "{file}"], "is a file; name a folder"),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_at_once(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, file = tmp_path / "folder", tmp_path / "file"
+    folder.mkdir()
+    file.write_text("kept")
+    with pytest.raises(SystemExit):
+        main([word.format(folder=folder, file=file) for word in arguments])
+    assert words in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == [file, folder] and file.read_text() == "kept"

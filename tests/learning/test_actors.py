@@ -1,0 +1,339 @@
+"""Imitation of a teacher, MAPPO, and graphs pooled by the instruction."""
+
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, taught
+from chmarl_pb.learning.algorithms.losses import Batch
+from chmarl_pb.learning.algorithms.mappo import Mappo, check_start
+from chmarl_pb.learning.algorithms.registry import make_learner
+from chmarl_pb.learning.config import Config
+from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
+from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
+from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.loop import BEST
+from chmarl_pb.learning.runs.validation import play_greedily
+from chmarl_pb.learning.spaces import interface_of
+from tests.helpers.small_runs import IMITATION, MAPPO, SMALL, TEACHER, Constant
+from tests.helpers.uneven_env import UnevenEnv
+from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
+
+torch.set_num_threads(1)  # these networks are too small for more
+
+
+def test_imitator_does_what_the_teacher_does() -> None:
+    teacher = partial(Constant, actions={"first": 2, "second": 1})
+    game = partial(MatrixGame, MATRIX_GAMES["additive"])
+    config = replace(IMITATION, episodes=200, learning_rate=0.02)
+    agents = train(game, "imitation", config, teacher=teacher).agents
+    assert play_greedily(Collector(game, 1), agents, [0])[0].actions == [{"first": 2, "second": 1}]
+
+
+def test_labels_are_the_teachers_and_only_where_an_agent_acts() -> None:
+    collector = Collector(UnevenEnv, 2, TEACHER)
+    agents = make_learner("imitation", collector.interface, IMITATION).agents
+    played = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1], taught=True)
+    assert all(actions["long"] == 2 for episode in played for actions in episode.actions)
+    untaught = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1])
+    assert not untaught[0].labels and untaught[0].label("long") == NO_LABEL
+
+
+def test_a_teacher_is_told_what_was_done() -> None:
+    class Heeding(Constant):
+        def __init__(self, env: Any):
+            super().__init__(env, {"long": 2, "short": 1})
+            self.heard: list[dict[str, int]] = []
+
+        propose = Constant.act
+
+        def note(self, actions: dict[str, int]) -> None:
+            self.heard.append(actions)
+
+    collector = Collector(UnevenEnv, 1, Heeding)
+    agents = make_learner("imitation", collector.interface, IMITATION).agents
+    episode = collector.play(agents, taught(0.0), np.random.default_rng(0), [0], taught=True)[0]
+    heard = collector._teachers[0].heard  # type: ignore[attr-defined]
+    assert [{"short": 0, **actions} for actions in heard] == episode.actions
+    assert any(actions["long"] != 2 for actions in heard)
+
+
+def test_steps_without_label_do_not_count() -> None:
+    logits = torch.randn(2, 3, 4, generator=torch.Generator().manual_seed(0))
+    labels = torch.tensor([[0, NO_LABEL, 2], [NO_LABEL, NO_LABEL, 3]])
+    changed = logits.clone()
+    changed[0, 1], changed[1, :2] = 7.0, -7.0
+    assert imitation_loss(logits, labels) == imitation_loss(changed, labels)
+
+
+def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> None:
+    values = torch.tensor([[0.0, 1.0, 2.0, 9.0]]).expand(20_000, 4)
+    legal = torch.tensor([[True, True, True, False]]).expand(20_000, 4)
+    counts = Counter(draw(values, legal, np.random.default_rng(0)).tolist())
+    wanted = torch.softmax(values[0, :3], dim=0).tolist()
+    assert [counts[action] / 20_000 for action in range(3)] == pytest.approx(wanted, abs=0.01) and 3 not in counts
+
+
+def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
+    config = replace(
+        MAPPO, episodes=2_000, buffer_size=32, batch_size=32, learning_rate=0.01, critic_rate=0.02, critic_starts=0,
+        validation_interval=2_000,
+    )  # fmt: skip
+    for game, best in ((partial(MatrixGame, MATRIX_GAMES["additive"]), 6.0), (TwoStepGame, 8.0)):
+        agents = train(game, "mappo", config).agents
+        assert play_greedily(Collector(game, 1), agents, [0])[0].gain == best
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.integers(1, 6), min_size=2, max_size=4), st.integers(0, 10**6))
+def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
+    batch = random_batch(lengths, np.random.default_rng(seed))
+    wave = learner.judge(batch)
+    for row, length in enumerate(lengths):
+        rewards = batch.rewards[row, :length, 0].tolist()
+        sums = [sum(0.9**k * reward for k, reward in enumerate(rewards[step:])) for step in range(length)]
+        assert wave.returns[row, :length].tolist() == pytest.approx(sums, abs=1e-4)
+    real = wave.advantages[batch.acted.any(dim=-1)]
+    assert float(real.mean()) == pytest.approx(0, abs=1e-4)
+
+
+def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
+    batch = random_batch([3], np.random.default_rng(0))
+    values = learner.critic(batch.states).detach()[0, :, 0]
+    wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
+    torch.testing.assert_close(learner.judge(batch).returns[0], wanted)
+
+
+def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_state() -> None:
+    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
+    ended = random_batch([2, 3], np.random.default_rng(0))
+    cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
+    last = [float(learner.critic(cut.states).detach()[row, steps, 0]) for row, steps in ((0, 2), (1, 3))]
+    more = learner.judge(cut).returns - learner.judge(ended).returns
+    assert more[0, :2].tolist() == pytest.approx([0.25 * last[0], 0.5 * last[0]], abs=1e-6)
+    assert more[1].tolist() == pytest.approx([0.125 * last[1], 0.25 * last[1], 0.5 * last[1]], abs=1e-6)
+    one_cut = ended.terminated.clone()
+    one_cut[1, 2, 0] = False  # one agent has ended, the other was cut off
+    assert torch.equal(learner.judge(replace(ended, terminated=one_cut)).returns[1], learner.judge(cut).returns[1])
+
+
+class Endless(MatrixGame):
+    """Pays 1 for ever; episodes are cut after two steps, and the state does not tell the time."""
+
+    def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
+        seen, rewards, ended, cut, infos = super().step(actions)
+        self._at, over = 0, self.steps == 1
+        self.steps += 1
+        self.agents = [] if over else list(self.possible_agents)
+        return seen, dict.fromkeys(rewards, 1.0), dict.fromkeys(ended, False), dict.fromkeys(cut, over), infos
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.steps = 0
+        return super().reset(seed, options)
+
+
+def test_the_critic_learns_what_an_endless_task_is_worth() -> None:
+    config = replace(
+        MAPPO, episodes=480, envs=16, buffer_size=16, batch_size=16, gamma=0.5, critic_rate=0.02, gradient_clip=10.0,
+        validation_interval=480,
+    )  # fmt: skip
+    learner = train(partial(Endless, MATRIX_GAMES["additive"]), "mappo", config).learner
+    assert isinstance(learner, Mappo)
+    assert learner.critic(torch.ones(1)).item() == pytest.approx(2.0, abs=0.1)  # 1 + 1/2 + 1/4 + ...; 1.25 without
+
+
+@pytest.mark.parametrize(
+    ("sizes", "learned"),
+    [
+        ({"episodes": 48, "buffer_size": 16}, [16, 16, 16]),
+        ({"episodes": 40, "buffer_size": 16}, [16, 16, 8]),
+        ({"episodes": 8, "buffer_size": 128}, [8]),
+        ({"episodes": 6, "envs": 4, "buffer_size": 128}, [8]),
+        ({"episodes": 40, "envs": 10, "buffer_size": 12}, [20, 20]),
+        ({"episodes": 30, "envs": 10, "buffer_size": 12}, [20, 10]),
+        ({"episodes": 40, "buffer_size": 8, "learning_starts": 24}, [24, 8, 8]),
+    ],
+)
+def test_mappo_learns_from_every_episode_once(
+    sizes: dict[str, int], learned: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes = {"envs": 8, "learning_starts": 0, **sizes}
+    seen, rates = [], []
+    judge, slow_down = Mappo.judge, Mappo._slow_down
+
+    def look(learner: Mappo, batch: Batch) -> Any:
+        seen.append(batch.states[:, 0])
+        return judge(learner, batch)
+
+    def look_at_rates(learner: Mappo, episodes: int) -> None:
+        slow_down(learner, episodes)
+        rates.append([group["lr"] for group in learner._optimizer.param_groups])
+
+    monkeypatch.setattr(Mappo, "judge", look)
+    monkeypatch.setattr(Mappo, "_slow_down", look_at_rates)
+    config = replace(MAPPO, **sizes, epochs=2)
+    result = train(UnevenEnv, "mappo", config)
+    assert [len(states) for states in seen] == learned
+    assert len(torch.unique(torch.cat(seen), dim=0)) == sum(learned) >= sizes["episodes"]
+    assert rates[0] == [config.learning_rate, config.critic_rate] and min(rates[-1]) > 0
+    assert result.learner.updates == sum(2 * -(-count // config.batch_size) for count in learned)
+
+
+def test_too_little_memory_for_the_episodes_of_mappo_is_said() -> None:
+    with pytest.raises(ValueError, match=r"memory_gib=0\.0001: holds \d+ of the 1000 episodes that mappo learns"):
+        train(UnevenEnv, "mappo", replace(MAPPO, buffer_size=1_000, memory_gib=1e-4))
+
+
+def test_one_step_is_enough_to_learn_from() -> None:
+    game = partial(MatrixGame, MATRIX_GAMES["additive"])
+    config = replace(MAPPO, episodes=8, envs=1, buffer_size=1, learning_starts=0, validation_interval=8)
+    learner = train(game, "mappo", config).learner
+    state = learner.state()["networks"]
+    assert learner.updates == 32 and all(torch.isfinite(value).all() for value in state.values())
+    start = Mappo(interface_of(game()), config).state()["networks"]
+    assert any(not torch.equal(value, start[name]) for name, value in state.items() if name.startswith("agents"))
+
+
+def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path: Path) -> None:
+    interface = interface_of(UnevenEnv())
+    train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=TEACHER)
+    for start, waits in ((str(tmp_path / BEST), True), ("", False)):
+        config = replace(MAPPO, episodes=8, critic_starts=8, start=start)
+        before = Mappo(interface, config).agents.state_dict()
+        after = train(UnevenEnv, "mappo", config).agents.state_dict()
+        assert all(torch.equal(value, after[name]) for name, value in before.items()) == waits
+
+
+@pytest.mark.parametrize("episodes", [4, 8])
+@pytest.mark.parametrize("algorithm", ["qmix", "imitation"])
+def test_a_short_run_learns_after_its_last_wave(algorithm: str, episodes: int) -> None:
+    kind = {"qmix": SMALL, "imitation": IMITATION}[algorithm]
+    config = replace(kind, episodes=episodes, learning_starts=128)
+    assert train(UnevenEnv, algorithm, config, teacher=TEACHER).learner.updates == config.updates
+
+
+def test_a_teacher_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> None:
+    teacher = partial(Constant, actions={"long": 2})
+    learner = train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=teacher).learner
+    losses = [row["train"] for row in read_metrics(tmp_path) if "train" in row]
+    assert all(np.isfinite(list(row.values())).all() for row in losses) and losses[-1]["short_loss"] == 0
+    assert losses[-1]["long_loss"] < losses[1]["long_loss"]
+    fresh = make_learner("imitation", interface_of(UnevenEnv()), IMITATION).state()["networks"]
+    for name, value in learner.state()["networks"].items():
+        assert torch.isfinite(value).all() and (name.startswith("long") or torch.equal(value, fresh[name]))
+
+
+def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
+    """Return episodes of the two agents of a small game, which end by themselves, all padded to the longest."""
+    count, steps = len(lengths), max(lengths)
+    acted = torch.arange(steps).expand(count, steps) < torch.tensor(lengths).unsqueeze(1)
+    ends = torch.arange(steps).expand(count, steps) == torch.tensor(lengths).unsqueeze(1) - 1
+    states = torch.from_numpy(rng.normal(size=(count, steps + 1, 3)).astype(np.float32))
+    reward = torch.from_numpy(rng.normal(size=(count, steps, 1)).astype(np.float32)).expand(count, steps, 2)
+    names = ("first", "second")
+    return Batch(
+        {name: states for name in names}, {name: torch.zeros(count, steps, dtype=torch.long) for name in names},
+        {name: torch.ones(count, steps + 1, 2, dtype=torch.bool) for name in names},
+        states, reward, acted.unsqueeze(-1).expand(count, steps, 2), ends.unsqueeze(-1).expand(count, steps, 2),
+    )  # fmt: skip
+
+
+def test_mappo_starts_from_weights(tmp_path: Path) -> None:
+    first = replace(IMITATION, **{"graph_pool": MAPPO.graph_pool})
+    train(UnevenEnv, "imitation", first, tmp_path, teacher=TEACHER)
+    interface = interface_of(UnevenEnv())
+    started = Mappo(interface, replace(MAPPO, start=str(tmp_path / BEST)))
+    kept = load(tmp_path / BEST, "value")["agents"]
+    assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
+    with pytest.raises(CheckpointError, match=BEST):
+        Mappo(interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
+    with pytest.raises(CheckpointError, match="was trained with messages=None, not True"):
+        check_start(tmp_path / BEST, {"messages": True})
+    train(UnevenEnv, "iql", SMALL, tmp_path / "values")
+    with pytest.raises(CheckpointError, match="iql learns no policy"):
+        Mappo(interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
+
+
+def test_wrong_algorithms_and_settings_are_refused() -> None:
+    interface = interface_of(TwoStepGame())
+    with pytest.raises(ValueError, match="use one of: iql, vdn, qmix, qtran, imitation, mappo"):
+        make_learner("sarsa", interface, Config())
+    with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):
+        make_learner("mappo", interface, Config())
+    with pytest.raises(ValueError, match="needs a teacher"):
+        train(TwoStepGame, "imitation", IMITATION)
+
+
+NODES, EDGES, WORDS = 6, 5, 8
+SPACE = spaces.Dict(
+    {
+        "node_class": spaces.Box(0, 9, (NODES,), np.int16), "node_state": spaces.Box(0, 3, (NODES,), np.int16),
+        "edges": spaces.Box(0, NODES, (EDGES, 3), np.int16), "instruction": spaces.Box(0, 20, (WORDS,), np.int16),
+    }
+)  # fmt: skip
+
+
+def observation(classes: list[int], words: list[int], edges: list[tuple[int, int, int]] = []) -> dict[str, Any]:  # noqa: B006
+    """Return a batch of one graph with an instruction."""
+    arrays = {name: torch.zeros(1, *part.shape, dtype=torch.int16) for name, part in SPACE.spaces.items()}
+    arrays["node_class"][0, : len(classes)] = torch.tensor(classes, dtype=torch.int16)
+    arrays["node_state"][0, : len(classes)] = 1
+    arrays["instruction"][0, : len(words)] = torch.tensor(words, dtype=torch.int16)
+    for row, edge in enumerate(edges):
+        arrays["edges"][0, row] = torch.tensor(edge, dtype=torch.int16)
+    return arrays
+
+
+def test_gated_pooling_does_not_see_order_or_padding() -> None:
+    encode = build_encoder(SPACE, 16, graph_pool="gated")
+    one = encode(observation([3, 5, 7], [4, 9], [(0, 2, 1)]))
+    torch.testing.assert_close(one, encode(observation([7, 3, 5], [9, 4], [(1, 0, 1)])))
+    cut = {
+        name: part[:, :3] if name.startswith("node_") else part
+        for name, part in observation([3, 5, 7], [4, 9], [(0, 2, 1)]).items()
+    }
+    torch.testing.assert_close(one, encode(cut))
+    assert torch.isfinite(encode(observation([], []))).all()
+
+
+def test_gated_pooling_learns_to_find_what_the_words_name() -> None:
+    """Word w names class w; whether it is among the nodes is what a mean over nodes cannot tell well."""
+    rng = np.random.default_rng(0)
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        encode = build_encoder(SPACE, 32, graph_pool="gated")
+        head = torch.nn.Linear(32, 1)
+    optimizer = torch.optim.Adam([*encode.parameters(), *head.parameters()], lr=3e-3)
+    for _ in range(300):
+        graphs = [(rng.choice(np.arange(1, 10), 4, replace=False), int(rng.integers(1, 10))) for _ in range(64)]
+        parts = [observation(classes.tolist(), [word]) for classes, word in graphs]
+        batch = {name: torch.cat([part[name] for part in parts]) for name in SPACE.spaces}
+        there = torch.tensor([[float(word in classes)] for classes, word in graphs])
+        told = head(encode(batch))
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(told, there)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert float(((told > 0) == (there > 0)).float().mean()) > 0.95
+
+
+def test_gated_pooling_needs_an_instruction() -> None:
+    graph = spaces.Dict({name: part for name, part in SPACE.spaces.items() if name != "instruction"})
+    seen = observation([3], [4])
+    with pytest.raises(ValueError, match="by the instruction needs its tokens"):
+        build_encoder(graph, 8, graph_pool="gated")(seen)
+    with pytest.raises(ValueError, match="use one of: mean, gated"):
+        build_encoder(SPACE, 8, graph_pool="max")

@@ -1,0 +1,157 @@
+"""Checkpoints as policies of the benchmark."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import chmarl_pb
+from chmarl_pb.cli.train import main
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.learning import Config, train
+from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.learning.networks.residual import ResNet18
+from chmarl_pb.learning.policies.checks import check_size, silenced
+from chmarl_pb.learning.policies.learned import LearnedPolicy
+from chmarl_pb.learning.policies.load import load_policy
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
+from chmarl_pb.learning.runs.loop import BEST, LAST
+from chmarl_pb.policies.sources import find_policy, register_loader
+from training.score import score
+
+torch.set_num_threads(1)  # these networks are too small for more
+TINY = Config(
+    episodes=4, envs=1, horizon=4, updates=1, batch_size=2, learning_starts=2, buffer_size=4, features=8, hidden=8
+)
+
+
+def make_env(**options: Any) -> HouseholdEnv:
+    return chmarl_pb.parallel_env(split="val-unseen", max_steps=4, **options)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    train(make_env, "qmix", TINY, folder, setting={"messages": False, "feedback": True})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def env() -> Any:
+    env = make_env()
+    yield env
+    env.close()
+
+
+def test_checkpoint_plays_the_same_episode_again(folder: Path, env: HouseholdEnv) -> None:
+    register_loader(".pt", load_policy)
+    source = find_policy(str(folder / BEST))
+    assert source.deterministic and source.sha256
+    policy = source.make(env)
+    first = chmarl_pb.rollout(env, policy, seed=1)
+    chmarl_pb.rollout(env, policy, seed=2)
+    again = chmarl_pb.rollout(env, policy, seed=1)
+    assert first.actions == again.actions and len(first) == 4
+
+
+def test_silenced_keys_change_nothing(folder: Path, env: HouseholdEnv) -> None:
+    observations, infos = env.reset(seed=3)
+    told = {name: {**seen, "messages": 1 - seen["messages"]} for name, seen in observations.items()}
+    policy = load_policy(folder / BEST)(env)
+    assert isinstance(policy, LearnedPolicy) and policy.silenced == ("messages",) == silenced({"messages": False})
+    chosen = []
+    for seen in (observations, told):
+        policy.reset(0)
+        chosen.append(policy.act(seen, infos))
+    assert chosen[0] == chosen[1]
+    assert any(np.any(seen["messages"]) for seen in told.values())
+
+
+def test_pictures_become_features_of_the_same_frozen_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def use(seed: int) -> str:
+        torch.manual_seed(seed)
+        torch.save(ResNet18().state_dict(), tmp_path / "weights.pt")
+        frozen_encoder.cache_clear()
+        return frozen_encoder("resnet18").fingerprint
+
+    monkeypatch.setenv("CHMARL_RESNET18", str(tmp_path / "weights.pt"))
+    frozen = use(0)
+    options = {"observation": "visual", "image_size": 32}
+    config, encoder = replace(TINY, image_encoder="resnet18"), frozen_encoder("resnet18")
+    train(lambda: FeatureEnv(make_env(**options), encoder), "vdn", config, tmp_path, setting={FROZEN: frozen})
+    env = make_env(**options)
+    assert len(chmarl_pb.rollout(env, load_policy(tmp_path / BEST)(env), seed=1)) == 4
+    use(1)
+    with pytest.raises(CheckpointError, match="other weights of resnet18"):
+        load_policy(tmp_path / BEST)(env)
+    env.close()
+    frozen_encoder.cache_clear()
+
+
+def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"kind 'run', which is no policy; use best\.pt"):
+        load_policy(folder / LAST)
+    other = chmarl_pb.parallel_env("visual", split="val-unseen", image_size=32)
+    with pytest.raises(CheckpointError, match="observations"):
+        load_policy(folder / BEST)(other)
+    other.close()
+    save(tmp_path / "x.pt", "other", {})
+    with pytest.raises(CheckpointError, match="kind 'other'"):
+        load_policy(tmp_path / "x.pt")
+
+
+def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:
+    visual = chmarl_pb.parallel_env("visual", split="val-unseen", image_size=32)
+    check_size(visual, {"image_size": 32}, Path("best.pt"))
+    check_size(env, {"image_size": 32}, Path("best.pt"))  # who sees graphs does not mind
+    with pytest.raises(CheckpointError, match=r"best\.pt: was trained with pictures of 64 pixels, not 32"):
+        check_size(visual, {"image_size": 64}, Path("best.pt"))
+    visual.close()
+
+
+@pytest.mark.parametrize("change", [{"algorithm": "sarsa"}, {"config": {"cleverness": 9}}])
+def test_checkpoints_of_another_version_are_refused(
+    folder: Path, env: HouseholdEnv, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    save(tmp_path / "x.pt", "value", load(folder / BEST) | change)
+    with pytest.raises(CheckpointError, match=r"x\.pt: its settings are of another version"):
+        load_policy(tmp_path / "x.pt")(env)
+
+
+def test_command_refuses_what_does_not_fit_together(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--algo", "qmix", "--centralized"]) == 2
+    assert "--centralized" in capsys.readouterr().err
+    for wrong in (["--algo", "dqn"], ["--algo"], ["--algo", "qmix", "--threads", "0"]):
+        with pytest.raises(SystemExit):
+            main(wrong)
+
+
+def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from training import score as scoring
+
+    def interrupted(*_: Any, **options: Any) -> None:
+        if (tmp_path / "val-seen.json").exists() or options["out"].name == "val-unseen.json":
+            raise KeyboardInterrupt
+        options["out"].write_text("new")
+
+    for split in ("val-seen", "val-unseen"):
+        for ending in ("json", "json.partial"):
+            (tmp_path / f"{split}.{ending}").write_text("old")
+    (tmp_path / "learners.sha256").write_text("other code")
+    monkeypatch.setattr(scoring.chmarl_pb, "evaluate", interrupted)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            score(folder / BEST, "scene_graph", True, True, tmp_path, ("val-seen", "val-unseen"))
+    assert (tmp_path / "val-seen.json").read_text() == "new"
+    assert not list(tmp_path.glob("*.partial")) and not (tmp_path / "val-unseen.json").exists()
+
+
+def test_scores_are_of_weights(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"\.pt or \.zip"):
+        score(tmp_path / "weights.bin", "scene_graph", True, True, tmp_path / "scores")
+    assert not (tmp_path / "scores").exists()

@@ -1,0 +1,255 @@
+"""Replay, collecting, checkpoints and whole runs, on small environments."""
+
+import json
+import pickle
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium.spaces import Discrete
+
+from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.learner import Learner
+from chmarl_pb.learning.config import ALGORITHMS, ImitationConfig, MappoConfig
+from chmarl_pb.learning.networks.parts import FlatEncoder
+from chmarl_pb.learning.policies.cloned import CloningConfig
+from chmarl_pb.learning.runs.checkpoint import FORMAT, CheckpointError, load, save
+from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.loop import BEST, LAST, Run
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.validation import by_tasks
+from chmarl_pb.learning.spaces import interface_of, spaces_of
+from tests.helpers.small_runs import CONFIGS, SMALL, TEACHER
+from tests.helpers.uneven_env import UnevenEnv
+from training.games import MATRIX_GAMES, MatrixGame
+
+torch.set_num_threads(1)  # these networks are too small for more
+
+
+@pytest.fixture
+def collector() -> Collector:
+    return Collector(UnevenEnv, 3)
+
+
+def learner(collector: Collector) -> Learner:
+    return Learner("vdn", collector.interface, SMALL)
+
+
+def test_interface_of_uneven_agents(collector: Collector) -> None:
+    interface = collector.interface
+    assert interface.actions == {"long": 3, "short": 2}
+    assert not interface.has_state and interface.state_size == 4 + 10 + 3
+    assert interface_of(MatrixGame(MATRIX_GAMES["additive"])).has_state
+
+
+def test_collected_steps_know_who_acted_and_who_ended(collector: Collector) -> None:
+    episode = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])[0]
+    assert np.array(episode.acted).tolist() == [[True, True], [True, True], [True, False], [True, False]]
+    assert np.array(episode.terminated).tolist() == [[False, False], [False, True], [False, False], [False, False]]
+    assert len(episode.observations) == len(episode.states) == 5
+    assert float(np.abs(episode.observations[4]["short"]["noise"]).sum()) == 0
+    assert not np.array_equal(episode.observations[0]["short"]["noise"], episode.observations[1]["short"]["noise"])
+
+
+def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:
+    agents = learner(collector).agents
+    first = collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(3), [5, 6])
+    collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(9), [1, 2, 3])
+    second = collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(3), [5, 6])
+    assert [episode.actions for episode in first] == [episode.actions for episode in second]
+    assert [episode.gain for episode in first] == [episode.gain for episode in second]
+
+
+def test_replay_gives_back_what_it_got(collector: Collector) -> None:
+    replay = Replay(collector.interface, SMALL.horizon, 10, 1.0)
+    episodes = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])
+    for episode in episodes:
+        replay.add(episode)
+    batch = replay.sample(99, np.random.default_rng(0))
+    assert batch.rewards.shape == (3, 4, 2) and batch.states.shape == (3, 5, 17)  # cut from the horizon 5 to 4 steps
+    gains = sorted(batch.rewards.mul(batch.acted).sum(dim=(1, 2)).tolist())
+    assert gains == pytest.approx(sorted(float(np.sum(episode.rewards)) for episode in episodes), rel=1e-5)
+    assert batch.observations["short"]["time"].dtype == torch.int64
+    assert batch.legal["long"][0, 0].tolist() == [False, True, True]
+
+
+def test_replay_forgets_the_oldest_and_leaves_no_trace_of_it() -> None:
+    collector = Collector(partial(UnevenEnv, 5), 1)
+    agents, rng = learner(collector).agents, np.random.default_rng(0)
+    replay = Replay(collector.interface, 5, 2, 1.0)
+    for seed in range(2):
+        replay.add(collector.play(agents, epsilon_greedy(1.0), rng, [seed])[0])
+    short = Collector(partial(UnevenEnv, 3), 1)
+    for seed in range(2):
+        replay.add(short.play(agents, epsilon_greedy(1.0), rng, [seed])[0])
+    batch = replay.sample(2, rng)
+    assert len(replay) == 2 and batch.rewards.shape[1] == 3
+    assert not replay._kept["acted"][:, 3:].any()
+
+
+def test_replay_is_bounded(collector: Collector) -> None:
+    wide = Replay(collector.interface, 5, 10**6, memory_gib=0.001)
+    assert wide.capacity == int(0.001 * 2**30 / wide.episode_bytes) < 10**6
+    with pytest.raises(ValueError, match="memory_gib"):
+        Replay(collector.interface, 5, 10, memory_gib=1e-9)
+    episode = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0])[0]
+    with pytest.raises(ValueError, match="horizon=3"):
+        Replay(collector.interface, 3, 10, 1.0).add(episode)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_learns_an_additive_game(algorithm: str) -> None:
+    config = replace(SMALL, episodes=320, envs=16, horizon=1, updates=10, batch_size=32, learning_rate=1e-2)
+    result = train(partial(MatrixGame, MATRIX_GAMES["additive"]), algorithm, config)
+    assert result.best_score == 6
+
+
+@pytest.mark.parametrize("algorithm", CONFIGS)
+def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = CONFIGS[algorithm]
+    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", teacher=TEACHER)
+    advance, waves = Run.advance, iter(range(10))
+
+    def dies(run: Run, logbook: Any) -> None:
+        if next(waves) == 9:
+            raise KeyboardInterrupt
+        advance(run, logbook)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Run, "advance", dies)
+        train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+    one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
+    assert one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
+    rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
+    assert rows[0] == rows[1] and len(rows[0]) == 6
+    best = [load(tmp_path / name / BEST)["agents"] for name in ("whole", "killed")]
+    assert all(torch.equal(best[0][key], best[1][key]) for key in best[0])
+
+
+@pytest.mark.parametrize("change", [{"envs": 0}, {"episodes": -5}, {"seed": -1}, {"validation_interval": 0}])
+def test_settings_that_cannot_be_are_refused(change: dict[str, int]) -> None:
+    (name,) = change
+    with pytest.raises(ValueError, match=f"{name}=.*must be"):
+        replace(SMALL, **change)
+
+
+def test_zeros_are_settings_and_shares_have_bounds() -> None:
+    replace(SMALL, epsilon_end=0)
+    MappoConfig(entropy=0)
+    ImitationConfig(teacher_share=0)
+    for name, value in (("gamma", 5.0), ("learning_rate", float("nan")), ("gradient_clip", float("inf"))):
+        with pytest.raises(ValueError, match=name):
+            replace(SMALL, **{name: value})
+    with pytest.raises(ValueError, match="batch_size=0"):
+        CloningConfig(batch_size=0)
+
+
+def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:
+    with held(tmp_path), pytest.raises(CheckpointError, match="another process trains here"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert not (tmp_path / LAST).exists()
+    train(UnevenEnv, "vdn", SMALL, tmp_path)
+
+
+def test_an_endless_episode_is_cut_with_a_word() -> None:
+    with pytest.raises(ValueError, match="horizon=5"):
+        train(partial(UnevenEnv, 10**9), "vdn", SMALL)
+
+
+@pytest.mark.parametrize("name", ["agent.0", "values", "type"])
+def test_names_that_torch_keeps_for_itself_are_refused(name: str) -> None:
+    env = UnevenEnv()
+    env.possible_agents = [name]
+    env.action_space = env.observation_space = lambda agent: Discrete(2)  # type: ignore[method-assign, assignment]
+    with pytest.raises(ValueError, match=f"named '{name}'"):
+        spaces_of(env)
+
+
+def test_a_discrete_observation_may_start_anywhere() -> None:
+    encoder = FlatEncoder(Discrete(3, start=5))
+    assert encoder(torch.tensor([5, 7, 0])).tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]  # 0: the agent is gone
+
+
+def test_text_is_no_checkpoint(tmp_path: Path) -> None:
+    for text in ("hello", "RRR"):
+        (tmp_path / "text.pt").write_text(text)
+        with pytest.raises(CheckpointError, match=r"text\.pt: not a whole checkpoint"):
+            load(tmp_path / "text.pt")
+    torch.save({"format": FORMAT}, tmp_path / "text.pt")
+    with pytest.raises(CheckpointError, match="kind None"):
+        load(tmp_path / "text.pt")
+
+
+def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:
+    train(UnevenEnv, "vdn", SMALL, tmp_path)
+    with pytest.raises(CheckpointError, match=rf"{LAST}.*algorithm"):
+        train(UnevenEnv, "iql", SMALL, tmp_path)
+    with pytest.raises(CheckpointError, match="config"):
+        train(UnevenEnv, "vdn", replace(SMALL, gamma=0.5), tmp_path)
+
+
+def test_finished_run_is_loaded_and_keeps_no_replay(tmp_path: Path) -> None:
+    first = train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert load(tmp_path / LAST)["replay"] is None
+    again = train(UnevenEnv, "vdn", SMALL, tmp_path)
+    assert again.best_score == first.best_score
+    assert again.learner.updates == first.learner.updates
+
+
+def test_checkpoint_errors_name_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.pt"
+    with pytest.raises(CheckpointError, match=r"x\.pt: no such checkpoint"):
+        load(path)
+    save(path, "value", {"weights": torch.ones(1000)})
+    assert load(path)["weights"].sum() == 1000
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(CheckpointError, match=r"x\.pt: not a whole checkpoint"):
+        load(path)
+    torch.save({"format": "other"}, path)
+    with pytest.raises(CheckpointError, match="'other'"):
+        load(path)
+    save(path, "bc", {})
+    with pytest.raises(CheckpointError, match="kind 'bc', not 'value'"):
+        load(path, "value")
+
+
+class Evil:
+    """Runs code when it is unpickled."""
+
+    def __reduce__(self) -> Any:
+        return exec, ("raise SystemExit('code ran')",)
+
+
+def test_checkpoint_runs_no_code(tmp_path: Path) -> None:
+    torch.save({"format": Evil()}, tmp_path / "evil.pt")
+    (tmp_path / "plain.pt").write_bytes(pickle.dumps(Evil()))
+    for name in ("evil.pt", "plain.pt"):
+        with pytest.raises(CheckpointError, match=name):
+            load(tmp_path / name)
+
+
+def test_other_architecture_is_refused(tmp_path: Path) -> None:
+    train(UnevenEnv, "vdn", SMALL, tmp_path)
+    content = load(tmp_path / LAST)
+    other = Learner("vdn", interface_of(UnevenEnv()), replace(SMALL, hidden=9))
+    with pytest.raises(CheckpointError, match=r"last\.pt: its weights do not fit"):
+        other.restore(content["learner"], tmp_path / LAST)
+
+
+def test_settings_in_checkpoints_are_plain(tmp_path: Path) -> None:
+    train(UnevenEnv, "qmix", SMALL, tmp_path, setting={"messages": False})
+    content = load(tmp_path / BEST)
+    assert json.loads(json.dumps(content["setting"])) == {"messages": False}
+    assert content["config"]["hidden"] == SMALL.hidden
+
+
+def test_no_checkpoint_is_chosen_on_a_test_split() -> None:
+    with pytest.raises(ValueError, match="test split"):
+        by_tasks(("test-unseen",))

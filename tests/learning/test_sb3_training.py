@@ -1,0 +1,354 @@
+"""Baselines of Stable-Baselines3: training, interruption, and their models as policies of the benchmark."""
+
+import json
+import zipfile
+from dataclasses import asdict, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("sb3_contrib")
+import torch
+from stable_baselines3.common.vec_env import VecMonitor
+
+import chmarl_pb
+from chmarl_pb.cli.sb3 import main, parse
+from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.learning.networks.frozen import FrozenEncoder
+from chmarl_pb.learning.networks.residual import ResNet18
+from chmarl_pb.learning.networks.resnet import FEATURES
+from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.seal import LENGTH
+from chmarl_pb.learning.sb3 import load_policy
+from chmarl_pb.learning.sb3.config import PRESETS, Config
+from chmarl_pb.learning.sb3.features import FeatureVecEnv, HouseholdFeatures
+from chmarl_pb.learning.sb3.policy import read_model
+from chmarl_pb.learning.sb3.run import Log
+from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
+from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
+from chmarl_pb.learning.sb3.wrappers import ScaledRewards
+from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.sources import find_policy, register_loader
+from tests.helpers.damage import Evil, flipped
+from tests.helpers.stopping import in_pieces
+
+torch.set_num_threads(1)  # these networks are too small for more
+HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"
+TINY: dict[str, Any] = {"envs": 1, "tasks": 2, "max_steps": 4, "features": 8, "image_size": 32}
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make rollouts small enough for tests."""
+    on_policy = {"n_steps": 4, "batch_size": 4, "n_epochs": 1}
+    smaller = {"ppo": on_policy, "recurrent-ppo": on_policy, "a2c": {"n_steps": 4}}
+    smaller["dqn"] = {"learning_starts": 4, "batch_size": 4}
+    for name, preset in PRESETS.items():
+        settings = {algo: {**known, **smaller[algo]} for algo, known in preset.settings.items()}
+        monkeypatch.setitem(PRESETS, name, replace(preset, settings=settings))
+
+
+class Both(Policy):
+    """Plays one policy and notes what another would have done."""
+
+    def __init__(self, first: Policy, second: Policy):
+        self.first, self.second, self.same = first, second, True
+
+    def reset(self, seed: int | None) -> None:
+        self.first.reset(seed)
+        self.second.reset(seed)
+
+    def act(self, observations: Any, infos: Any) -> Any:
+        actions = self.first.act(observations, infos)
+        self.same &= actions == self.second.act(observations, infos)
+        return actions
+
+
+@pytest.mark.parametrize(
+    ("algo", "env_id", "preset"),
+    [
+        ("ppo", HUMANOID, "goal"),
+        ("ppo", "CHMARL/Visual-v0", "encoder"),
+        ("ppo", "CHMARL/VisualHumanoid-v0", "goal-encoder"),
+        ("a2c", JOINT, "goal"),
+        ("a2c", JOINT, "encoder"),
+        ("dqn", JOINT, "goal"),
+        ("dqn", "CHMARL/VisualHumanoid-v0", "encoder"),
+        ("recurrent-ppo", JOINT, "goal-encoder"),
+        ("recurrent-ppo", JOINT, "encoder"),
+    ],
+)
+def test_trained_model_is_a_policy(algo: str, env_id: str, preset: str, tmp_path: Path) -> None:
+    config = Config(algo, env_id, preset, steps=8, interval=8, messages=False, **TINY)
+    run(config, tmp_path, workers=0)
+    register_loader(".zip", load_policy)
+    source = find_policy(str(tmp_path / BEST))
+    assert source.deterministic == (algo == "dqn") and source.sha256
+    goal = {"goal": True} if config.env_options.get("goal") else {}
+    env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32, **goal)
+    both = Both(source.make(env), source.make(env))
+    episode = chmarl_pb.rollout(env, both, seed=1)
+    again = chmarl_pb.rollout(env, both, seed=1)
+    assert both.same and episode.actions == again.actions and len(episode) == 4
+    env.close()
+    other = "visual" if config.observation == "scene_graph" else "scene_graph"
+    # Numbers are the same with graphs and pictures; what an encoder reads is not, and the goal is not always there.
+    wrong = chmarl_pb.parallel_env(config.observation if preset == "goal" else other, image_size=32)
+    with pytest.raises(CheckpointError, match="--goal" if goal else None):
+        source.make(wrong)
+    wrong.close()
+    result = json.loads((tmp_path / RESULT).read_text())
+    assert result["best"]["plw"] == max(row["plw"] for row in result["validations"]) and result["steps"] >= 8
+
+
+def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
+    run(Config("ppo", HUMANOID, steps=8, interval=8, messages=False, **TINY), tmp_path, workers=0)
+    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
+    policy = load_policy(tmp_path / BEST)(env)
+    seen, infos = env.reset(seed=0)
+    told = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
+    chosen = []
+    for observations in (seen, told):
+        policy.reset(0)
+        chosen.append(policy.act(observations, infos))
+    assert chosen[0] == chosen[1] and env.action_names["drone"][chosen[0]["drone"]] != "stay"
+    env.close()
+
+
+def weights(model: Any) -> dict[str, torch.Tensor]:
+    return model.policy.state_dict()
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = Config(algo, HUMANOID, steps=24, interval=8, **TINY)
+    whole = weights(run(config, tmp_path / "whole", workers=0))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Log, "write", killed_at_row(3))
+        with pytest.raises(KeyboardInterrupt):
+            run(config, tmp_path / "killed", workers=0)
+    assert (tmp_path / "killed" / LAST).exists()
+    resumed = weights(run(config, tmp_path / "killed", workers=0))
+    assert json.loads((tmp_path / "killed" / RESULT).read_text())["resumed_at"] > 0
+    assert all(torch.equal(value, resumed[name]) for name, value in whole.items())
+    results = [json.loads((tmp_path / name / RESULT).read_text()) for name in ("whole", "killed")]
+    assert results[0]["validations"] == results[1]["validations"]
+    run(config, tmp_path / "killed", workers=0)  # a finished run is not played again
+    with pytest.raises(CheckpointError, match="differ"):
+        run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
+    algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two milestones, too: in the middle of episodes and of validations."""
+    config = Config(algo, HUMANOID, steps=48, interval=24, **TINY)
+    monkeypatch.setattr("chmarl_pb.learning.sb3.train._log_interval", lambda config: 2 if config.algo == "dqn" else 8)
+    whole = weights(run(config, tmp_path / "whole", workers=0))
+    model, times = in_pieces(lambda: run(config, tmp_path / "pieces", workers=0), 17, monkeypatch)
+    assert times >= 3
+    assert all(torch.equal(value, weights(model)[name]) for name, value in whole.items())
+    results = [json.loads((tmp_path / name / RESULT).read_text()) for name in ("whole", "pieces")]
+    assert results[0]["validations"] == results[1]["validations"]
+    rows = [
+        [
+            {name: value for name, value in row.items() if not name.startswith("time/")}
+            for row in read_metrics(tmp_path / folder)
+        ]
+        for folder in ("whole", "pieces")
+    ]
+    assert rows[0] == rows[1] and len(rows[0]) >= 6
+
+
+def killed_at_row(number: int) -> Any:
+    """Return a writer of log rows that dies at one of them."""
+    rows, write = count(1), Log.write
+
+    def dies(*arguments: Any) -> None:
+        if next(rows) == number:
+            raise KeyboardInterrupt
+        write(*arguments)
+
+    return dies
+
+
+@pytest.mark.parametrize("env_id", [JOINT, "CHMARL/VisualHumanoid-v0"])
+def test_extractor_sees_what_the_encoder_sees(env_id: str) -> None:
+    """SB3's floats are taken back to the same ids and pictures."""
+    from stable_baselines3.common.preprocessing import preprocess_obs
+
+    env = gymnasium.make(env_id, image_size=32, split="val-unseen")
+    seen = {key: torch.from_numpy(np.asarray(value)[None]) for key, value in env.reset(seed=0)[0].items()}
+    extractor = HouseholdFeatures(env.observation_space, 8)
+    encoder = build_encoder(env.observation_space, 8)
+    encoder.load_state_dict(extractor.encoder.state_dict())
+    processed = preprocess_obs(seen, env.observation_space, normalize_images=False)
+    assert torch.equal(extractor(processed), encoder(seen))
+    env.close()
+
+
+def test_frozen_features_take_the_place_of_pictures() -> None:
+    torch.manual_seed(0)
+    resnet = FrozenEncoder("resnet18", ResNet18().state_dict())
+    options = {"split": "val-unseen", "image_size": 32, "max_steps": 2}
+    env = FeatureVecEnv(chmarl_pb.sb3_vec_env(2, "CHMARL/Visual-v0", workers=0, **options), resnet)
+    space = env.observation_space
+    assert isinstance(space, spaces.Dict) and space["drone_image"].shape == (FEATURES,)
+    seen = env.reset()
+    assert seen["humanoid_image"].shape == (2, FEATURES) and seen["humanoid_image"].dtype == np.float16
+    for _ in range(2):
+        seen, _, ends, infos = env.step(np.array([env.action_space.sample()] * 2))
+    assert ends.all() and infos[1]["terminal_observation"]["drone_image"].shape == (FEATURES,)
+    env.close()
+
+
+def test_validation_pays_plw_and_begins_again_at_a_seed() -> None:
+    tasks = validation_tasks(3)
+    env = make_validation(JOINT, tasks, 2, {"max_steps": 3})
+    played = []
+    for seed in (0, None, None, 0):
+        _, info = env.reset(seed=seed)
+        played.append(info["humanoid"]["task_id"])
+    assert played == [tasks[0].id, tasks[2].id, tasks[4].id, tasks[0].id]
+    assert [task.id.rsplit("-", 1)[0] for task in tasks] == ["val-seen"] * 3 + ["val-unseen"] * 3
+    rewards = [env.step(np.array([9, 8]))[1] for _ in range(3)]
+    assert rewards == [0, 0, 0]  # both stay
+    env.close()
+
+
+def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
+    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    run(Config("ppo", HUMANOID, steps=8, interval=8, **TINY), tmp_path, workers=0)
+    board = events.EventAccumulator(str(tmp_path / "tensorboard"))
+    board.Reload()
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert {"eval/mean_reward", "eval/success_rate", "train/loss"} <= set(board.Tags()["scalars"])
+    for name in ("eval/mean_reward", "train/loss"):
+        told = [(event.step, event.value) for event in board.Scalars(name)]
+        assert told == [(row["steps"], pytest.approx(row[name], rel=1e-6)) for row in rows if name in row] != []
+
+
+def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
+    arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
+    config, out, _ = parse(arguments)
+    assert (config.env_id, config.messages, config.feedback, config.seed) == (HUMANOID, False, True, 4)
+    assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-goal-seed4")
+    assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id
+
+
+def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:
+    from stable_baselines3 import PPO
+
+    foreign, broken = tmp_path / "foreign.zip", tmp_path / "broken.zip"
+    PPO("MlpPolicy", "CartPole-v1", device="cpu").save(foreign)
+    with pytest.raises(CheckpointError, match="not written by training"):
+        load_policy(foreign)
+    broken.write_bytes(foreign.read_bytes()[:1000])
+    with pytest.raises(CheckpointError, match="not a whole checkpoint"):
+        load_policy(broken)
+
+
+def test_every_flipped_byte_of_a_model_is_noticed(tmp_path: Path) -> None:
+    from stable_baselines3 import PPO
+
+    run(Config("ppo", HUMANOID, steps=4, interval=4, **TINY), tmp_path, workers=0)
+    path, whole = tmp_path / BEST, (tmp_path / BEST).read_bytes()
+    assert PPO.load(path, device="cpu").num_timesteps == 4
+    rng = np.random.default_rng(0)
+    for place in (0, 1, len(whole) - LENGTH, len(whole) - 1, *rng.integers(0, len(whole), 20).tolist()):
+        path.write_bytes(flipped(whole, place))
+        with pytest.raises(CheckpointError, match=r"best\.zip: not a whole checkpoint"):
+            load_policy(path)
+
+
+def test_code_in_a_model_is_not_run_and_not_made_easy(tmp_path: Path) -> None:
+    run(Config("ppo", HUMANOID, steps=4, interval=4, **TINY), tmp_path, workers=0)
+    evil, touched = tmp_path / "evil.zip", tmp_path / "code ran"
+    torch.save({"format": Evil(touched)}, tmp_path / "evil.pth")
+    with zipfile.ZipFile(tmp_path / BEST) as archive, zipfile.ZipFile(evil, "w") as other:
+        for name in archive.namelist():
+            other.writestr(name, (tmp_path / "evil.pth").read_bytes() if name == "policy.pth" else archive.read(name))
+    with pytest.raises(CheckpointError, match="could run code and is never loaded") as caught:
+        load_policy(evil)
+    assert "weights_only" not in str(caught.value) and caught.value.__cause__ is None and not touched.exists()
+
+
+def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--algo", "qmix", "--env", JOINT])
+    with pytest.raises(SystemExit):
+        main(["--algo", "ppo", "--env", "CartPole-v1"])
+    assert "CHMARL/SceneGraph-v0" in capsys.readouterr().err
+    for wrong in (["--interval", "0"], ["--steps", "0"], ["--seed", "-1"]):
+        assert main(["--algo", "ppo", *wrong]) == 1
+        assert f"{wrong[0].strip('-')}={wrong[1]}: must be at least" in capsys.readouterr().err
+    for other in (["--humanoid-only"], ["--observation", "visual"]):
+        with pytest.raises(SystemExit):
+            main(["--algo", "ppo", "--env", JOINT, *other])
+        assert "--env names" in capsys.readouterr().err
+
+
+def test_models_from_before_there_were_presets_are_read(tmp_path: Path) -> None:
+    """Their settings name no preset; they were trained without the goal, through the encoder."""
+    config = Config("ppo", HUMANOID, "encoder", steps=8, interval=8, **TINY)
+    run(config, tmp_path, workers=0)
+    settings = {name: value for name, value in asdict(config).items() if name != "preset"}
+    before, last = tmp_path / "before.zip", torch.load(tmp_path / LAST, weights_only=True)
+    with zipfile.ZipFile(tmp_path / BEST) as new, zipfile.ZipFile(before, "w") as old:
+        for name in new.namelist():
+            old.writestr(name, json.dumps(settings) if name == "chmarl_pb.json" else new.read(name))
+    assert read_model(before)[0] == config
+    env = chmarl_pb.parallel_env(split="val-unseen", max_steps=4, goal=True)  # what it does not know does no harm
+    policies = [load_policy(path)(env) for path in (tmp_path / BEST, before)]
+    played = [chmarl_pb.rollout(env, policy, seed=1).actions for policy in policies]
+    assert played[0] == played[1]
+    env.close()
+    torch.save({**last, "settings": settings}, tmp_path / LAST)
+    run(config, tmp_path, workers=0)  # goes on, which here means that it is finished
+    assert json.loads((tmp_path / RESULT).read_text())["resumed_at"] == 8
+
+
+def test_rewards_are_scaled_for_learning_only() -> None:
+    env = ScaledRewards(VecMonitor(chmarl_pb.sb3_vec_env(1, HUMANOID, 0, split="val-unseen", max_steps=12)), 0.2)
+    plain = chmarl_pb.sb3_vec_env(1, HUMANOID, 0, split="val-unseen", max_steps=12)
+    for each in (env, plain):
+        each.seed(0)
+        each.reset()
+    rewards = []
+    for action in [0, 1, 2, 3, 7, 7, 7, 0, 8, 8, 8, 8]:
+        scaled, wanted = (each.step(np.array([action])) for each in (env, plain))
+        assert scaled[1] == pytest.approx(0.2 * wanted[1])
+        rewards.append(float(wanted[1][0]))
+    assert any(rewards) and scaled[3][0]["episode"]["r"] == pytest.approx(sum(rewards))
+    env.close()
+    plain.close()
+
+
+def test_progress_is_shown_before_there_are_environments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slow(*arguments: Any, **options: Any) -> None:
+        raise KeyboardInterrupt  # of somebody who waits and sees nothing
+
+    with monkeypatch.context() as patch:
+        patch.setattr(chmarl_pb, "sb3_vec_env", slow)
+        with pytest.raises(KeyboardInterrupt):
+            run(Config("ppo", HUMANOID, **TINY), tmp_path, quiet=False)
+    shown = capsys.readouterr().err
+    assert "ppo on CHMARL/SceneGraphHumanoid-v0, preset goal" in shown and "making environments" in shown
+    run(Config("ppo", HUMANOID, steps=8, interval=8, **TINY), tmp_path, workers=0, quiet=False)
+    assert "steps 8  validation: SR" in capsys.readouterr().err
+
+
+def test_unknown_presets_are_refused() -> None:
+    with pytest.raises(ValueError, match="preset='best' is not known"):
+        Config("ppo", HUMANOID, "best")

@@ -1,0 +1,257 @@
+"""What a robot sees, drawn in two parts and merged, equals a full TinyRenderer picture of the world, bit for bit."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from chmarl_pb import catalog
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import AssetError
+from chmarl_pb.navigation.lattice import HEADINGS
+from chmarl_pb.rendering.camera import Picture, render, view_matrix
+from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.meshes import _read_obj
+from chmarl_pb.sensing.vision import SIGHT_SIZE, VISIBLE_PIXELS
+from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.task import Task
+from tests.helpers.small_homes import SMALL_HOME, home_text
+
+ROBOTS = ("humanoid", "drone")
+CYLINDER = """<link name="livingroom/tv_stand_1">
+  <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>
+  <visual><geometry><cylinder radius="0.3" length="0.4"/></geometry></visual>
+  <collision><geometry><cylinder radius="0.3" length="0.4"/></geometry></collision>
+</link>
+<joint name="pedestal" type="fixed"><parent link="world"/><child link="livingroom/tv_stand_1"/>
+  <origin xyz="1.5 0.5 0.2" rpy="0 0 0.3"/></joint>"""
+
+
+def full_picture(stage: Stage, robot: str, size: int) -> Picture:
+    """Draw everything in the world's own client at once; the segmentation in numbers of ``sight.names``."""
+    pose = stage.world.robots[robot].pose
+    view = view_matrix(eye(stage.space, robot, pose))
+    drawn = render(stage.world.client, CAMERAS[robot], view, size)
+    # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: odd pictures
+    # of a client are equal, and this one of a single pixel makes the next one odd again.
+    render(stage.world.client, CAMERAS[robot], view, 1)
+    body, link = drawn.segmentation & 0xFFFFFF, (drawn.segmentation >> 24) - 1
+    names = np.where(drawn.segmentation < 0, -1, link)
+    for name, number in stage.world.bodies.items():
+        if name != "home":
+            names[(drawn.segmentation >= 0) & (body == number)] = stage.sight.numbers[name]
+    return Picture(drawn.colour, drawn.depth, names)
+
+
+def assert_same(stage: Stage, robot: str, size: int) -> None:
+    full = full_picture(stage, robot, size)
+    merged = stage.sight.picture(robot, stage.world.robots[robot].pose, size)
+    np.testing.assert_array_equal(merged.segmentation, full.segmentation)
+    np.testing.assert_array_equal(merged.depth, full.depth)
+    np.testing.assert_array_equal(merged.rgb, full.rgb)
+    np.testing.assert_array_equal(stage.sight.colours(robot, size), full.rgb)
+
+
+def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
+    task = [task for task in tasks if task.home == stage.home.name][number]
+    stage.begin(task)
+    return task
+
+
+def wander(stage: Stage, rng: np.random.Generator) -> None:
+    """Put both robots anywhere."""
+    stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.moves))))
+    stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
+
+
+def meet(stage: Stage, rng: np.random.Generator) -> None:
+    """Put the humanoid anywhere and the drone above it."""
+    wander(stage, rng)
+    x, y, _ = stage.space.lattice.pose(stage.humanoid.pose)
+    stage.drone.spawn(int(np.hypot(*(stage.space.drone_lattice.points - (x, y)).T).argmin()))
+
+
+def take(stage: Stage, item: str) -> None:
+    """Let the humanoid hold an object where it stands."""
+    stage.humanoid.turn = 0.5
+    stage.humanoid.hold(item)
+
+
+@pytest.mark.parametrize("size", [64, 128, 224])
+def test_random_views(stage: Stage, tasks: list[Task], size: int) -> None:
+    rng = np.random.default_rng(size)
+    for number in range(2):
+        begin(stage, tasks, number)
+        for _ in range(4 if size < 200 else 2):
+            wander(stage, rng)
+            for robot in ROBOTS:
+                assert_same(stage, robot, size)
+
+
+@pytest.mark.parametrize("size", [64, 128, 224])
+def test_views_with_a_held_object_and_the_other_robot(stage: Stage, tasks: list[Task], size: int) -> None:
+    rng = np.random.default_rng(size)
+    task = begin(stage, tasks)
+    take(stage, task.item)
+    met = 0
+    for _ in range(4 if size < 200 else 2):
+        meet(stage, rng)
+        met += "humanoid" in stage.sight.visible("drone")
+        for robot in ROBOTS:
+            assert_same(stage, robot, size)
+    assert met
+    stage.world.release()
+
+
+def test_the_world_after_a_release_is_drawn_with_the_arm_at_rest(stage: Stage, tasks: list[Task]) -> None:
+    task, rng = begin(stage, tasks), np.random.default_rng(3)
+    take(stage, task.item)
+    stage.sight.visible("drone")
+    begin(stage, tasks, 1)
+    meet(stage, rng)
+    assert_same(stage, "drone", 128)
+
+
+def test_every_object_large_in_the_picture(stage: Stage, tasks: list[Task]) -> None:
+    """Objects near the camera, at the rim of its view too: none is left out."""
+    begin(stage, tasks)
+    rng = np.random.default_rng(4)
+    for item in rng.permutation(stage.world.objects)[:8].tolist():
+        stand = stage.space.stand(stage.world.grip(item))
+        if stand is None:
+            continue
+        for turn in range(-2, 3):
+            stage.humanoid.spawn(stand // HEADINGS * HEADINGS + (stand + turn) % HEADINGS)
+            assert_same(stage, "humanoid", 64)
+
+
+def test_visible_is_the_pixel_rule_of_the_full_picture(stage: Stage, tasks: list[Task]) -> None:
+    rng = np.random.default_rng(5)
+    begin(stage, tasks, 2)
+    for _ in range(10):
+        meet(stage, rng)
+        for robot in ROBOTS:
+            numbers, counts = np.unique(full_picture(stage, robot, SIGHT_SIZE).segmentation, return_counts=True)
+            pixels = {stage.sight.names[n]: count for n, count in zip(numbers, counts, strict=True) if n >= 0}
+            expected = {
+                name
+                for name, count in pixels.items()
+                if count >= VISIBLE_PIXELS and catalog.class_of(name) in catalog.CLASSES and name != robot
+            }
+            seen = stage.sight.visible(robot)
+            assert set(seen) == expected and len(seen) == len(expected)
+
+
+def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]) -> None:
+    rng = np.random.default_rng(6)
+    begin(stage, tasks)
+    for _ in range(10):
+        meet(stage, rng)
+        for robot in ROBOTS:
+            segmentation = stage.sight.picture(robot, stage.world.robots[robot].pose, SIGHT_SIZE).segmentation
+            counts = np.bincount(segmentation.ravel() + 1, minlength=len(stage.sight.names) + 1)[1:]
+            np.testing.assert_array_equal(stage.sight.pixels(robot), counts)
+
+
+def test_visible_is_what_the_counts_of_all_pixels_say(stage: Stage, tasks: list[Task]) -> None:
+    """Most bodies are not drawn to the end to find out whether they are visible."""
+    rng, sight = np.random.default_rng(9), stage.sight
+    for number in range(3):
+        begin(stage, tasks, number)
+        for step in range(120):
+            if step == 60:
+                item = stage.world.objects[number]
+                stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+                stage.humanoid.hold(item)
+            (meet if step % 2 else wander)(stage, rng)
+            for robot in ROBOTS:
+                counts = dict(zip(sight.names, sight.pixels(robot).tolist(), strict=True))
+                enough = [name for name in sight.names if counts[name] >= VISIBLE_PIXELS and name != robot]
+                assert sight.visible(robot) == tuple(n for n in enough if catalog.class_of(n) in catalog.CLASSES)
+
+
+def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> None:
+    """Nothing of a kept picture survives a change of the world at the same camera pose."""
+    begin(stage, tasks)
+    item = stage.world.objects[0]
+    stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+    assert_same(stage, "humanoid", 128)
+    (x, y, z), quaternion = stage.world.pose(item)
+    stage.world.place(item, (x + 0.05, y, z + 0.1), quaternion, stage.world.supports[item].receptacle)
+    assert_same(stage, "humanoid", 128)
+    stage.world.clear()
+    assert_same(stage, "humanoid", 128)
+
+
+def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> None:
+    begin(stage, tasks)
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        wander(stage, rng)
+        client = stage.world.client
+        for name, robot in stage.world.robots.items():
+            joints = range(pybullet.getNumJoints(robot.body, physicsClientId=client))
+            links = {pybullet.getJointInfo(robot.body, j, physicsClientId=client)[12].decode(): j for j in joints}
+            state = pybullet.getLinkState(robot.body, links["camera"], 1, 1, physicsClientId=client)
+            position, quaternion = eye(stage.space, name, robot.pose)
+            np.testing.assert_allclose(position, state[4], atol=1e-5)
+            assert abs(np.dot(quaternion, state[5])) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("extra", ["", CYLINDER], ids=["boxes", "cylinder"])
+def test_a_home_of_any_shapes_is_drawn_as_tinyrenderer_draws_it(write_home: Callable[[str], Path], extra: str) -> None:
+    """Boxes and meshes are drawn by our rasteriser, other shapes by TinyRenderer itself."""
+    stage = Stage(str(write_home(home_text(extra=extra))))
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        wander(stage, rng)
+        for robot in ROBOTS:
+            assert_same(stage, robot, 64)
+    stage.close()
+
+
+def test_a_home_of_more_links_than_pybullet_tells_of_is_drawn_by_tinyrenderer(
+    write_home: Callable[[str], Path],
+) -> None:
+    posts = {f"livingroom/wall_{n}": ((0.02, 0.2, 0.1), (-1.6 + 0.02 * n, 0.5, 0.05)) for n in range(140)}
+    stage = Stage(str(write_home(home_text({**SMALL_HOME, **posts}))))
+    wander(stage, np.random.default_rng(10))
+    # Colours only: PyBullet's segmentation numbers no more than 127 links.
+    np.testing.assert_array_equal(stage.sight.colours("drone", 128), full_picture(stage, "drone", 128).rgb)
+    stage.close()
+
+
+@pytest.mark.parametrize("execution", ["instant", "simulated"])
+def test_observed_pictures_are_full_pictures_in_both_executions(execution: str) -> None:
+    env = HouseholdEnv("visual", split="val-unseen", execution=execution, image_size=64)
+    observations, _ = env.reset(options={"task": "val-unseen-004"})
+    plan, rng = env.stage.oracle.plan(env.setting.goal), np.random.default_rng(9)
+    for action in plan:
+        for robot in ROBOTS:
+            np.testing.assert_array_equal(observations[robot]["image"], full_picture(env.stage, robot, 64).rgb)
+        drone = int(rng.integers(len(env.action_names["drone"])))
+        observations, *_ = env.step({"humanoid": env.action_names["humanoid"].index(action), "drone": drone})
+    assert env.outcome.success
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 9//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf -1//1 -2//1 -3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvn 0 0 1\nf 1//1 2//1 4//1 3//1\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        "v zero 0 0\n",
+    ],
+    ids=["materials", "range", "relative", "normal", "polygon", "flat", "word"],
+)
+def test_meshes_beyond_our_rasteriser_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text(text)
+    with pytest.raises(AssetError, match=r"mesh\.obj"):
+        _read_obj(path)

@@ -1,0 +1,221 @@
+"""Both executions of an action: the same end bit by bit, exact grips, smooth and free ways."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chmarl_pb import catalog
+from chmarl_pb.homes.home import home_names, load_home
+from chmarl_pb.homes.solids import segments_hit
+from chmarl_pb.navigation.free_space import space_of
+from chmarl_pb.navigation.lattice import FOOTPRINT_RADIUS
+from chmarl_pb.robots import execution, trajectory
+from chmarl_pb.robots.arm import Arm
+from chmarl_pb.robots.drone import Drone
+from chmarl_pb.robots.execution import TICKS_PER_FRAME, Snapshot, execute
+from chmarl_pb.robots.goal import Goal
+from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.tasks.setting import put_somewhere
+from chmarl_pb.world import TIME_STEP, World
+
+FRAME = TICKS_PER_FRAME * TIME_STEP
+
+
+class Stage:
+    """A world with both robots, and one object on a receptacle."""
+
+    def __init__(self, home: str):
+        self.space = space_of(load_home(home))
+        self.world = World(self.space.home)
+        self.humanoid, self.drone = Humanoid(self.world, self.space), Drone(self.world, self.space)
+        self.goal = Goal("", ())
+
+    def set_up(self, seed: int) -> None:
+        """Lay out an object, a target and the robots, drawn from a seed."""
+        rng = np.random.default_rng(seed)
+        self.world.clear()
+        self.humanoid.turn = 0.0
+        receptacles = rng.permutation(list(self.space.home.receptacles)).tolist()
+        item = f"{rng.choice(list(catalog.GRASPABLES))}_1"
+        carriers = [name for name in receptacles if put_somewhere(self.world, self.space, item, name, rng)]
+        self.world.clear()
+        put_somewhere(self.world, self.space, item, carriers[0], np.random.default_rng(seed))
+        put_somewhere(self.world, self.space, "lime_1" if item != "lime_1" else "peach_1", carriers[1], rng)
+        self.goal = Goal(item, (carriers[-1],))
+        self.humanoid.spawn(int(rng.integers(12 * len(self.space.lattice.points))))
+        self.drone.spawn(int(rng.integers(len(self.space.drone_lattice.points))))
+
+    def act(self, action: str, simulated: bool, drone: str = "stay") -> tuple[bool, tuple[Snapshot, ...]]:
+        """Let the humanoid carry out an action that sees everything."""
+        motion = self.humanoid.plan(action, self.goal, (self.goal.item, *self.goal.receptacles))
+        assert motion is not None
+        done, snapshots = execute(self.world, {"humanoid": motion, "drone": self.drone.plan(drone)}, simulated)
+        return done["humanoid"], snapshots
+
+    def state(self) -> dict[str, Any]:
+        """Return all that an action can change, exactly."""
+        world, humanoid, drone = self.world, self.humanoid, self.drone
+        return {
+            "poses": {name: (world.pose(name), world.read_pose(name)) for name in world.objects},
+            "supports": dict(world.supports),
+            "held": world.held,
+            "robots": (humanoid.pose, humanoid.turn, humanoid.read_base(), drone.pose, drone.read_base()),
+            "arm": humanoid.arm.configuration(),
+            "bodies": dict(world.bodies),
+        }
+
+
+@pytest.fixture(scope="module")
+def stages() -> Iterator[dict[str, Stage]]:
+    stages: dict[str, Stage] = {}
+    yield stages
+    for stage in stages.values():
+        stage.world.close()
+
+
+def stage_of(stages: dict[str, Stage], home: str) -> Stage:
+    if home not in stages:
+        stages[home] = Stage(home)
+    return stages[home]
+
+
+@pytest.fixture
+def stage(stages: dict[str, Stage]) -> Stage:
+    return stage_of(stages, "home_1")
+
+
+@pytest.fixture
+def misses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Distances in metres between what was driven and where it was meant to be, one a grip or release."""
+    distances: list[float] = []
+    check = execution._check
+
+    def record(position: Any, goal: Any) -> None:
+        distances.append(float(np.linalg.norm(np.subtract(position, goal))))
+        check(position, goal)
+
+    monkeypatch.setattr(execution, "_check", record)
+    return distances
+
+
+@pytest.mark.parametrize("home", home_names())
+@pytest.mark.parametrize("seed", [1, 2])
+def test_both_executions_end_the_same(stages: dict[str, Stage], misses: list[float], home: str, seed: int) -> None:
+    stage, ends = stage_of(stages, home), []
+    for simulated in (True, False):
+        stage.set_up(seed)
+        end = []
+        for action, drone in (("pick", "goto_kitchen"), ("place", "goto_bedroom"), ("pick", "stay")):
+            end.append((stage.act(action, simulated, drone)[0], stage.state()))
+        ends.append(end)
+    assert ends[0] == ends[1]
+    assert ends[0][0][0], "every object that lies within reach can be picked"
+    assert len(misses) >= 2 and max(misses) < 0.01
+
+
+@pytest.mark.parametrize("home", home_names())
+def test_the_base_keeps_clear_and_moves_smoothly(stages: dict[str, Stage], home: str) -> None:
+    stage = stage_of(stages, home)
+    stage.set_up(3)
+    for action in ("goto_kitchen", "goto_bedroom", "pick", "turn_left"):
+        start = stage.humanoid.pose
+        done, snapshots = stage.act(action, simulated=True)
+        assert done
+        bases = [snapshot.bases["humanoid"] for snapshot in snapshots]
+        points = np.array([position[:2] for position, _ in bases])
+        for solid in stage.space.lattice.obstacles:
+            assert not segments_hit(solid.polygon, points, points, FOOTPRINT_RADIUS - 1e-3).any()
+        yaws = np.unwrap([2 * np.arctan2(quaternion[2], quaternion[3]) for _, quaternion in bases])
+        assert np.abs(np.diff(points, n=2, axis=0)).max() < 4.0 * FRAME**2
+        assert np.abs(np.diff(yaws, n=2)).max() < 10.0 * FRAME**2
+        assert np.hypot(*(points[0] - stage.space.lattice.pose(start)[:2])) < 0.01
+
+
+def test_the_held_object_stays_in_the_hand(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    humanoid, world, gaps, tilts, heights = stage.humanoid, stage.world, [], [], []
+    step = world.step
+
+    def watch() -> None:
+        step()
+        if world.held is not None:
+            position, quaternion = world.read_pose(world.held)
+            gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(world.held)[0])))
+            tilts.append(np.hypot(*quaternion[:2]))
+            heights.append(position[2])
+
+    monkeypatch.setattr(world, "step", watch)
+    for seed in (4, 5):
+        stage.set_up(seed)
+        for action in ("pick", "goto_bathroom", "place"):
+            gaps.clear(), tilts.clear(), heights.clear()
+            assert stage.act(action, simulated=True)[0]
+            assert max(gaps) < 0.01
+            assert max(tilts) < 0.05
+            assert np.abs(np.diff(heights, n=2)).max() < 1e-3
+
+
+def test_the_arm_moves_at_a_human_pace(stage: Stage) -> None:
+    for seed in range(7, 11):
+        stage.set_up(seed)
+        motion = stage.humanoid.plan("pick", stage.goal, (stage.goal.item,))
+        assert motion is not None
+        stage.humanoid.spawn(motion.pose)
+        done, snapshots = stage.act("pick", simulated=True)
+        assert done
+        assert 2.0 < len(snapshots) * FRAME < 4.8
+        joints = np.array([snapshot.arm for snapshot in snapshots])
+        assert np.abs(np.diff(joints, axis=0)).max() < 2.6 * FRAME
+        assert (joints >= stage.humanoid.arm.lower - 0.01).all() and (joints <= stage.humanoid.arm.upper + 0.01).all()
+
+
+@pytest.mark.parametrize("action", ["pick", "place"])
+def test_a_miss_leaves_the_world_as_it_was(stage: Stage, monkeypatch: pytest.MonkeyPatch, action: str) -> None:
+    stage.set_up(8)
+    if action == "place":
+        assert stage.act("pick", simulated=True)[0]
+    before = stage.state()
+    monkeypatch.setattr(execution, "TOLERANCE", 0.0)
+    assert not stage.act(action, simulated=True)[0]
+    assert stage.state() == before
+    monkeypatch.undo()
+    assert stage.act(action, simulated=True)[0]
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_an_object_that_does_not_settle_stays_in_the_hand(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, simulated: bool
+) -> None:
+    stage.set_up(9)
+    assert stage.act("pick", simulated)[0]
+    before = stage.state()
+    monkeypatch.setattr(stage.world, "rests_on", lambda *_: False)
+    assert not stage.act("place", simulated)[0]
+    assert stage.state() == before
+
+
+def test_an_undecided_motion_fails_and_the_other_robot_still_acts(stage: Stage) -> None:
+    stage.set_up(10)
+    stage.drone.spawn(0)
+    before = stage.humanoid.pose
+    far = max(stage.space.drone_lattice.anchors, key=lambda room: abs(stage.space.drone_lattice.anchors[room]))
+    goal = stage.drone.plan(f"goto_{far}")
+    assert goal is not None
+    stage.humanoid.arm.drive(Arm.carry)
+    done, snapshots = execute(stage.world, {"humanoid": None, "drone": goal}, simulated=True)
+    assert done == {"humanoid": False, "drone": True}
+    assert stage.humanoid.pose == before and stage.drone.pose == goal.pose
+    assert len(snapshots) > 10 and stage.humanoid.arm.configuration() == Arm.rest
+    assert np.abs(np.subtract([snapshot.arm for snapshot in snapshots], Arm.rest)).max() < 0.01
+
+
+def test_profiles_start_and_stop_gently_at_their_speed() -> None:
+    for distance in (0.01, 0.25, 1.0, 7.0):
+        shares = trajectory.profile(distance, 1.2, 1.5)
+        speeds = np.diff(shares, prepend=0.0) * distance / TIME_STEP
+        assert shares[-1] == 1.0
+        assert (speeds > 0).all() and speeds.max() < 1.2 * 1.01
+        assert max(speeds[0], speeds[-1]) < 0.02
+        assert np.allclose(speeds, speeds[::-1])
+    assert len(trajectory.profile(0.0, 1.2, 1.5)) == 0

@@ -1,0 +1,128 @@
+"""The scene graph tells what is seen, how it is and where it is, and fits its arrays."""
+
+import numpy as np
+import pytest
+
+from chmarl_pb import catalog
+from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph
+from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.task import Task
+
+
+@pytest.fixture
+def begun(stage: Stage, tasks: list[Task]) -> tuple[Stage, Setting]:
+    return stage, stage.begin(next(task for task in tasks if task.home == stage.home.name))
+
+
+def everything(stage: Stage) -> tuple[str, ...]:
+    """Return the names of all nodes that there can be, but the drone."""
+    return tuple(name for name in stage.sight.names if name in set(nodes(stage)) - {"drone"})
+
+
+def nodes(stage: Stage) -> list[str]:
+    things = [thing.name for thing in stage.home.things if thing.class_name in catalog.CLASSES]
+    return [*things, *stage.world.objects, "humanoid", "drone"]
+
+
+def graph_of(stage: Stage, setting: Setting, seen: tuple[str, ...]) -> SceneGraph:
+    return stage.graphs.graph(seen, setting.states)
+
+
+def relations(graph: SceneGraph, name: str, relation: str) -> list[str]:
+    return [target for source, target, kind in graph.relations() if source == name and kind == relation]
+
+
+def test_whole_home_fits(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    arrays = graph.arrays()
+    assert len(graph.names) <= MAX_NODES
+    assert (arrays["node_class"] > 0).sum() == (arrays["node_state"] > 0).sum() == len(graph.names)
+    assert (arrays["edges"][:, 2] > 0).sum() == len(list(graph.relations())) < MAX_EDGES
+    assert len(set(graph.names)) == len(graph.names)
+
+
+def test_arrays_spell_the_graph(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    arrays = graph.arrays()
+    for number, name in enumerate(graph.names):
+        assert arrays["node_class"][number] == catalog.CLASS_IDS[catalog.class_of(name)]
+        assert arrays["node_state"][number] == catalog.STATE_IDS[graph.states[number]]
+    for row, (source, target, kind) in enumerate(graph.relations()):
+        nodes = graph.names.index(source), graph.names.index(target)
+        assert arrays["edges"][row].tolist() == [*nodes, catalog.RELATION_IDS[kind]]
+
+
+def test_objects_are_on_or_inside_what_carries_them(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    for item, support in stage.world.supports.items():
+        carried = relations(graph, item, "on") + relations(graph, item, "inside")
+        assert carried == [support.receptacle]
+        assert relations(graph, item, "in_room") == [catalog.room_of(support.receptacle)]
+
+
+def test_covered_means_inside(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    for item, support in stage.world.supports.items():
+        x, y, z = stage.world.pose(item)[0]
+        above = [
+            solid
+            for solid in stage.home.receptacles[support.receptacle].solids
+            if solid.bottom > z + 0.1 and (solid.low < (x, y)).all() and (solid.high > (x, y)).all()
+        ]
+        if not above and relations(graph, item, "inside"):
+            # The surface is covered in part, but not over this object.
+            assert any(s.covered for s in stage.space.surfaces if s.receptacle == support.receptacle)
+        if above:
+            assert relations(graph, item, "inside") == [support.receptacle]
+
+
+def test_states_are_the_settings(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    for name, state in zip(graph.names, graph.states, strict=True):
+        assert state in catalog.CLASSES[catalog.class_of(name)].states
+        if name in setting.states:
+            assert state == setting.states[name]
+
+
+def test_held_object(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    item = setting.goal.item
+    stage.world.supports.pop(item)
+    stage.humanoid.hold(item)
+    graph = graph_of(stage, setting, ("humanoid", item))
+    assert graph.states[graph.names.index(item)] == "held"
+    assert graph.states[graph.names.index("humanoid")] == "holding"
+    assert relations(graph, item, "held_by") == ["humanoid"]
+    room = list(stage.home.rooms)[stage.humanoid.room]
+    assert relations(graph, item, "in_room") == relations(graph, "humanoid", "in_room") == [room]
+    alone = graph_of(stage, setting, (item,))
+    assert relations(alone, item, "held_by") == [] and relations(alone, item, "in_room") == [room]
+    stage.world.release()
+
+
+def test_near_is_short_and_symmetric_enough(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    graph = graph_of(stage, setting, everything(stage))
+    count = dict.fromkeys(graph.names, 0)
+    for a, b, kind in graph.relations():
+        if kind == "near":
+            first, second = (np.array(stage.world.robots[n].base_pose()[0] if n == "humanoid" else
+                                      stage.world.pose(n)[0]) for n in (a, b))  # fmt: skip
+            assert a != b and np.linalg.norm(first - second) < 0.75
+            count[a] += 1
+    assert max(count.values()) <= 4
+
+
+def test_only_what_is_seen_is_told(begun: tuple[Stage, Setting]) -> None:
+    stage, setting = begun
+    seen = stage.sight.visible("drone")
+    graph = graph_of(stage, setting, seen)
+    rooms = set(graph.names) - set(seen)
+    assert graph.names[: len(seen)] == seen and rooms <= set(stage.home.rooms)
+    assert graph_of(stage, setting, ()).names == ()

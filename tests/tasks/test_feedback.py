@@ -1,0 +1,103 @@
+"""Feedback sentences: their templates, their English, and when something is said."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from chmarl_pb import catalog
+from chmarl_pb.envs.options import Options
+from chmarl_pb.errors import OptionError
+from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks import language
+from chmarl_pb.tasks.feedback import better_action, within_sight
+from chmarl_pb.tasks.language import templates
+from chmarl_pb.tasks.language.feedback import templates_for
+from chmarl_pb.tasks.outcome import Outcome
+from chmarl_pb.tasks.task import Task
+from tests.helpers.feedback_reader import ACTIONS, MOVES, pattern_of, read
+
+
+def test_there_are_forty_templates() -> None:
+    sentences = [text for kind in templates.FEEDBACK for text in kind.pool(held_out=True)]
+    assert len(set(sentences)) == len(sentences) >= 40
+
+
+@pytest.mark.parametrize("split", ["train", "test-seen"])
+def test_sentences_read_back_and_agree_with_their_nouns(split: str) -> None:
+    rng = np.random.default_rng(0)
+    graspables, receptacles = list(catalog.GRASPABLES), list(catalog.RECEPTACLES)
+    said = set()
+    for number, (done, succeeded, better, holding) in enumerate(
+        [*product(ACTIONS, (True, False), ("pick", "place", *MOVES), (True, False))] * 3
+    ):
+        source, target = rng.permutation(receptacles)[:2].tolist()
+        task = Task(f"{split}-{number:04d}", "home_1", str(rng.choice(graspables)), source, target, number)
+        text = language.say(task, number % 50, language.Advice(done, succeeded, better, holding))
+        assert read(text) == (better, done, succeeded)
+        assert text[0].isupper() and text[-1] in ".?" and "{" not in text
+        spoken = language.words(text)
+        assert task.graspable in ("slippers", "notes") or ("them" not in spoken and "were in view" not in text), text
+        assert len(spoken) <= language.FEEDBACK_LENGTH
+        assert language.UNKNOWN not in language.tokenize(text, language.FEEDBACK_LENGTH), text
+        said.add(text)
+    assert len(said) > 900
+
+
+def test_training_never_hears_a_held_out_sentence() -> None:
+    held_out = [pattern_of(text) for kind in templates.FEEDBACK for text in kind.held_out]
+    heard = {"train": 0, "val-seen": 0}
+    for split, seed, better in product(heard, range(200), ("pick", "place", "turn_left")):
+        text = language.say(
+            Task(f"{split}-1", "home_1", "mug", "bed", "desk", seed), 3, language.Advice("stay", True, better, False)
+        )
+        heard[split] += any(pattern.fullmatch(text) for pattern in held_out)
+    assert heard["train"] == 0 and heard["val-seen"] > 100
+
+
+def test_words_depend_on_seed_and_step_alone() -> None:
+    advice = language.Advice("stay", True, "pick", False)
+    task = Task("train-1", "home_1", "mug", "bed", "desk", 5)
+    assert language.say(task, 3, advice) == language.say(Task("a", "home_2", "mug", "sofa", "desk", 5), 3, advice)
+    assert len({language.say(task, step, advice) for step in range(50)}) > 20
+
+
+def test_each_kind_of_advice_has_its_sentences() -> None:
+    kinds = [templates_for(language.Advice("stay", True, better, False)) for better in ("pick", "place", "turn_left")]
+    assert tuple(kinds) == templates.FEEDBACK
+
+
+def test_within_sight() -> None:
+    goal = Goal("mug_1", ("kitchen/desk_1", "bedroom/desk_1"))
+
+    def outcome(held: str | None, *seen: str) -> Outcome:
+        return Outcome({"humanoid": seen, "drone": ("mug_1",)}, held, {}, "kitchen", 0.0, False)
+
+    assert within_sight(goal, outcome(None, "mug_1")) == "pick"
+    assert within_sight(goal, outcome("mug_1", "mug_1", "bedroom/desk_1")) == "place"
+    assert within_sight(goal, outcome(None, "bedroom/desk_1")) is None
+    assert within_sight(goal, outcome("mug_1", "mug_1")) is None
+
+
+def test_better_action() -> None:
+    plan = ["turn_left", "pick", "place"]
+    assert better_action(plan, "turn_left", plan[1:]) is None
+    assert better_action(plan, "goto_kitchen", ["pick", "place"]) is None  # another way, as short
+    assert better_action(plan, "stay", plan) == "turn_left"
+    assert better_action(plan, "move_forward", ["turn_left", *plan]) == "turn_left"
+    assert (
+        better_action(None, "stay", plan) is better_action(plan, "stay", None) is better_action([], "stay", []) is None
+    )
+
+
+@pytest.mark.parametrize("value", ["oracle", "", 2, None])
+def test_unknown_styles_are_refused(value: object) -> None:
+    with pytest.raises(OptionError, match="feedback"):
+        Options(feedback=value)
+
+
+@pytest.mark.parametrize(
+    ("value", "style"), [(True, "paper"), (False, None), ("paper", "paper"), ("planner", "planner")]
+)
+def test_styles(value: bool | str, style: str | None) -> None:
+    assert Options(feedback=value).feedback_style == style

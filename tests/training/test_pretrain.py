@@ -1,0 +1,113 @@
+"""Pretraining of ResNet-18: labels, figures, and the same weights after an interruption."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.learning.networks import (
+    labeller,
+    residual,
+)
+from chmarl_pb.learning.networks.detection_metrics import average_precision
+from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.networks.int8 import RANGES
+from chmarl_pb.learning.networks.labelled_views import GRID, Views, _read, labels_of
+from chmarl_pb.learning.runs.seal import is_sealed
+from tests.helpers.damage import flipped
+from tests.helpers.stopping import in_pieces
+from training.pretrain import NETWORKS, pretrain
+
+COUNT = 16
+
+
+def test_labels_say_what_is_where() -> None:
+    segmentation = np.full((128, 128), len(LABELS))
+    segmentation[:2, 126:] = 5  # four pixels, in the corner at the top right
+    segmentation[64, 64:67] = 7  # three pixels: not visible
+    cells, present, centres = labels_of(segmentation)
+    assert np.flatnonzero(present).tolist() == [5]
+    assert np.argwhere(cells).tolist() == [[5, 0, GRID - 1]]
+    np.testing.assert_allclose(centres[5], (1, -1), atol=0.02)
+
+
+def test_average_precision_is_that_of_the_order() -> None:
+    present = np.array([True, False, True, False])
+    assert average_precision(np.array([4.0, 3.0, 2.0, 1.0]), present) == pytest.approx((1 + 2 / 3) / 2)
+    assert average_precision(np.array([4.0, 1.0, 3.0, 2.0]), present) == 1
+
+
+class Stopped(Exception):
+    """A training was interrupted."""
+
+
+class Bar:
+    """Stops at a batch."""
+
+    def __init__(self, stop: int):
+        self.left = stop
+
+    def add_task(self, *_, **__) -> int:
+        return 0
+
+    def update(self, *_, **__) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise Stopped
+
+
+@pytest.fixture
+def views(monkeypatch: pytest.MonkeyPatch) -> Views:
+    """Noise, for a narrow network and small batches."""
+    monkeypatch.setattr(residual, "WIDTH", 8)
+    monkeypatch.setattr(labeller, "FEATURES", 64)
+    for network in NETWORKS.values():
+        monkeypatch.setattr(network, "batch", COUNT // 2)
+    rng = np.random.default_rng(0)
+    return Views(
+        rng.integers(0, 256, (COUNT, 128, 128, 3), dtype=np.uint8),
+        rng.integers(0, len(LABELS) + 1, (COUNT, 128, 128), dtype=np.uint8),
+        rng.random((COUNT, len(LABELS), GRID, GRID)) < 0.2,
+        rng.random((COUNT, len(LABELS))) < 0.8,
+        rng.random((COUNT, len(LABELS), 2)).astype(np.float16),
+    )
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("stop", [2, 5])  # in the first epoch, with small pictures; in the last, with whole ones
+def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views, stop: int, name: str) -> None:
+    whole = pretrain(name, tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+    with pytest.raises(Stopped):
+        pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(stop))
+    assert not (tmp_path / "cut.pt").exists()
+    assert pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(99)) == whole
+    assert sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
+    assert frozen_encoder(name, str(tmp_path / "cut.pt")).fingerprint == whole["fingerprint"]
+    assert (torch.load(tmp_path / "cut.pt", weights_only=True)[RANGES] > 0).all()
+    assert 0 < whole["home_6"]["mean_average_precision"] <= 1
+    assert is_sealed(tmp_path / "cut.pt")
+
+
+def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
+    tmp_path: Path, views: Views, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = pretrain("resnet18", tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+    again, times = in_pieces(
+        lambda: pretrain("resnet18", tmp_path / "cut.pt", views, views, 3, 0, Bar(99)), 2, monkeypatch
+    )
+    assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
+
+
+def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:
+    path = tmp_path / "views.npz"
+    np.savez(path, **vars(views))
+    assert np.array_equal(_read([path]).labels, views.labels)
+    whole = path.read_bytes()
+    for place in (len(whole) // 3, len(whole) // 2, len(whole) - 30):
+        path.write_bytes(flipped(whole, place))
+        with pytest.raises(ChmarlError, match=r"views\.npz: .*remove it"):
+            _read([path])

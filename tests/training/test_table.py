@@ -1,0 +1,486 @@
+"""The tables of the learners: their rows, their runs with fake learners, and the page."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from chmarl_pb.cli.sb3 import parse as parse_sb3
+from chmarl_pb.cli.train import parse as parse_train
+from chmarl_pb.errors import ChmarlError, OptionError, ResultError
+from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.learning.runs.logger import Logbook
+from training import table
+from training.tables.page import NOT_RUN, write_page
+from training.tables.rows import TABLES, Row
+from training.tables.runs import FORMAT, Run, curve, read_records
+from training.tables.schedule import Schedule
+
+#: Stands for the trainer and for the evaluation: both write what the real ones write. The trainer counts its starts,
+#: does four epochs, keeps each, and stops hard after STOP of them, or waits for a signal after HANG.
+FAKE = """
+import json, os, sys, time
+from pathlib import Path
+from types import SimpleNamespace
+module, arguments = sys.argv[1], sys.argv[2:]
+folder = Path(arguments[arguments.index("--out") + 1])
+def figure(mean): return {"mean": mean, "deviation": None, "low": None, "high": None}
+if module == "training.score":
+    summary, ends = {"success_rate": figure(0.5), "plw": figure(0.25)}, {"0.0": 1, "4.0": 1, "10.0": 2}
+    splits = {s: {"tasks": 4, "summary": summary, "ends": ends} for s in SPLITS}
+    (folder / "scores.json").write_text(json.dumps({
+        "checkpoint": {"config": {"episodes": 4, "seed": 0}, "sha256": "0"},
+        "evaluation": {"source_sha256": "f" * 64, "splits": splits}}))
+    raise SystemExit
+with (folder / "starts").open("a") as file: file.write("x")
+if "--fail" in arguments: raise SystemExit("error: no luck")
+rows = folder / "metrics.jsonl"
+done = len(rows.read_text().splitlines()) if rows.exists() else 0
+for epoch in range(done + 1, 5):
+    with rows.open("a") as file:
+        row = {"episodes": epoch, "train": {"success": epoch / 4}, "validation": {"score": 0.1 * epoch}}
+        file.write(json.dumps(row) + chr(10))
+    (folder / "best.pt").write_text("weights")
+    if epoch == int(os.environ.get("STOP", 0)): os._exit(9)
+    if epoch == int(os.environ.get("HANG", 0)): time.sleep(60)
+"""
+
+
+@pytest.fixture
+def launch(tmp_path: Path):
+    script = tmp_path / "fake.py"
+    script.write_text(f"SPLITS = {SPLITS}\n{FAKE}")
+    return lambda command: [sys.executable, str(script), *command]
+
+
+def row_of(name: str, table_name: str = "scene-graph") -> Row:
+    return next(row for row in TABLES[table_name] if row.name == name)
+
+
+def run_of(tmp_path: Path, name: str = "QMIX", seed: int = 0, table_name: str = "scene-graph", **changes) -> Run:
+    folders = (tmp_path / "out", tmp_path / "results", tmp_path / "data")
+    return Run(replace(row_of(name, table_name), **changes), seed, *folders)
+
+
+def work(runs: list[Run], launch, **options) -> Schedule:
+    schedule = Schedule(runs, launch=launch, poll=0.02, **options)
+    schedule.work()
+    return schedule
+
+
+# Rows
+
+
+@pytest.mark.parametrize(
+    ("name", "published"), [("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL), ("feedback", paper.FEEDBACK)]
+)
+def test_each_row_of_the_paper_is_there_once(name: str, published: paper.PaperTable) -> None:
+    ours = [row.published for row in TABLES[name]]
+    assert [ours.count(row) for row in published.rows] == [1] * len(published.rows)
+
+
+def test_rows_say_what_their_names_say() -> None:
+    for row in {row for rows in TABLES.values() for row in rows if row.published}:
+        assert row.messages == row.name.endswith("+ messages")
+        assert (row.observation, row.feedback) == (row.published.observation, row.published.feedback)
+        assert row.options[1] == row.name.split()[0].lower()
+        assert ("--centralized" in row.options) == ("BC centralized" in row.name)
+
+
+@pytest.mark.parametrize("observation", ["scene_graph", "visual"])
+def test_messages_and_feedback_come_in_all_combinations(observation: str) -> None:
+    rows = [row for row in TABLES["feedback"] if row.observation == observation]
+    assert {(row.messages, row.feedback) for row in rows} == {(a, b) for a in (True, False) for b in (True, False)}
+    assert {row.options for row in rows} == {("--algo", "qmix")}
+
+
+def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) -> None:
+    rows = {row for rows in TABLES.values() for row in rows}
+    assert len({(row.table, row.slug) for row in rows}) == len(rows) >= 26
+    for row in rows:
+        run = Run(row, 3, tmp_path, tmp_path, tmp_path)
+        arguments = run.command("train")[1:]
+        if row.module == "training.train":
+            options, settings = parse_train(arguments)
+            told = (options.observation, options.messages, options.feedback, options.seed, options.out)
+            assert told == (row.observation, row.messages, row.feedback, 3, run.folder)
+            assert settings["batch_size"] > 0
+        if row.module == "training.sb3":
+            config, out, workers = parse_sb3(arguments)
+            assert (config.observation, config.messages, config.feedback, config.seed) == (
+                row.observation, row.messages, row.feedback, 3,
+            )  # fmt: skip
+            assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
+            assert (config.preset, config.envs) == ("encoder", 8)  # as the published rows were trained
+
+
+def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:
+    runs = table.make_runs(table._parser().parse_args(["--seeds", "2"]))
+    assert len(runs) == len({run.name for run in runs})
+    rows = [run.row for run in runs if run.seed == 0]
+    assert [(run.row, run.seed) for run in runs] == [(row, seed) for seed in (0, 1) for row in rows]
+
+
+def test_rows_have_their_own_number_of_seeds() -> None:
+    runs = table.make_runs(table._parser().parse_args(["--table", "scene-graph", "visual", "--rows", "vdn", "ppo-*"]))
+    assert [run.seed for run in runs] == sorted(run.seed for run in runs)
+    for row in {run.row for run in runs}:
+        seeds = [run.seed for run in runs if run.row == row]
+        assert seeds == ([0, 1, 2] if row.observation == "scene_graph" else [0])
+    ablated = [row for row in TABLES["feedback"] if row.messages]
+    assert len(ablated) == len(paper.FEEDBACK.rows) and all(row.seeds == 3 for row in ablated)
+
+
+def test_row_of_ones_own_is_run_and_shown_below_those_of_the_paper(
+    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Row("Best effort", "visual", ("--deep",), messages=True, module="mine.train", checkpoint="best.pt", seeds=2)
+    run = replace(run_of(tmp_path), row=own)
+    assert run.command("train")[:3] == ["mine.train", "--deep", "--observation"]
+    assert work([run], launch).failed == []
+    monkeypatch.setitem(TABLES, "visual", (*TABLES["visual"], own))
+    write_page(run.results, tmp_path / "results.md")
+    lines = (tmp_path / "results.md").read_text().split("## Pictures")[1].splitlines()
+    rows = [line for line in lines if line.startswith("| ")]
+    assert rows[len(TABLES["visual"])].startswith("| *Best effort* (ours) | 1 of 2 | ")
+
+
+def test_only_takes_patterns_and_refuses_what_is_no_row() -> None:
+    chosen = table._parser().parse_args(["--table", "visual", "--only", "bc-*", "qmix", "--seeds", "1"])
+    assert [run.row.slug for run in table.make_runs(chosen)] == [
+        "bc-decentralized", "bc-decentralized-messages", "bc-centralized", "qmix",
+    ]  # fmt: skip
+    chosen.only = ["sarsa"]
+    with pytest.raises(OptionError, match=r"sarsa.*qmix-messages"):
+        table.make_runs(chosen)
+
+
+def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit):
+        table.main(["--only", "qmix", "--", "--episodes", "5"])
+    assert "--results" in capsys.readouterr().err
+
+
+# Runs
+
+
+def test_runs_leave_small_files_and_are_skipped_afterwards(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, name, seed) for seed in (0, 1) for name in ("QMIX", "IQL + messages")]
+    finished: list[str] = []
+    assert work(runs, launch, finished=lambda run: finished.append(run.name)).failed == []
+    assert sorted(finished) == sorted(run.name for run in runs)
+    record = json.loads(runs[1].result.read_text())
+    assert (
+        record["format"] == FORMAT and record["name"] == "IQL + messages" and record["curve"]["success"][-1] == [4, 1]
+    )
+    assert record["commands"]["train"].startswith("python -m training.train --algo iql --observation scene_graph")
+    assert runs[1].result.stat().st_size < 8_000
+    assert work(runs, launch).over == 4
+    assert (runs[0].folder / "starts").read_text() == "x"
+
+
+def test_killed_training_goes_on(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_of(tmp_path)
+    monkeypatch.setenv("STOP", "2")
+    assert work([run], launch).failed == [run.name]
+    assert not run.result.exists() and run.next_step() == "train"
+    monkeypatch.delenv("STOP")
+    assert work([run], launch).failed == []
+    assert [x for x, _ in json.loads(run.result.read_text())["curve"]["success"]] == [1, 2, 3, 4]
+    assert run.state()["seconds"]["train"] > 0
+
+
+def test_versions_of_the_code_that_trained_a_run_are_kept(
+    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = run_of(tmp_path)
+    for version, stop in (("old", "2"), ("new", "0")):
+        monkeypatch.setenv("STOP", stop)
+        monkeypatch.setattr("training.tables.runs.source_hash", lambda _, version=version: version)
+        work([run], launch)
+    assert json.loads(run.result.read_text())["trained_by"] == ["old", "new"]
+
+
+def test_interrupt_stops_the_processes_and_keeps_all(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
+    monkeypatch.setenv("HANG", "3")
+    schedule = Schedule(runs, launch=launch, poll=0.02)
+    begun, check = time.monotonic(), schedule._check
+
+    def press(worker) -> None:
+        check(worker)
+        if all(run.progress() > 0 and len(curve(run.folder / "metrics.jsonl")["success"]) == 3 for run in runs):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(schedule, "_check", press)
+    with pytest.raises(KeyboardInterrupt):
+        schedule.work()
+    assert time.monotonic() - begun < 15
+    monkeypatch.delenv("HANG")
+    assert work(runs, launch).over == 2
+
+
+def test_run_that_is_trained_is_only_scored(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    run.result.unlink()
+    assert run.next_step() == "score"
+    work([run], launch)
+    assert run.result.is_file() and (run.folder / "starts").read_text() == "x"
+    run.result.unlink()
+    assert replace(run, row=replace(run.row, options=("--algo", "vdn"))).next_step() == "train"
+
+
+def test_failed_run_tells_why_and_lets_the_others_go_on(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+    bad, good = run_of(tmp_path, options=("--algo", "qmix", "--fail")), run_of(tmp_path, "IQL")
+    assert work([bad, good], launch, jobs=1).failed == [bad.name]
+    assert "no luck" in " ".join(capsys.readouterr().err.split())
+    assert good.result.is_file() and not bad.result.exists()
+
+
+def test_trouble_with_the_page_stops_no_run(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+    def fail(run: Run) -> None:
+        raise ResultError("other.json: damaged")
+
+    runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
+    assert not work(runs, launch, finished=fail).failed
+    assert all(run.next_step() is None for run in runs) and "other.json: damaged" in capsys.readouterr().err
+
+
+def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    lock = run.lock()
+    assert work([run], launch).failed == [run.name]
+    lock.close()
+    assert work([run], launch).failed == []
+
+
+def test_damaged_rows_and_states_are_noticed(tmp_path: Path) -> None:
+    logbook = Logbook(tmp_path, total=3, quiet=True)
+    for episodes in (8, 16, 24):
+        logbook.write({"episodes": episodes, "train": {"success": 0.5}})
+    logbook.close()
+    path = tmp_path / "metrics.jsonl"
+    path.write_text(path.read_text().replace("16", "17"))
+    with pytest.warns(RuntimeWarning, match=r"metrics\.jsonl: 1 of 3 rows"):
+        assert curve(path)["success"] == [[8, 0.5], [24, 0.5]]
+    run = run_of(tmp_path)
+    run.spend("train", 12.0)
+    state = run.folder / "state.json"
+    state.write_text(state.read_text().replace("12.0", "11.0"))
+    with pytest.raises(ResultError, match=r"state\.json: damaged .*checksum"):
+        run.state()
+    state.write_text(json.dumps({"seconds": {"train": 3.0, "score": 0.0}, "trained": None}))  # of an earlier version
+    assert run.state()["seconds"]["train"] == 3.0
+
+
+SLEEPER = """
+import time
+print("begun", flush=True)
+try:
+    time.sleep(600)
+except KeyboardInterrupt:
+    print("saved", flush=True)
+"""
+
+
+def test_a_step_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
+    (tmp_path / "sleeper.py").write_text(SLEEPER)
+    parent = (
+        "import subprocess, sys, time\n"
+        "from training.tables.schedule import as_step\n"
+        "subprocess.Popen(as_step(['sleeper']), stdin=subprocess.PIPE)\n"
+        "time.sleep(600)"
+    )
+    path = os.pathsep.join([str(Path(__file__).parents[2]), str(tmp_path)])
+    process = subprocess.Popen(
+        [sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
+    )
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    process.kill()
+    assert process.communicate(timeout=60)[0] == "saved\n"
+
+
+def test_no_run_starts_when_the_time_is_up(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    schedule = work([run], launch, budget=0.0)
+    assert schedule.waiting == [run] and not run.folder.exists()
+
+
+def test_results_are_whole_or_not_there(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_of(tmp_path)
+    monkeypatch.setattr(Path, "replace", lambda self, target: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        run.spend("train", 1.0)
+    monkeypatch.undo()
+    assert not (run.folder / "state.json").exists()
+    assert work([run], launch).failed == []
+    assert list(run.results.rglob("*.tmp")) == []
+
+
+def test_half_a_line_of_metrics_is_no_trouble(tmp_path: Path) -> None:
+    metrics = tmp_path / "metrics.jsonl"
+    metrics.write_text('{"epoch": 1, "humanoid_loss": 1.0, "drone_loss": 0.5, "score": 0.25}\n{"epoch": 2, "huma')
+    assert curve(metrics) == {"unit": "epochs", "success": [], "loss": [[1, 1.5]], "validation": [[1, 0.25]]}
+
+
+def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
+    metrics = tmp_path / "metrics.jsonl"
+    rows = [{"steps": 512, "rollout/success_rate": 0.25}, {"steps": 1024, "eval/mean_reward": 0.5}]
+    metrics.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    assert curve(metrics) == {"unit": "steps", "success": [[512, 0.25]], "loss": [], "validation": [[1024, 0.5]]}
+
+
+@pytest.mark.parametrize(
+    ("options", "row", "share"),
+    [
+        (("--algo", "ppo", "--steps", "2000"), {"steps": 500}, 0.25),
+        (("--algo", "bc", "--epochs", "4"), {"epoch": 1}, 0.25),
+        (("--algo", "qmix", "--episodes", "8"), {"episodes": 6}, 0.75),
+        ((), {"episodes": 0}, 0.0),
+    ],
+)
+def test_progress_is_known_for_every_kind_of_learner(options, row, share, tmp_path: Path) -> None:
+    run = run_of(tmp_path, options=options)
+    run.folder.mkdir(parents=True)
+    (run.folder / "metrics.jsonl").write_text(json.dumps(row) + "\n")
+    assert run.progress() == share
+
+
+# The page
+
+
+def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
+    write_page(tmp_path / "results", tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    assert text.count(f"| {NOT_RUN} |") == 2 * sum(map(len, TABLES.values()))
+    for row in (row for rows in TABLES.values() for row in rows if row.published):
+        for value in (*row.published.success, *row.published.plw):
+            assert f" {value:.2f} |" in text
+
+
+@pytest.mark.parametrize("policy", ["open-loop", "reactive", "blind", "instruction-blind", "search"])
+def test_built_in_policies_stand_below_with_the_numbers_of_the_benchmark(tmp_path: Path, policy: str) -> None:
+    write_page(tmp_path / "results", tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    lines = [line for line in text.splitlines() if line.startswith(f"| *{policy}* |")]
+    assert len(lines) == 2 * len(TABLES)
+    measured = Path(__file__).parents[2].joinpath("docs", "benchmark.md").read_text()
+    for line, title in zip(lines[:2], ("PLW", "success"), strict=True):
+        told = next(row for row in measured.split(f"| {title} % |")[1].splitlines() if row.startswith(f"| {policy} |"))
+        theirs = [float(cell.split("±")[0]) for cell in told.split("|")[3:7]]
+        ours = [float(cell) for cell in line.split("|")[5:-1:2]]
+        assert ours == pytest.approx(theirs, abs=0.06)
+
+
+def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)] + [run_of(tmp_path, "QMIX", table_name="visual")]
+    work(runs, launch)
+    change(runs[1], plw=0.35)
+    write_page(runs[0].results, tmp_path / "docs" / "results.md")
+    text = (tmp_path / "docs" / "results.md").read_text()
+    assert "| QMIX | 2 of 3 | mean pool, 4 episodes | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+    assert "| QMIX | 1 | 4 episodes | 14.09 | 25.0 |" in text
+    assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**, success" in text  # without intervals
+    assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
+    assert "4 episodes" in text
+    assert "| QMIX | 25 | 0 | 25 | 50 |" in text
+
+
+def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)]
+    work(runs, launch)
+    record = json.loads(runs[1].result.read_text())
+    record["checkpoint"]["config"] |= {"seed": 1, "episodes": 8}
+    runs[1].result.write_text(json.dumps(record))
+    write_page(runs[0].results, tmp_path / "results.md")
+    assert "| QMIX | 2 of 3 (settings differ) |" in (tmp_path / "results.md").read_text()
+
+
+def test_page_is_the_same_when_written_again(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    pages = []
+    for _ in range(2):
+        write_page(run.results, tmp_path / "results.md")
+        pages.append([(tmp_path / name).read_bytes() for name in ("results.md", "curves_scene_graph.png")])
+    assert pages[0] == pages[1]
+
+
+def test_damaged_result_is_named(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    run.result.write_text(run.result.read_text()[:100])
+    with pytest.raises(ResultError, match=r"qmix-seed0\.json"):
+        read_records(run.results, TABLES)
+
+
+@pytest.mark.parametrize("missing", ["seed", "evaluation", "checkpoint", "curve", "test-unseen"])
+def test_result_that_lacks_something_is_named(tmp_path: Path, launch, missing: str) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    record.pop(missing, None)
+    record.get("evaluation", {}).get("splits", {}).pop(missing, None)
+    run.result.write_text(json.dumps(record))
+    with pytest.raises(ResultError, match=r"qmix-seed0\.json"):
+        write_page(run.results, tmp_path / "results.md")
+
+
+def test_damaged_scores_and_states_are_named(tmp_path: Path, launch) -> None:
+    run, other = run_of(tmp_path), run_of(tmp_path, "IQL")
+    work([run], launch)
+    (run.folder / "scores.json").write_text("{}")
+    with pytest.raises(ResultError, match=r"scores\.json"):
+        run.finish("score")
+    other.folder.mkdir(parents=True)
+    (other.folder / "state.json").write_text('{"seconds": 3')
+    with pytest.raises(ResultError, match=r"state\.json: damaged"):
+        work([other], launch)
+
+
+def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    record["checkpoint"]["begun_with"] = {"config": {"episodes": 3}}
+    for metric, low in (("plw", 0.0), ("success_rate", 0.375)):
+        record["evaluation"]["splits"]["test-unseen"]["summary"][metric] |= {"low": low, "high": 0.625}
+    run.result.write_text(json.dumps(record))
+    write_page(run.results, tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text()
+    assert "3 + 4 episodes" in text
+    assert "PLW **25.0** (0 to 62), success **50.0** (38 to 62)" in text
+
+
+def change(run: Run, plw: float) -> None:
+    record = json.loads(run.result.read_text())
+    for split in SPLITS:
+        record["evaluation"]["splits"][split]["summary"]["plw"]["mean"] = plw
+    run.result.write_text(json.dumps(record))
+
+
+def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RESNET18", "DETECTOR"):
+        monkeypatch.setenv(f"CHMARL_{name}", str(tmp_path / f"{name}.pt"))
+    (tmp_path / "RESNET18.pt").touch()
+    begun: list[list[str]] = []
+
+    def finished(command: list[str]) -> int:
+        begun.append(command[-3:])
+        return len(begun) - 1
+
+    monkeypatch.setattr(table, "_finished", finished)
+    rows = [row_of("IQL", "visual"), row_of("Imitation of search, then MAPPO", "visual"), row_of("QMIX")]
+    runs = [Run(row, 0, tmp_path / "out", tmp_path / "results", tmp_path) for row in rows]
+    table.prepare(runs, tmp_path, 1)
+    assert begun == [["training.pretrain", "--network", "detector"]]
+    with pytest.raises(ChmarlError, match=r"training\.pretrain has failed"):
+        table.prepare(runs, tmp_path, 1)

@@ -1,0 +1,180 @@
+"""The demo: its video decodes, its page stands alone, its pictures are those of the robots' cameras."""
+
+import re
+import subprocess
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from rich.console import Console
+from rich.progress import Progress
+
+from chmarl_pb.cli.demo import demo, write_files
+from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.rendering.plan_view import draw_plan
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.viewer.film import Shot, storyboard
+from chmarl_pb.viewer.motion_player import Replay, scene_during, scene_of
+from chmarl_pb.viewer.panel import HEIGHT, WIDTH
+from chmarl_pb.viewer.record import Recording, choose_task, record
+from chmarl_pb.viewer.table import print_table
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    task = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)
+    return record(task, "scene_graph")
+
+
+@pytest.fixture(scope="module")
+def shots(recording) -> list[Shot]:
+    """A handful: every step's end, and two shots of the first step's motion."""
+    board = storyboard(recording)
+    return [board[0], *board[1:30:20], *(replace(shot, frames=3) for shot in board[1:] if shot.done)]
+
+
+@pytest.fixture(scope="module")
+def folder(recording, shots, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("demo")
+    write_files(recording, shots, folder, Progress(disable=True))
+    return folder
+
+
+def test_video_is_h264_of_the_right_length_and_size(folder, shots):
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(folder / "demo.mp4"))
+    assert frames == sum(shot.frames for shot in shots)
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(folder / "demo.mp4")]
+    told = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "h264" in told and "yuv420p" in told and f"{WIDTH}x{HEIGHT}" in told and "30 fps" in told
+
+
+def test_video_starts_with_its_index(folder):
+    data = (folder / "demo.mp4").read_bytes()
+    assert 0 < data.index(b"moov") < data.index(b"mdat")
+
+
+def test_page_needs_nothing_else(folder):
+    page = (folder / "demo.html").read_text(encoding="utf-8")
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page) + re.findall(r"url\(([^)]*)\)", page)
+    assert sources and all(source.startswith(("data:", "#")) for source in sources)
+    assert "http:" not in page and "https:" not in page and "$" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
+    assert len(page) < 8e6
+
+
+def test_page_has_every_step(folder, recording):
+    page = (folder / "demo.html").read_text(encoding="utf-8")
+    for kind in ("step", "row", "dot"):
+        numbers = re.findall(rf'id="{kind}-(\d+)"', page)
+        assert numbers == [str(number) for number in range(recording.steps + 1)]
+    assert recording.instruction in page and page.count("data:image/jpeg") == 2 * (recording.steps + 1)
+
+
+def test_no_temporary_files_are_left(folder):
+    assert sorted(path.name for path in folder.iterdir()) == ["demo.html", "demo.mp4"]
+
+
+def test_recording_tells_the_episode(recording):
+    assert recording.success and recording.steps == recording.task.optimal_steps
+    first, *others = recording.moments
+    assert first.actions == {} and first.motion == ()
+    assert all(set(moment.actions) == set(AGENTS) and moment.motion for moment in others)
+    potentials = [moment.potential for moment in recording.moments]
+    assert np.allclose(np.diff(potentials), [moment.reward for moment in others])
+
+
+def test_storyboard_pauses_once_a_step(recording):
+    board = storyboard(recording)
+    assert [shot.step for shot in board if shot.done] == list(range(recording.steps + 1))
+    assert all(shot.frames == 1 for shot in board if not shot.done)
+    assert [shot.step for shot in board] == sorted(shot.step for shot in board)
+
+
+def test_table_names_every_step(recording):
+    console = Console(record=True, width=160, file=StringIO())
+    print_table(recording, console)
+    told = console.export_text()
+    rows = [line.split() for line in told.splitlines() if line.strip()[:1].isdigit()]
+    assert recording.instruction in told
+    assert [row[0] for row in rows] == [str(step) for step in range(recording.steps + 1)]
+    assert "Solved in" in told
+
+
+def test_pictures_at_rest_are_those_of_the_cameras(recording):
+    env = HouseholdEnv(home=recording.task.home, execution="simulated")
+    try:
+        policy = make_policy("planner", env)
+        observations, infos = env.reset(options={"task": recording.task})
+        policy.reset(None)
+        replay = Replay(env.stage.home)
+        while env.agents:
+            observations, _, _, _, infos = env.step(policy.act(observations, infos))
+            for name in AGENTS:
+                seen = env.stage.sight.picture(name, env.world.robots[name].pose, 160).rgb
+                assert np.array_equal(replay.picture(name, scene_of(env.world), 160), seen)
+    finally:
+        env.close()
+
+
+def test_the_camera_rides_on_the_robot(recording):
+    pybullet = pytest.importorskip("pybullet")
+    env = HouseholdEnv(home=recording.task.home, execution="simulated")
+    try:
+        env.reset(options={"task": recording.task})
+        goto = {name: env.action_names[name].index("goto_bathroom") for name in AGENTS}
+        env.step(goto)
+        rest = scene_of(env.world)
+        for snapshot in env.snapshots[:: max(1, len(env.snapshots) // 5)]:
+            scene = scene_during(snapshot, rest)
+            for name in AGENTS:
+                _check_eye(pybullet, env, scene, name)
+    finally:
+        env.close()
+
+
+def _check_eye(pybullet, env, scene, name):
+    client, body = env.world.client, env.world.bodies[name]
+    env.world.robots[name].set_base(*scene.robots[name])
+    if name == "humanoid":
+        env.stage.humanoid.arm.set(scene.arm)
+    links = range(pybullet.getNumJoints(body, physicsClientId=client))
+    camera = next(i for i in links if pybullet.getJointInfo(body, i, physicsClientId=client)[12] == b"camera")
+    state = pybullet.getLinkState(body, camera, computeForwardKinematics=True, physicsClientId=client)
+    position, quaternion = scene.eye(name)
+    assert np.allclose(state[4], position, atol=1e-4)
+    assert abs(np.dot(state[5], quaternion)) == pytest.approx(1, abs=1e-4)
+
+
+def test_plan_ties_pixels_to_metres():
+    plan = draw_plan(load_home("home_7"), 300, 300)
+    assert max(plan.rgb.shape[:2]) in (299, 300)
+    low, high = load_home("home_7").bounds
+    left, bottom = plan.pixel(*low)
+    right, top = plan.pixel(*high)
+    assert 0 < left < right < plan.rgb.shape[1] and 0 < top < bottom < plan.rgb.shape[0]
+    assert right - left == pytest.approx((high - low)[0] * plan.scale)
+
+
+def test_default_task_leads_through_two_rooms():
+    task = choose_task()
+    assert task.id.startswith("test-unseen-")
+    things = load_home(task.home).receptacles.values()
+    rooms = [{thing.room for thing in things if thing.class_name == name} for name in (task.source, task.target)]
+    assert rooms[0].isdisjoint(rooms[1])
+
+
+def test_bad_input_is_told(tmp_path):
+    with pytest.raises(TaskError, match="unknown task 'nowhere-001'"):
+        demo("nowhere-001", "scene_graph", tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OptionError, match="cannot write here"):
+        demo(None, "scene_graph", tmp_path / "file" / "out")
+    with pytest.raises(OptionError, match="unknown policy"):
+        demo(None, "scene_graph", tmp_path, policy="nobody")
+    with pytest.raises(OptionError, match="observation"):
+        demo(None, "smell", tmp_path)

@@ -1,1 +1,0 @@
-"""Behaviour cloning from stored episodes."""
