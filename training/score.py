@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 import chmarl_pb
-import training
+from chmarl_pb import learning
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import machine, source_hash, versions
 from chmarl_pb.evaluation.result import Report
@@ -59,7 +59,7 @@ def score(
 def _score(
     checkpoint: Path, observation: str, messages: bool, feedback: bool, folder: Path, splits: Sequence[str]
 ) -> dict[str, Any]:
-    learners = source_hash(training)
+    learners = source_hash(learning)
     _forget_other_code(folder, learners)
     goal = _observes_goal(checkpoint)
     reports = {

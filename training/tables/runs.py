@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import training
+from chmarl_pb import learning
 from chmarl_pb.errors import BusyError, ResultError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import source_hash
@@ -100,7 +100,7 @@ class Run:
 
     def begin(self, step: str) -> None:
         """Write down the version of the code, if a training begins with it or goes on with it."""
-        state, code = self.state(), source_hash(training)
+        state, code = self.state(), source_hash(learning)
         if step == "train" and code not in state["code"]:
             state["code"].append(code)
             write_atomically(self.folder / STATE, sealed(state))
