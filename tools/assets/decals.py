@@ -79,7 +79,7 @@ def lettering(text: str, height: float, length: float) -> Mesh:
     for place, letter in enumerate(text):
         middle = (place - (len(text) - 1) / 2) * advance
         for polyline in LETTERS[letter]:
-            points = [(middle + (int(x) - 1) * across, (int(y) - 2) * up) for x, y in polyline.split()]
+            points = [(middle + (int(x) - 1) * across, (int(y) - 2) * up) for x, y in map(tuple, polyline.split())]
             bars += [line(start, end, stroke) for start, end in pairwise(points)]
     return join(*bars)
 

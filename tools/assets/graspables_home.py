@@ -138,7 +138,8 @@ def _football(radius: float) -> tuple[Mesh, Mesh]:
     black = [_dome([(2 * corners[i] + corners[j]) / 3 for j in near[i]], radius) for i in range(12)]
     faces = [(i, j, k) for i in range(12) for j in near[i] for k in near[j] if i < j < k and k in near[i]]
     white = [_dome([(2 * corners[a] + corners[b]) / 3 for a in face for b in face if a != b], radius) for face in faces]
-    return tuple(Mesh(t, t / radius) for t in (np.concatenate(black), np.concatenate(white)))
+    pentagons, hexagons = np.concatenate(black), np.concatenate(white)
+    return Mesh(pentagons, pentagons / radius), Mesh(hexagons, hexagons / radius)
 
 
 def _dome(points: list[Array], radius: float) -> Array:

@@ -1,0 +1,1 @@
+"""Scripts that build the URDFs of objects, furniture and robots."""
