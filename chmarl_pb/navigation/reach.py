@@ -35,5 +35,5 @@ class Reach:
         return (near <= distance) & (distance <= far) & (low <= height) & (height <= high) & (turn <= self.bearing)
 
 
-#: The humanoid's reach; ``tests/test_arm.py`` holds the arm to it.
+#: The humanoid's reach; ``tests/robots/test_arm.py`` holds the arm to it.
 REACH = Reach(distance=(0.40, 0.92), height=(0.25, 1.50), bearing=float(np.radians(20)))

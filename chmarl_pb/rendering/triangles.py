@@ -2,7 +2,7 @@
 
 The order of operations and their precision are those of TinyRenderer in Bullet 3.25: single precision
 for transforms and shading, double precision for barycentric coordinates and for which side a triangle
-turns to the camera. ``tests/test_sight.py`` compares the two. Numba fuses no multiply and add unless told to.
+turns to the camera. ``tests/rendering/`` compares the two. Numba fuses no multiply and add unless told to.
 """
 
 from typing import NamedTuple

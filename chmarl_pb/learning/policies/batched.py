@@ -2,7 +2,7 @@
 
 Every episode gets the observations, seeds and random draws that it gets when it is played alone. Sums over a larger
 batch may differ in the last bit, so two actions that are valued the same to seven digits could change places; no
-episode of our checkpoints has shown it (``tests/test_crowd.py``).
+episode of our checkpoints has shown it (``tests/learning/test_batched_policies.py``).
 """
 
 from collections.abc import Iterator, Sequence
