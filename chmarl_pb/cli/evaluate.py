@@ -35,6 +35,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
     )
+    parser.add_argument(
+        "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
+    )
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(
@@ -51,8 +54,8 @@ def run_evaluation(options: argparse.Namespace) -> int:
         row = bar.add_task(f"{options.policy} on {options.split}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            options.messages, options.feedback, options.max_steps, tasks=options.task, out=options.out,
-            label=options.label, goal=options.goal,
+            tasks=options.task, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
+            feedback=options.feedback, max_steps=options.max_steps, goal=options.goal,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
@@ -76,6 +79,8 @@ def print_report(console: Console, report: Report) -> None:
         without += f", {settings['options']['feedback']} feedback"
     if settings["options"].get("goal"):
         without += ", goal observed"
+    if "env" in settings:
+        without += f", in {settings['env']['name']}"
     title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")
@@ -110,7 +115,7 @@ def _print_notes(console: Console, report: Report) -> None:
         console.print(f"on the same tasks, success / PLW: {beside}")
     gain = report.cooperation
     if gain is None:
-        console.print("cooperation: no reference lengths for these tasks and this max_steps")
+        console.print("cooperation: no reference lengths for these tasks, this max_steps and this environment")
         return
     share = "-" if gain.share is None else f"{100 * gain.share:.0f} %"
     pair = "-" if gain.share_search is None else f"{100 * gain.share_search:.0f} %"
@@ -122,6 +127,8 @@ def _print_notes(console: Console, report: Report) -> None:
 
 def _beside(report: Report) -> str:
     """Return what the policies score that do without most of what a robot is given, and the search policy."""
+    if "env" in report.settings:
+        return ""
     tasks = {episode.task for episode in report.episodes}
     scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)
     names = [name for name in (*SHORTCUTS, SEARCH) if name in scores]

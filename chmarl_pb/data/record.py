@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Union
+from typing import Any, Union
 
 import gymnasium
 import numpy as np
@@ -12,23 +12,12 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.evaluation.state_hash import state_hash
-from chmarl_pb.policies.policy import Actions, Infos, Observations, core_of
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, core_of
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.tasks.task import Task
 
 Arrays = dict[str, Union[np.ndarray, "Arrays"]]
-
-
-class Driver(Protocol):
-    """A policy whose labels can be asked for."""
-
-    labels: list[Actions]
-
-    def reset(self, seed: int | None) -> None:
-        """Begin an episode."""
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return robot -> number of its action, and note a label."""
 
 
 class NoisyPlanner:
@@ -66,30 +55,6 @@ class NoisyPlanner:
         }
 
 
-class Replayer:
-    """Repeats stored actions.
-
-    Attributes:
-        labels: the actions themselves.
-    """
-
-    def __init__(self, actions: np.ndarray):
-        """Repeat actions (T, 2)."""
-        self._actions = actions
-        self.labels: list[Actions] = []
-
-    def reset(self, seed: int | None) -> None:
-        """Start from the first action."""
-        self.labels = []
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return the next action; after the last one, both robots' first action."""
-        number = len(self.labels)
-        row = self._actions[number] if number < len(self._actions) else np.zeros(len(AGENTS), dtype=np.int64)
-        self.labels.append({robot: int(action) for robot, action in zip(AGENTS, row, strict=True)})
-        return self.labels[-1]
-
-
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One episode as it is stored; T is its number of steps.
@@ -109,31 +74,26 @@ def make_env(recipe: Recipe) -> gymnasium.Env:
     return gymnasium.make(recipe.env_id, split=recipe.split, disable_env_checker=True)
 
 
-def record(env: gymnasium.Env, driver: Driver, task: Task) -> Recording:
+def record(env: gymnasium.Env, planner: NoisyPlanner, task: Task) -> Recording:
     """Play one task and return what is stored of it."""
-    noting = _Noting(core_of(env), driver)
-    episode = rollout(noting.env, noting, task.seed, task)
-    noting.act(episode.observations[-1], episode.infos[-1])  # the state after the last step has hash and label too
-    return Recording(_arrays(episode, driver.labels, noting.hashes), _metadata(episode))
+    episode, hashes = _played(env, planner, task)
+    planner.act(episode.observations[-1], episode.infos[-1])  # the state after the last step has a label too
+    return Recording(_arrays(episode, hashes, planner.labels), _metadata(episode))
 
 
-class _Noting:
-    """A driver that notes the state's hash whenever it is asked to act."""
-
-    def __init__(self, env: HouseholdEnv, driver: Driver):
-        self.env, self._driver = env, driver
-        self.hashes: list[str] = []
-
-    def reset(self, seed: int | None) -> None:
-        self._driver.reset(seed)
-        self.hashes = []
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        self.hashes.append(state_hash(self.env))
-        return self._driver.act(observations, infos)
+def replay(env: gymnasium.Env, actions: np.ndarray, task: Task) -> Arrays:
+    """Repeat the stored actions (T, 2) of a task and return what would be stored, without the planner's labels."""
+    return _arrays(*_played(env, ReplayPolicy(actions.tolist(), core_of(env)), task), None)
 
 
-def _arrays(episode: Episode, labels: Sequence[Actions], hashes: Sequence[str]) -> Arrays:
+def _played(env: gymnasium.Env, policy: Policy, task: Task) -> tuple[Episode, list[str]]:
+    """Play one task; return the episode and the hash of each of its states."""
+    hashes: list[str] = []
+    episode = rollout(core_of(env), policy, task.seed, task, on_step=lambda env: hashes.append(state_hash(env)))
+    return episode, hashes
+
+
+def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
     steps = len(episode)
     ended = np.arange(1, steps + 1) == steps
     return {
@@ -146,18 +106,17 @@ def _arrays(episode: Episode, labels: Sequence[Actions], hashes: Sequence[str]) 
         "rewards": episode.rewards.astype(np.float64),
         "terminations": ended & episode.success,
         "truncations": ended & (not episode.success),
-        "infos": _infos(episode, labels, hashes),
+        "infos": _infos(episode, hashes, labels),
     }
 
 
-def _infos(episode: Episode, labels: Sequence[Actions], hashes: Sequence[str]) -> Arrays:
+def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
     shared = [info[AGENTS[0]] for info in episode.infos]
-    infos: Arrays = {
-        "state_hash": _texts(hashes),
-        "planner_action": _pairs(labels),
-        "potential": np.array([info["potential"] for info in shared], dtype=np.float64),
-        "instruction": _texts([info["instruction"] for info in shared]),
-    }
+    infos: Arrays = {"state_hash": _texts(hashes)}
+    if labels is not None:
+        infos["planner_action"] = _pairs(labels)
+    infos["potential"] = np.array([info["potential"] for info in shared], dtype=np.float64)
+    infos["instruction"] = _texts([info["instruction"] for info in shared])
     for robot in AGENTS:
         own = [info[robot] for info in episode.infos]
         infos[robot] = {

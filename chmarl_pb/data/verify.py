@@ -11,7 +11,7 @@ import numpy as np
 from chmarl_pb.data.generate import environment
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
-from chmarl_pb.data.record import Arrays, Replayer, record
+from chmarl_pb.data.record import Arrays, replay
 from chmarl_pb.errors import DatasetError, OptionError
 from chmarl_pb.processes import in_processes
 
@@ -81,7 +81,7 @@ def _replay(folder: Path, recipe: Recipe, number: int) -> None:
         raise DatasetError(f"{place} is of task {metadata.get('options/task')!r} instead of {task.id!r}")
     actions = stored["actions"]
     assert isinstance(actions, np.ndarray)
-    replayed = record(environment(recipe), Replayer(actions), task).arrays
+    replayed = replay(environment(recipe), actions, task)
     difference = first_difference(stored, replayed)
     if difference:
         raise DatasetError(f"{place} ({task.id}): the replay differs in {difference}")
@@ -90,10 +90,12 @@ def _replay(folder: Path, recipe: Recipe, number: int) -> None:
 def first_difference(stored: Arrays, replayed: Arrays) -> str | None:
     """Return the name of the first array that differs and the first step at which it does; None if all are equal."""
     mine, other = dict(_flat(stored)), dict(_flat(replayed))
+    for labels in (mine, other):
+        labels.pop(_NOT_REPLAYED, None)
     if mine.keys() != other.keys():
         return "the names of its arrays: " + ", ".join(sorted(mine.keys() ^ other.keys()))
     for name in sorted(mine, key=lambda name: name != "infos/state_hash"):  # the most telling first
-        if name == _NOT_REPLAYED or np.array_equal(mine[name], other[name]):
+        if np.array_equal(mine[name], other[name]):
             continue
         if mine[name].shape != other[name].shape:
             return f"{name}: shape {mine[name].shape} instead of {other[name].shape}"

@@ -1,7 +1,8 @@
 """The keyword arguments that all environments share, checked once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
 OBSERVATIONS = ("scene_graph", "visual")
 EXECUTIONS = ("instant", "simulated")
 RENDER_MODES = (None, "rgb_array", "human")
+
+# Options in every result; others are recorded where they are not the default, so that older results read the same.
+_RECORDED = ("observation", "split", "messages", "feedback", "max_steps", "image_size")
+_UNRECORDED = ("home", "render_mode")
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,12 @@ class Options:
         if isinstance(self.feedback, str):
             return self.feedback
         return STYLES[0] if self.feedback else None
+
+    def recorded(self) -> dict[str, Any]:
+        """Return what results say of the options: always of the first ones, of others where they are not the default."""
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _UNRECORDED}
+        defaults = {field.name: field.default for field in fields(self)}
+        return {name: value for name, value in values.items() if name in _RECORDED or value != defaults[name]}
 
     @property
     def homes(self) -> tuple[str, ...]:

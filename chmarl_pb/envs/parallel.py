@@ -2,7 +2,6 @@
 
 import warnings
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,7 +9,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from chmarl_pb.envs.observations import Observation, observation_space, observe
-from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
+from chmarl_pb.envs.options import Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
@@ -57,30 +56,16 @@ class HouseholdEnv(ParallelEnv):
         "is_parallelizable": True,
     }
 
-    def __init__(
-        self,
-        observation: str = "scene_graph",
-        split: str = "train",
-        home: str | Path | None = None,
-        messages: bool = True,
-        feedback: bool | str = True,
-        max_steps: int = MAX_STEPS,
-        image_size: int = 128,
-        execution: str = "instant",
-        render_mode: str | None = None,
-        goal: bool = False,
-    ):
-        """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the arguments.
+    def __init__(self, observation: str = "scene_graph", **options: Any):
+        """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the options.
 
         Raises:
             OptionError: an argument has a value that it does not know.
             HomeError: a home cannot be used.
         """
-        self.options = Options(
-            observation, split, home, messages, feedback, max_steps, image_size, execution, render_mode, goal
-        )
-        self.render_mode = render_mode
-        if render_mode == "human":
+        self.options = Options(observation, **options)
+        self.render_mode = self.options.render_mode
+        if self.render_mode == "human":
             open_display()
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []

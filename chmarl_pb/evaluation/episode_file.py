@@ -1,19 +1,19 @@
 """Episode files: one played episode as a small JSON file that another machine can replay and check."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import chmarl_pb
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.envs.rollout import OnStep, rollout
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.tasks.task import Task
 
 FORMAT = "chmarl-pb episode 1"
@@ -51,43 +51,14 @@ class EpisodeFile:
     format: str = FORMAT
 
 
-@dataclass
-class Replayed:
-    """A policy that repeats actions, and stays when there are no more."""
-
-    actions: Sequence[Sequence[int]]
-    env: HouseholdEnv
-    _left: list[Sequence[int]] = field(default_factory=list)
-
-    def reset(self, seed: int | None) -> None:
-        """Begin with the first action again."""
-        self._left = list(self.actions)[::-1]
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return the next actions."""
-        if not self._left:
-            return {name: names.index("stay") for name, names in self.env.action_names.items()}
-        return dict(zip(AGENTS, self._left.pop(), strict=True))
-
-
-@dataclass
-class _Witness:
-    """Another policy, and the state hashes of the moments in which it decided."""
-
-    policy: Policy
-    env: HouseholdEnv
-    states: list[str] = field(default_factory=list)
-
-    def reset(self, seed: int | None) -> None:
-        self.policy.reset(seed)
-        self.states = []
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        self.states.append(state_hash(self.env))
-        return self.policy.act(observations, infos)
-
-
-def record_episode(env: HouseholdEnv, policy: Policy, name: str, seed: int | None, task: Task | str) -> EpisodeFile:
+def record_episode(
+    env: HouseholdEnv,
+    policy: Policy,
+    name: str,
+    seed: int | None,
+    task: Task | str,
+    on_step: OnStep = lambda env: None,
+) -> EpisodeFile:
     """Play an episode and return its file.
 
     Args:
@@ -96,16 +67,20 @@ def record_episode(env: HouseholdEnv, policy: Policy, name: str, seed: int | Non
         name: of the policy, for the file.
         seed: of the policy.
         task: the task to play, or its id.
+        on_step: watches, see :func:`chmarl_pb.envs.rollout.rollout`.
     """
-    witness = _Witness(policy, env)
-    episode = rollout(env, witness, seed, task)
+    states: list[str] = []
+
+    def note(env: HouseholdEnv) -> None:
+        states.append(state_hash(env))
+        on_step(env)
+
+    episode = rollout(env, policy, seed, task, note)
     options = {option: getattr(env.options, option) for option in _OPTIONS}
     actions = tuple(tuple(chosen[robot] for robot in AGENTS) for chosen in episode.actions)
-    states = (*witness.states, state_hash(env))
     home = home_hash(episode.task.home)
-    return EpisodeFile(
-        episode.task, name, seed, options, actions, tuple(episode.rewards.tolist()), states, episode.success, home
-    )
+    rewards = tuple(episode.rewards.tolist())
+    return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home)
 
 
 def replay_episode(file: EpisodeFile) -> str | None:
@@ -118,7 +93,7 @@ def replay_episode(file: EpisodeFile) -> str | None:
         return f"the home {file.task.home} is not the one that the episode was played in"
     env = HouseholdEnv(home=file.task.home, **file.options)
     try:
-        again = record_episode(env, Replayed(file.actions, env), file.policy, file.seed, file.task)
+        again = record_episode(env, ReplayPolicy(file.actions, env), file.policy, file.seed, file.task)
         return _first_difference(file, again, env.action_names)
     finally:
         env.close()

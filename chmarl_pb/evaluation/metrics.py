@@ -102,8 +102,7 @@ def path_weighted(success: bool, steps: int, optimal_steps: int) -> float:
 def played(episode: Episode, seed: int) -> Played:
     """Return what results keep of an episode."""
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
-    potential = float(next(iter(episode.infos[-1].values()))["potential"])
-    return Played(episode.task, seed, len(episode), episode.success, potential, actions)
+    return Played(episode.task, seed, episode.steps, episode.success, float(episode.potential), actions)
 
 
 def summarize(episodes: Sequence[Played], intervals: bool = True) -> Summary:

@@ -1,24 +1,28 @@
 """Play jobs (task, seed) with one policy, in this process or in several."""
 
 import pickle
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.envs.rollout import core_of_parallel, rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.policies.policy import Factory
+from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
-from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.policies.sources import find_policy, imported
 from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.task import Task
 
 Job = tuple[Task, int]
+
+#: Takes the keyword arguments of :func:`chmarl_pb.parallel_env` and returns that environment in wrappers of its own.
+EnvFn = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -28,10 +32,32 @@ class Setup:
     Attributes:
         policy: see :func:`chmarl_pb.policies.sources.find_policy`.
         options: of the environment.
+        env_fn: makes the environment from the options as keyword arguments, or its name as ``module:callable``; None:
+            the environment itself.
     """
 
-    policy: str | Factory
+    policy: str | Factory | Policy
     options: Options
+    env_fn: str | EnvFn | None = None
+
+    @property
+    def maker(self) -> EnvFn:
+        """What makes the environment.
+
+        Raises:
+            OptionError: it cannot be imported.
+        """
+        return imported(self.env_fn, "environment") if isinstance(self.env_fn, str) else self.env_fn or HouseholdEnv
+
+    def make_env(self) -> Any:
+        """Return a new environment.
+
+        Raises:
+            OptionError: it is not a ParallelEnv made from this package's.
+        """
+        env = self.maker(**vars(self.options))
+        core_of_parallel(env)
+        return env
 
 
 class Player:
@@ -41,10 +67,10 @@ class Player:
         """Make both.
 
         Raises:
-            OptionError: there is no such policy.
+            OptionError: there is no such policy, or the environment is not made from this package's.
         """
         make = find_policy(setup.policy).make
-        self.env = HouseholdEnv(**asdict(setup.options))
+        self.env = setup.make_env()
         self.policy = make(self.env)
 
     def play(self, job: Job) -> Played:
@@ -66,7 +92,7 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
     """Return the played episodes as they come, in no certain order; what is wrong with the policy is said at once.
 
     Args:
-        setup: policy and options.
+        setup: policy and environment.
         jobs: what to play.
         workers: number of processes; 1 plays in this one.
 
@@ -80,14 +106,15 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
     if workers == 1:
         return _play_here(Player(setup), jobs)
     try:
-        pickle.dumps(setup)
+        pickled = pickle.dumps(setup)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise OptionError(
-            f"the policy cannot be sent to other processes ({error}); use a function of a module, or workers=1"
+            f"the policy or the environment cannot be sent to other processes ({error}); "
+            "use functions and classes of a module, or workers=1"
         ) from error
-    if setup.policy not in BUILT_IN:
+    if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
         Player(setup).close()  # here, before processes are started for it
-    return in_processes(partial(_play_one, setup), jobs, workers)
+    return in_processes(partial(_play_one, pickled), jobs, workers)
 
 
 def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
@@ -98,9 +125,9 @@ def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
 
 
 @lru_cache(maxsize=1)
-def _player(setup: Setup) -> Player:
-    return Player(setup)  # lives as long as its process
+def _player(setup: bytes) -> Player:
+    return Player(pickle.loads(setup))  # lives as long as its process
 
 
-def _play_one(setup: Setup, job: Job) -> Played:
+def _play_one(setup: bytes, job: Job) -> Played:
     return _player(setup).play(job)

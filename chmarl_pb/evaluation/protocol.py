@@ -5,31 +5,28 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.options import MAX_STEPS, Options, checked_seed
+from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
-from chmarl_pb.evaluation.play import Job, Setup, play
+from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import home_hash, machine, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import Lock
-from chmarl_pb.policies.policy import Factory
-from chmarl_pb.policies.sources import Source, find_policy
+from chmarl_pb.policies.policy import Factory, Policy
+from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
 from chmarl_pb.processes import check_workers
 from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.task import Task
 
 SEEDS = (0, 1, 2)
-
-#: Options in every result; others are recorded where they are not the default, so that older results read the same.
-_RECORDED = ("messages", "feedback", "max_steps", "image_size")
 
 #: Called after each finished episode with the numbers of finished and of all episodes.
 Progress = Callable[[int, int], None]
@@ -39,36 +36,33 @@ Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
 
 
 def evaluate(
-    policy: str | Factory,
+    policy: str | Factory | Policy,
     split: str = "test-unseen",
     observation: str = "scene_graph",
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
-    messages: bool = True,
-    feedback: bool | str = True,
-    max_steps: int = MAX_STEPS,
-    image_size: int = 128,
     tasks: Sequence[Task | str] | None = None,
     out: Path | str | None = None,
     label: str | None = None,
     reuse: bool = False,
     progress: Progress = lambda finished, total: None,
     plays: Plays | None = None,
-    goal: bool = False,
+    env_fn: str | EnvFn | None = None,
+    **options: Any,
 ) -> Report:
     """Evaluate a policy; its numbers do not depend on the number of workers.
 
+    >>> report = chmarl_pb.evaluate("planner", "val-unseen", workers=1, tasks=["val-unseen-000"])
+    >>> report.success_rate, report.plw
+    (1.0, 1.0)
+
     Args:
-        policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, or
-            such a callable; see :func:`chmarl_pb.policies.sources.find_policy`.
+        policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, such a callable,
+            or a policy; see :func:`chmarl_pb.policies.sources.find_policy`.
         split: all its tasks are played; of "train", the first 250.
-        observation: "scene_graph" or "visual".
+        observation: see ``options``.
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.
-        messages: whether the robots' messages are observed.
-        feedback: style of the language feedback, "paper" (or True) or "planner"; none if False.
-        max_steps: joint steps after which an episode is cut.
-        image_size: width and height of camera images in pixels.
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
             on after an interruption. One process at a time may write it.
@@ -76,16 +70,21 @@ def evaluate(
         reuse: whether a result that ``out`` holds already is returned, if its settings are the same.
         progress: called after each episode.
         plays: how episodes are played, e.g. several at once; None: each by itself, in ``workers`` processes.
-        goal: whether what the instruction asks for is observed as class ids, see ``Options``.
+        env_fn: makes the environment, as ``module:callable`` or itself: it takes the keyword arguments of
+            :func:`chmarl_pb.parallel_env` and returns that environment, in wrappers of its own. The result names it,
+            its wrappers, and the options that it leaves the environment with.
+        **options: of the environment, see :class:`chmarl_pb.envs.options.Options`; tasks name their homes.
 
     Raises:
-        OptionError: the policy or an option is unknown, or ``out`` is a folder.
+        OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder.
         TaskError: a task is unknown, of another split, or has no L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
         WriteError: ``out`` cannot be written.
     """
-    options = Options(observation, split, None, messages, feedback, max_steps, image_size, goal=goal)
+    if "home" in options:
+        raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
+    setup = Setup(policy, Options(observation, split, **options), env_fn)
     source = find_policy(policy)
     chosen = _chosen(split, tasks)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
@@ -93,7 +92,7 @@ def evaluate(
     file = None if out is None else Path(out)
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
-    settings = _settings(source, options, chosen, seeds)
+    settings = _settings(source, setup, chosen, seeds)
     if kept := _kept(file, settings, reuse):
         return kept
     jobs = [(task, seed) for seed in seeds for task in chosen]
@@ -102,7 +101,7 @@ def evaluate(
         if kept := _kept(file, settings, reuse):  # another process may just have written it
             return kept
         ledger = None if file is None else Ledger(file, settings, jobs)
-        episodes = _played(Setup(policy, options), jobs, plays or partial(play, workers=workers), ledger, progress)
+        episodes = _played(setup, jobs, plays or partial(play, workers=workers), ledger, progress)
         report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
         if file is not None and ledger is not None:
             report.save(file)
@@ -159,21 +158,38 @@ def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | No
     return episodes
 
 
-def _settings(source: Source, options: Options, tasks: Sequence[Task], seeds: Sequence[int]) -> dict[str, Any]:
+def _settings(source: Source, setup: Setup, tasks: Sequence[Task], seeds: Sequence[int]) -> dict[str, Any]:
     """Return what fixes the numbers."""
-    values = asdict(options)
+    options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
+    values = options.recorded()
     return {
         "policy": source.name,
         "policy_sha256": source.sha256,
         "split": values.pop("split"),
         "observation": values.pop("observation"),
-        "options": {name: values[name] for name in _RECORDED} | ({"goal": True} if options.goal else {}),
+        "options": values,
         "seeds": list(seeds),
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),
         "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in tasks})},
         "source_sha256": source_hash(),
+        **changes,
     }
+
+
+def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
+    """Return the options that the environment really has, and what it is made by and wrapped in."""
+    env, wrappers = setup.make_env(), []
+    try:
+        core, inner = core_of_parallel(env), env
+        while inner is not core:
+            wrappers.append(name_of(inner))
+            inner = getattr(inner, "env", core)
+    finally:
+        env.close()
+    make = setup.maker
+    name = setup.env_fn if isinstance(setup.env_fn, str) else name_of(make)
+    return core.options, {"env": {"name": name, "sha256": defined_in(make), "wrappers": wrappers}}
 
 
 def _run(label: str | None, workers: int, seconds: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.evaluation.episode_file import EpisodeFile, Replayed, record_episode, save_episode
+from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode, save_episode
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.provenance import home_hash
@@ -16,7 +16,7 @@ from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.tables import title_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.solids import Points
-from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.policies.replay import ReplayPolicy
 
 _SCALE = 45.0  # pixels in a metre
 _MARGIN = 0.3  # metres around the floors
@@ -25,28 +25,19 @@ Place = tuple[float, float]
 
 
 @dataclass
-class _Tracker:
-    """A policy that repeats actions and notes where the robots and X are."""
+class _Ways:
+    """Where the robots and X have been, one place for the start and for each step."""
 
-    replayed: Replayed
-    env: HouseholdEnv
-    ways: dict[str, list[Place]] = field(default_factory=lambda: {"humanoid": [], "drone": []})
+    robots: dict[str, list[Place]] = field(default_factory=lambda: {"humanoid": [], "drone": []})
     items: list[Place] = field(default_factory=list)
 
-    def reset(self, seed: int | None) -> None:
-        self.replayed.reset(seed)
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        self.note()
-        return self.replayed.act(observations, infos)
-
-    def note(self) -> None:
-        stage, item = self.env.stage, self.env.setting.goal.item
+    def note(self, env: HouseholdEnv) -> None:
+        stage = env.stage
         x, y, _ = stage.humanoid.lattice.pose(stage.humanoid.pose)
-        self.ways["humanoid"].append((float(x), float(y)))
+        self.robots["humanoid"].append((float(x), float(y)))
         drone = stage.drone.lattice.points[stage.drone.pose]
-        self.ways["drone"].append((float(drone[0]), float(drone[1])))
-        place = stage.world.grip(item)
+        self.robots["drone"].append((float(drone[0]), float(drone[1])))
+        place = stage.world.grip(env.setting.goal.item)
         self.items.append((float(place[0]), float(place[1])))
 
 
@@ -75,17 +66,18 @@ def _card(report: Report, episode: Played, folder: Path) -> str:
     title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
     head = f"<summary>{escape(title)}</summary>"
     home = episode.task.home
+    if changed := report.settings.get("env"):
+        return f"<details>{head}<p>Played in a changed environment: {escape(changed['name'])}.</p></details>"
     if report.settings["homes_sha256"].get(home) != home_hash(home):
         return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"
     env = HouseholdEnv(report.settings["observation"], home=home, **report.settings["options"])
     try:
-        tracker = _Tracker(Replayed(episode.actions, env), env)
+        ways, policy = _Ways(), ReplayPolicy(episode.actions, env)
         seed = episode_seed(episode.task, episode.seed)
-        file = record_episode(env, tracker, report.settings["policy"], seed, episode.task)
-        tracker.note()
+        file = record_episode(env, policy, report.settings["policy"], seed, episode.task, ways.note)
         if (len(file.actions), file.success) != (episode.steps, episode.success):
             return f"<details>{head}<p>This version of the package plays it otherwise.</p></details>"
-        drawing, steps = _drawing(env, tracker), _steps(env, file)
+        drawing, steps = _drawing(env, ways), _steps(env, file)
         instruction = escape(env.instruction)
     finally:
         env.close()
@@ -115,13 +107,13 @@ def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:
     return f'<div class="scroll"><table class="steps"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
 
 
-def _drawing(env: HouseholdEnv, tracker: _Tracker) -> str:
+def _drawing(env: HouseholdEnv, ways: _Ways) -> str:
     """Return a plan of the home as SVG: furniture, targets, both ways, X at its start and end."""
     plan = _Plan(env.stage.home)
     goals = set(env.setting.goal.receptacles)
     parts = plan.home_shapes(goals)
-    parts += [plan.way(tracker.ways["drone"], "drone"), plan.way(tracker.ways["humanoid"], "humanoid")]
-    (x, y), (u, v) = plan.pixel(tracker.items[0]), plan.pixel(tracker.items[-1])
+    parts += [plan.way(ways.robots["drone"], "drone"), plan.way(ways.robots["humanoid"], "humanoid")]
+    (x, y), (u, v) = plan.pixel(ways.items[0]), plan.pixel(ways.items[-1])
     parts.append(f'<circle class="item" cx="{x:.0f}" cy="{y:.0f}" r="7"><title>X at the start</title></circle>')
     parts.append(f'<circle class="item end" cx="{u:.0f}" cy="{v:.0f}" r="7"><title>X at the end</title></circle>')
     return f'<svg class="plan" viewBox="0 0 {plan.width:.0f} {plan.height:.0f}">{"".join(parts)}</svg>'

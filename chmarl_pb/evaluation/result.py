@@ -54,7 +54,9 @@ class Report:
 
     @cached_property
     def cooperation(self) -> Cooperation | None:
-        """What the policy gets of the possible gain from cooperation; None without reference lengths."""
+        """What the policy gets of the possible gain from cooperation; None where there is no reference."""
+        if "env" in self.settings:
+            return None
         return cooperation(self.episodes, self.settings["split"], self.settings["options"]["max_steps"])
 
     @property

@@ -150,13 +150,14 @@ def title_of(report: Report) -> str:
 
 
 def _apart(report: Report) -> list[str]:
-    """Return why a result cannot stand beside the paper's: other feedback, the goal, chosen tasks, another limit."""
+    """Return why a result cannot stand beside the paper's: other options, chosen tasks, a changed environment."""
     settings, options = report.settings, report.settings["options"]
     pixels = options.get("image_size", Options.image_size)
     whole = settings["tasks_sha256"] == tasks_hash(evaluated_tasks(settings["split"]))
     notes = {
         f"{options['feedback']} feedback": options["feedback"] not in (True, False, "paper"),
         "goal observed": options.get("goal"),
+        f"in {settings.get('env', {}).get('name')}": "env" in settings,
         f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
         f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
         f"at most {options['max_steps']} steps": options["max_steps"] != MAX_STEPS,

@@ -5,14 +5,15 @@ import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, cast
 
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
-from chmarl_pb.policies.policy import Factory
-from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC
+from chmarl_pb.policies.policy import Factory, Policy
+from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, make_policy
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
 #: "module:callable" which takes the path and returns a Factory.
@@ -48,36 +49,54 @@ def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
     _LOADERS[ending] = load
 
 
-def find_policy(policy: str | Factory) -> Source:
+def find_policy(policy: str | Factory | Policy) -> Source:
     """Return the policy that is meant.
 
     Args:
         policy: a built-in name, ``module:callable`` (the callable takes the environment and returns a
-            ``Policy``), the path of a checkpoint, or such a callable itself. A callable with the
-            attribute ``deterministic = True`` is played once for each task.
+            ``Policy``), the path of a checkpoint, such a callable itself, or a ``Policy`` that drives whatever
+            environment it is given. With the attribute ``deterministic = True`` it is played once for each task.
 
     Raises:
         OptionError: there is no such policy, or it cannot be loaded.
     """
     if not isinstance(policy, str):
-        return Source(_name_of(policy), policy, bool(getattr(policy, "deterministic", False)), _defined_in(policy))
+        make = policy if callable(policy) else partial(_given, policy)
+        return Source(name_of(policy), make, bool(getattr(policy, "deterministic", False)), defined_in(policy))
     if policy in BUILT_IN:
-        return Source(policy, BUILT_IN[policy], policy in DETERMINISTIC, None)
+        return Source(policy, partial(make_policy, policy), policy in DETERMINISTIC, None)
     path = Path(policy)
     if path.exists():
         return _checkpoint(path)
-    module, colon, name = policy.partition(":")
+    colon = ":" in policy
     if path.name != policy or (path.suffix and not colon):
         raise OptionError(f"{policy}: no such file; name a checkpoint that is there")
     if not colon:
         raise OptionError(
             f"unknown policy {policy!r}; use one of: {', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
         )
-    factory = _imported(module, name)
-    return Source(policy, factory, bool(getattr(factory, "deterministic", False)), _defined_in(factory))
+    factory = imported(policy, "policy")
+    return Source(policy, factory, bool(getattr(factory, "deterministic", False)), defined_in(factory))
 
 
-def _imported(module: str, name: str) -> Factory:
+def _given(policy: Policy, env: Any) -> Policy:
+    """Return a policy that is there already."""
+    return policy
+
+
+def imported(path: str, what: str) -> Callable[..., Any]:
+    """Return a callable that is named as ``module:callable``; modules are also found in the current folder.
+
+    Args:
+        path: its name.
+        what: it makes, for messages: "policy" or "environment".
+
+    Raises:
+        OptionError: it cannot be imported, or called.
+    """
+    module, colon, name = path.partition(":")
+    if not colon:
+        raise OptionError(f"{what} {path!r} is not a name like module:callable")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
         sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
     try:
@@ -87,10 +106,10 @@ def _imported(module: str, name: str) -> Factory:
     except MissingExtraError:
         raise
     except (ImportError, AttributeError, ValueError) as error:
-        raise OptionError(f"policy {module}:{name}: {error}; name a module that can be imported from here") from error
+        raise OptionError(f"{what} {path}: {error}; name a module that can be imported from here") from error
     if not callable(found):
-        raise OptionError(f"policy {module}:{name} is not callable; name a function that takes the environment")
-    return cast(Factory, found)
+        raise OptionError(f"{what} {path} is not callable; name a function that makes it")
+    return cast(Callable[..., Any], found)
 
 
 def _checkpoint(path: Path) -> Source:
@@ -111,14 +130,16 @@ def _checkpoint(path: Path) -> Source:
     return Source(str(path), factory, bool(getattr(factory, "deterministic", False)), sha256)
 
 
-def _name_of(factory: Factory) -> str:
-    kind = factory if hasattr(factory, "__qualname__") else type(factory)
+def name_of(given: object) -> str:
+    """Return the name of a callable, or of the class of another object, with its module."""
+    kind: Any = given if hasattr(given, "__qualname__") else type(given)
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _defined_in(factory: Factory) -> str | None:
+def defined_in(given: Any) -> str | None:
+    """Return the sha256 of the file that defines a function, or the class of another object; None if there is none."""
     try:
-        path = inspect.getsourcefile(factory if hasattr(factory, "__code__") else type(factory))
+        path = inspect.getsourcefile(given if hasattr(given, "__code__") or isinstance(given, type) else type(given))
     except (OSError, TypeError):
         return None
     return file_hash(Path(path)) if path and Path(path).is_file() else None

@@ -1,24 +1,27 @@
 """Play one task and note all that is worth showing."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.errors import ResultError
-from chmarl_pb.evaluation.episode_file import EpisodeFile, Replayed
+from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.homes.home import Home, load_home
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.motion_player import Scene, scene_during, scene_of
 
 _LENGTHS = range(6, 10)  # joint steps of an episode that is good to watch
+
+_Noted = tuple[tuple[Scene, ...], Scene, Messages]
 
 
 @dataclass(frozen=True)
@@ -80,30 +83,6 @@ class Recording:
         return len(self.moments) - 1
 
 
-@dataclass
-class _Witness:
-    """A policy that notes the world before each of another policy's decisions."""
-
-    env: HouseholdEnv
-    policy: Policy
-    on_step: Callable[[], None]
-    noted: list[tuple[tuple[Scene, ...], Scene, Messages]] = field(default_factory=list)
-
-    def reset(self, seed: int | None) -> None:
-        self.policy.reset(seed)
-        self.noted = []
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        self.note()
-        self.on_step()
-        return self.policy.act(observations, infos)
-
-    def note(self) -> None:
-        rest = scene_of(self.env.world)
-        motion = tuple(scene_during(snapshot, rest) for snapshot in self.env.snapshots)
-        self.noted.append((motion, rest, self.env.messages.copy()))
-
-
 def record(
     task: Task, observation: str, policy: str = "planner", on_step: Callable[[], None] = lambda: None
 ) -> Recording:
@@ -113,7 +92,7 @@ def record(
         task: the task.
         observation: "visual" or "scene_graph".
         policy: "planner", "search" or "random".
-        on_step: called before every step.
+        on_step: called after every step.
 
     Raises:
         OptionError: the observation or the policy is unknown.
@@ -133,7 +112,7 @@ def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -
         raise ResultError(f"the home {file.task.home} is not the one that the episode was played in; save it again")
     options = file.options | {"execution": "simulated"}
     env = HouseholdEnv(home=file.task.home, **options)
-    recording = _recorded(env, file.task, lambda: Replayed(file.actions, env), file.policy, on_step)
+    recording = _recorded(env, file.task, lambda: ReplayPolicy(file.actions, env), file.policy, on_step)
     if (recording.steps, recording.success) != (len(file.actions), file.success):
         raise ResultError("the episode goes another way than its file says; `chmarl-pb episode replay` says where")
     return recording
@@ -144,12 +123,17 @@ def _recorded(
 ) -> Recording:
     """Play one episode and close the environment."""
     try:
-        witness = _Witness(env, make(), on_step)
-        episode = rollout(env, witness, seed=task.seed, task=task)
-        witness.note()
+        noted: list[_Noted] = []
+
+        def note(env: HouseholdEnv) -> None:
+            noted.append(_note(env))
+            if env.steps:
+                on_step()
+
+        episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
         return Recording(
             task, load_home(task.home), env.instruction, name, env.options.observation, env.rooms,
-            env.setting.goal.receptacles, _moments(env, episode, witness), episode.success,
+            env.setting.goal.receptacles, _moments(env, episode, noted), episode.success,
         )  # fmt: skip
     finally:
         env.close()
@@ -168,7 +152,14 @@ def _leads_on(task: Task) -> bool:
     return sources.isdisjoint(thing.room for thing in things if thing.class_name == task.target)
 
 
-def _moments(env: HouseholdEnv, episode: Episode, witness: _Witness) -> tuple[Moment, ...]:
+def _note(env: HouseholdEnv) -> _Noted:
+    """Return how the last step went: its scenes at 30 Hz, the scene after it, and the messages."""
+    rest = scene_of(env.world)
+    motion = tuple(scene_during(snapshot, rest) for snapshot in env.snapshots)
+    return motion, rest, env.messages.copy()
+
+
+def _moments(env: HouseholdEnv, episode: Episode, noted: list[_Noted]) -> tuple[Moment, ...]:
     rewards = np.concatenate([[0.0], episode.rewards]).tolist()
     chosen: list[dict[str, str]] = [{}]
     chosen += [{name: env.action_names[name][number] for name, number in acts.items()} for acts in episode.actions]
@@ -184,7 +175,5 @@ def _moments(env: HouseholdEnv, episode: Episode, witness: _Witness) -> tuple[Mo
             motion,
             rest,
         )
-        for actions, reward, infos, (motion, rest, messages) in zip(
-            chosen, rewards, episode.infos, witness.noted, strict=True
-        )
+        for actions, reward, infos, (motion, rest, messages) in zip(chosen, rewards, episode.infos, noted, strict=True)
     )

@@ -22,7 +22,7 @@ from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
 from chmarl_pb.data.recipe import Recipe
-from chmarl_pb.data.record import NoisyPlanner, Replayer, make_env, record
+from chmarl_pb.data.record import NoisyPlanner, make_env, record, replay
 from chmarl_pb.data.store import dataset_folder, file_sha256, is_whole, parts_folder
 from chmarl_pb.data.verify import chosen, first_difference, verify
 from chmarl_pb.envs.rollout import rollout
@@ -220,11 +220,11 @@ def test_pictures_are_stored_without_loss(
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     episode = minari.load_dataset(recipe.dataset_id)[0]
     env = make_env(recipe)
-    again = record(env, Replayer(episode.actions), recipe.tasks[0])
+    again = replay(env, episode.actions, recipe.tasks[0])
     env.close()
     stored = episode.observations["humanoid_image"]
     assert stored.shape[1:] == (128, 128, 3)
-    assert np.array_equal(stored, again.arrays["observations"]["humanoid_image"])
+    assert np.array_equal(stored, again["observations"]["humanoid_image"])
     graphs = record(joint, NoisyPlanner(core_of(joint), 0, 0), recipe.tasks[0])
     assert np.array_equal(graphs.arrays["infos"]["state_hash"], episode.infos["state_hash"])
 

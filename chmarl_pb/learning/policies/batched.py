@@ -6,14 +6,13 @@ episode of our checkpoints has shown it (``tests/learning/test_batched_policies.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.envs.rollout import Episode
+from chmarl_pb.envs.parallel import AGENTS
+from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, episode_seed
 from chmarl_pb.learning.algorithms.losses import best_legal
@@ -48,7 +47,7 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
         jobs: what to play.
         width: number of environments.
     """
-    envs = [HouseholdEnv(**asdict(setup.options)) for _ in range(min(width, len(jobs)))]
+    envs = [setup.make_env() for _ in range(min(width, len(jobs)))]
     try:
         if envs:
             crowd = crowd_of([find_policy(setup.policy).make(env) for env in envs])
@@ -59,7 +58,7 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
             env.close()
 
 
-def _play_wave(crowd: Crowd, envs: Sequence[HouseholdEnv], jobs: Sequence[Job]) -> Iterator[Played]:
+def _play_wave(crowd: Crowd, envs: Sequence[Any], jobs: Sequence[Job]) -> Iterator[Played]:
     """Yield one episode of each job."""
     seeds = [episode_seed(task, seed) for task, seed in jobs]
     starts = [
@@ -74,9 +73,9 @@ def _play_wave(crowd: Crowd, envs: Sequence[HouseholdEnv], jobs: Sequence[Job]) 
             seen[place], _, _, _, told[place] = envs[place].step(action)
             chosen[place].append({name: int(action[name]) for name in AGENTS})
             if not envs[place].agents:
-                won = bool(told[place][AGENTS[0]]["success"])
-                task, seed = jobs[place]
-                yield played(Episode(task, (), tuple(chosen[place]), np.zeros(0), (told[place],), won), seed)
+                (task, seed), core = jobs[place], core_of_parallel(envs[place])
+                end = core.outcome.success, core.outcome.potential, core.steps
+                yield played(Episode(task, (), tuple(chosen[place]), np.zeros(0), (told[place],), *end), seed)
 
 
 def crowd_of(policies: Sequence[Policy]) -> Crowd:
