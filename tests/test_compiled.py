@@ -258,7 +258,7 @@ def drawn() -> str:
     """A hash of pictures of a benchmark home, drawn by our own rasteriser."""
     home, digest = load_home("home_1"), hashlib.sha256()
     space, world = space_of(home), World(home)
-    model = HomeModel(world.physics, world.bodies["home"])
+    model = HomeModel(world.client, world.bodies["home"])
     for robot, pose in (("humanoid", 5), ("humanoid", 100), ("drone", 3)):
         picture = model.draw(lens(CAMERAS[robot], view_matrix(eye(space, robot, pose))), 24)
         for array in (picture.colour, picture.depth, picture.segmentation):

@@ -93,7 +93,7 @@ def first_visits(size: str, count: str) -> dict[str, float]:
         for pose in rng.permutation(poses[robot])[: int(count)].tolist():
             getattr(env.stage, robot).spawn(pose)
             start = time.perf_counter()
-            env.stage.sight.picture(robot, pose, int(size))
+            env.stage.sight.picture(robot, int(size))
             middle = time.perf_counter()
             plain_picture(env, robot, int(size))
             ours, plain, views = ours + middle - start, plain + time.perf_counter() - middle, views + 1
@@ -110,6 +110,7 @@ def plain_picture(env: "HouseholdEnv", robot: str, size: int) -> "Picture":
     from chmarl_pb.rendering.camera import render, view_matrix
     from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 
+    env.world.sync()
     view = view_matrix(eye(env.stage.space, robot, env.world.robots[robot].pose))
     return render(env.world.client, CAMERAS[robot], view, size)
 

@@ -14,6 +14,7 @@ from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.world import WorldState
 
 Observation = dict[str, np.ndarray]
 
@@ -71,11 +72,11 @@ def observe(
     if options.observation == "visual":
         observation = {"image": stage.sight.colours(robot, options.image_size)}
     else:
-        observation = stage.graphs.graph(outcome.seen[robot], setting.states).arrays()
+        observation = stage.graphs.graph(outcome.state, outcome.seen[robot], setting.states).arrays()
     observation["instruction"] = instruction.copy()
     observation["feedback"] = language.tokenize(feedback, language.FEEDBACK_LENGTH)
     observation["messages"] = messages.copy() if options.messages else np.zeros_like(messages)
-    observation["self"] = _self(stage, robot)
+    observation["self"] = _self(stage, outcome.state, robot)
     if wanted is not None:
         in_view = {catalog.class_of(name) for name in outcome.seen[robot]}
         numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
@@ -83,10 +84,9 @@ def observe(
     return observation
 
 
-def _self(stage: Stage, robot: str) -> np.ndarray:
-    body = stage.world.robots[robot]
-    heading, holds = (body.heading, stage.world.held is not None) if robot == "humanoid" else (HEADINGS // 4, False)
-    return _self_vector(len(stage.rooms), stage.room_numbers[body.room], heading, holds).copy()
+def _self(stage: Stage, state: WorldState, robot: str) -> np.ndarray:
+    body = state.robots[robot]
+    return _self_vector(len(stage.rooms), stage.room_numbers[body.room], body.heading, robot in state.grips).copy()
 
 
 @cache

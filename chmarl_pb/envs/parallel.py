@@ -124,6 +124,7 @@ class HouseholdEnv(ParallelEnv):
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
         self.setting: Setting = self.stage.begin(self.task)
+        self.world.sync()
         self.outcome = self._look()
         self.messages = update(no_messages(self.rooms), self.outcome, self.setting.goal, self.rooms)
         self.instruction = language.instruction(self.task)
@@ -148,7 +149,10 @@ class HouseholdEnv(ParallelEnv):
         names = self._check(actions)
         if self._adviser:
             self._adviser.before(names["humanoid"], self.outcome)
-        succeeded, self.snapshots = execute(self.world, self._plan(names), self.options.execution == "simulated")
+        succeeded, self.snapshots = execute(
+            self.world, self.stage.robots, self._plan(names), self.options.execution == "simulated"
+        )
+        self.world.sync()
         previous, self.outcome = self.outcome, self._look()
         self.messages = update(self.messages, self.outcome, self.setting.goal, self.rooms)
         gained = reward(previous, self.outcome)
@@ -258,9 +262,9 @@ class HouseholdEnv(ParallelEnv):
         }
 
     def _look(self) -> Outcome:
-        stage = self.stage
+        stage, state = self.stage, self.world.state
         seen = {name: stage.sight.visible(name) for name in AGENTS}
-        return judge(stage.world, self.setting.goal, seen, stage.room_names[stage.humanoid.room])
+        return judge(state, self.setting.goal, seen, stage.room_names[state.robots["humanoid"].room])
 
     def _advise(self, action: str, succeeded: bool, previous: Outcome) -> str:
         """Return the feedback for the humanoid's last action; empty if there is nothing to say."""

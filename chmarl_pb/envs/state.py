@@ -3,7 +3,7 @@
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.navigation.lattice import DRONE_HEADING, heading_angle
+from chmarl_pb.navigation.lattice import heading_angle
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
@@ -32,11 +32,11 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
         x, y, z = position
         return [(x - middle[0]) / scale, (y - middle[1]) / scale, z / scale]
 
-    x, y, _ = stage.humanoid.lattice.pose(stage.humanoid.pose)
-    drone_x, drone_y = stage.drone.lattice.points[stage.drone.pose]
-    angle = heading_angle(stage.humanoid.heading)
-    parts: list[float] = [*point(x, y, 0)[:2], np.cos(angle), np.sin(angle)]
-    parts += [*point(drone_x, drone_y, 0)[:2], np.cos(DRONE_HEADING), np.sin(DRONE_HEADING)]
+    parts: list[float] = []
+    for robot in outcome.state.robots.values():
+        angle = heading_angle(robot.heading)
+        parts += [*point(*robot.base[0])[:2], np.cos(angle), np.sin(angle)]
+    x, y, _ = outcome.state.robots["humanoid"].base[0]
     parts += point(*stage.world.grip(setting.goal.item))
     centres = np.array([stage.home.receptacles[name].centre for name in setting.goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]

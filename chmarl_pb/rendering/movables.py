@@ -4,7 +4,7 @@ One :class:`Movables` serves a process. A :class:`Bodies` holds where the bodies
 to be drawn; only what has moved since the last look is worked out again.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 import numpy as np
@@ -140,7 +140,7 @@ class Bodies:
         self.placed = placing.Placed(frames, inverses, sides, balls)
         self._poses: dict[str, object] = {}
 
-    def put_objects(self, poses: dict[str, Pose]) -> None:
+    def put_objects(self, poses: Mapping[str, Pose]) -> None:
         """Put objects at the poses of their origins."""
         moved = {name: pose for name, pose in poses.items() if self._poses.get(name) is not pose}
         if moved:

@@ -67,7 +67,6 @@ class Arm:
         lower: lower joint limits.
         upper: upper joint limits.
         speeds: highest joint speeds.
-        last: the configuration that was set last, None if the motors have been used since.
     """
 
     rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
@@ -81,7 +80,6 @@ class Arm:
             body: body id of a loaded ``humanoid.urdf``.
         """
         self.client, self.body = client, body
-        self.last: Configuration | None = None
         count = p.getNumJoints(body, physicsClientId=client)
         infos = [p.getJointInfo(body, index, physicsClientId=client) for index in range(count)]
         joints = {info[1].decode(): info for info in infos}
@@ -96,11 +94,9 @@ class Arm:
         """Put all joints into a configuration at once, at rest."""
         for index, value in zip(self.indices, configuration, strict=True):
             p.resetJointState(self.body, index, value, physicsClientId=self.client)
-        self.last = configuration
 
     def drive(self, configuration: ArrayLike, velocities: ArrayLike = _AT_REST) -> None:
         """Command the joints' motors, with the URDF's efforts, to a configuration that moves at some velocities."""
-        self.last = None
         p.setJointMotorControlArray(
             self.body,
             self.indices,
@@ -116,25 +112,20 @@ class Arm:
         states = p.getJointStates(self.body, self.indices, physicsClientId=self.client)
         return tuple(state[0] for state in states)
 
-    def grasp_pose(self) -> Pose:
-        """Return position and quaternion of the grasp point in the world; its x axis points out of the gripper."""
-        state = p.getLinkState(self.body, self.grasp_link, computeForwardKinematics=True, physicsClientId=self.client)
-        return state[4], state[5]
-
-    def solve(self, target: ArrayLike) -> Configuration | None:
+    def solve(self, target: ArrayLike, base: Pose) -> Configuration | None:
         """Find a configuration that brings the grasp point to a target, with the fingers open.
 
-        The result depends on the base's pose and the target alone; the simulation is left untouched.
+        The result depends on the arguments alone; the simulation is left untouched.
 
         Args:
             target: position (3,) in the world.
+            base: pose of the humanoid's base.
 
         Returns:
             A configuration within the joint limits with the gripper level to straight down, or None.
         """
-        base, turn = p.getBasePositionAndOrientation(self.body, physicsClientId=self.client)
-        rotation = np.reshape(p.getMatrixFromQuaternion(turn), (3, 3))
-        point = (np.asarray(target, dtype=float) - base) @ rotation
+        rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
+        point = (np.asarray(target, dtype=float) - base[0]) @ rotation
         best, least = None, np.inf
         for block, floor in _BLOCKS:
             if least <= floor:

@@ -1,14 +1,13 @@
 """The drone: kinematic, on its own lattice 3.5 m above the floor, looking straight down."""
 
-from weakref import proxy
-
 from chmarl_pb import catalog
 from chmarl_pb.navigation.free_space import Space
-from chmarl_pb.navigation.lattice import DRONE_HEADING, DRONE_HEIGHT
+from chmarl_pb.navigation.lattice import DRONE_HEADING, DRONE_HEIGHT, heading_angle
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
+from chmarl_pb.world import RobotBody, RobotState, World, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet
 
+_HEADING = round(DRONE_HEADING / heading_angle(1))
 _MOVES = ("move_forward", "move_backward", "move_left", "move_right")
 
 
@@ -23,7 +22,6 @@ class Drone:
     """The drone in one world.
 
     Attributes:
-        pose: position on the drone's lattice.
         actions: names of its actions, in the order of their numbers.
     """
 
@@ -31,38 +29,26 @@ class Drone:
 
     def __init__(self, world: World, space: Space):
         """Load the drone into a world."""
-        self.world: World = proxy(world)  # which holds its robots: held by them it would have to be garbage-collected
+        self.world = world
         self.lattice = space.drone_lattice
         self.actions = (*(f"goto_{room}" for room in self.lattice.anchors), *_MOVES, "stay")
-        self.body = load_drone(world.physics)
-        self.pose = 0
-        self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
-        world.add_robot(self.name, self, self.body)
+        self._states: dict[int, RobotState] = {}  # the same pose is the same object: nothing has moved
+        world.add_robot(self.name, RobotBody(load_drone(world.client)))
+        self.spawn(0)
 
     @property
-    def room(self) -> int:
-        """Index of the room below it in ``list(home.rooms)``."""
-        return int(self.lattice.rooms[self.pose])
+    def pose(self) -> int:
+        """Its position on the drone's lattice."""
+        return self.world.state.robots[self.name].pose
 
     def spawn(self, pose: int) -> None:
         """Set it above a lattice position."""
-        self.pose = pose
-        self.set_base(*self.base_pose())
-
-    def base_pose(self) -> Pose:
-        """Return the position (metres) and orientation (x, y, z, w) that its lattice pose means."""
-        if self._base[0] != self.pose:
-            x, y = self.lattice.points[self.pose].tolist()
-            self._base = self.pose, ((x, y, DRONE_HEIGHT), yaw_quaternion(DRONE_HEADING))
-        return self._base[1]
-
-    def read_base(self) -> Pose:
-        """Return the body's present position (metres) and orientation (x, y, z, w)."""
-        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.physics)
-
-    def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
-        """Move the body."""
-        self.world.move_body(self.body, position, quaternion)
+        state = self._states.get(pose)
+        if state is None:
+            x, y = self.lattice.points[pose].tolist()
+            base = (x, y, DRONE_HEIGHT), yaw_quaternion(DRONE_HEADING)
+            state = self._states[pose] = RobotState(pose, int(self.lattice.rooms[pose]), _HEADING, base)
+        self.world.set_robot(self.name, state)
 
     def plan(self, action: str) -> Motion | None:
         """Decide what an action does; None if it is blocked by the home's outline."""

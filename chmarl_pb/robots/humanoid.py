@@ -1,6 +1,6 @@
 """The humanoid: drives on the lattice, picks and places with its arm."""
 
-from weakref import WeakKeyDictionary, proxy
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.motion import Motion, Placement
-from chmarl_pb.world import UPRIGHT, Pose, World, yaw_quaternion
+from chmarl_pb.world import Grip, Pose, RobotBody, RobotState, World, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
@@ -33,75 +33,74 @@ class Humanoid:
     """The humanoid in one world.
 
     Attributes:
-        pose: pose on the lattice (position and heading in one number).
         actions: names of its actions, in the order of their numbers.
         arm: its arm.
-        turn: yaw of the held object relative to the base, radians.
     """
 
     name = "humanoid"
 
     def __init__(self, world: World, space: Space):
         """Load the humanoid into a world."""
-        self.world: World = proxy(world)  # which holds its robots: held by them it would have to be garbage-collected
-        self.space, self.lattice = space, space.lattice
+        self.world, self.space, self.lattice = world, space, space.lattice
         gotos = (f"goto_{room}" for room in self.lattice.anchors)
         self.actions = (*gotos, "pick", "place", "move_forward", "turn_left", "turn_right", "stay")
-        self.body = load_humanoid(world.physics)
-        self.arm = Arm(world.physics, self.body)
-        self.pose, self.turn, self._arm_steps = 0, 0.0, -1
-        self._base: tuple[int, Pose] = (-1, ((0.0, 0.0, 0.0), UPRIGHT))
+        self.body = load_humanoid(world.client)
+        self.arm = Arm(world.client, self.body)
+        self._states: dict[tuple[int, Configuration], RobotState] = {}  # the same pose is the same object
         self._reached = _reaches.setdefault(space, {})
-        world.add_robot(self.name, self, self.body)
+        world.add_robot(self.name, RobotBody(self.body, self.arm.indices, self.arm.grasp_link))
+        self.spawn(0)
 
     @property
-    def room(self) -> int:
-        """Index of its room in ``list(home.rooms)``."""
-        return int(self.lattice.rooms[self.pose // HEADINGS])
+    def pose(self) -> int:
+        """Its pose on the lattice: position and heading in one number."""
+        return self.world.state.robots[self.name].pose
 
     @property
-    def heading(self) -> int:
-        """Heading in steps of 30 degrees."""
-        return self.pose % HEADINGS
+    def held(self) -> str | None:
+        """Name of the object in its gripper, or None."""
+        grip = self.world.state.grips.get(self.name)
+        return None if grip is None else grip.item
 
     def spawn(self, pose: int) -> None:
         """Stand at a pose with the arm at rest, or carrying what is held."""
-        self.pose = pose
-        self.set_base(*self.base_pose())
-        configuration = Arm.carry if self.world.held else Arm.rest
-        # Physics lets the joints give way a little.
-        if (configuration, self.world.steps) != (self.arm.last, self._arm_steps):
-            self.arm.set(configuration)
-            self._arm_steps = self.world.steps
-        if self.world.held:
-            self.world.place(self.world.held, *self.held_pose(self.world.held))
+        grip = self.world.state.grips.get(self.name)
+        self._stand(pose, Arm.rest if grip is None else Arm.carry)
+        if grip is not None:
+            self._carry(grip)
 
-    def base_pose(self) -> Pose:
-        """Return the position (metres) and orientation (x, y, z, w) that its lattice pose means."""
-        if self._base[0] != self.pose:
-            x, y, yaw = self.lattice.pose(self.pose)
-            self._base = self.pose, ((x, y, 0.0), yaw_quaternion(yaw))
-        return self._base[1]
+    def hold(self, item: str, turn: float = 0.0) -> None:
+        """Take an object into the gripper, the arm in its carry configuration.
 
-    def read_base(self) -> Pose:
-        """Return the body's present position (metres) and orientation (x, y, z, w)."""
-        return pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self.world.physics)
+        Args:
+            item: the object.
+            turn: its yaw relative to the base, radians.
+        """
+        self._stand(self.pose, Arm.carry)
+        self._carry(Grip(item, turn))
 
-    def set_base(self, position: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
-        """Move the body."""
-        self.world.move_body(self.body, position, quaternion)
+    def _stand(self, pose: int, configuration: Configuration) -> None:
+        state = self._states.get((pose, configuration))
+        if state is None:
+            x, y, yaw = self.lattice.pose(pose)
+            position, heading = divmod(pose, HEADINGS)
+            room, base = int(self.lattice.rooms[position]), ((x, y, 0.0), yaw_quaternion(yaw))
+            state = RobotState(pose, room, heading, base, configuration)
+            self._states[pose, configuration] = state
+        self.world.set_robot(self.name, state)
 
-    def grasp_pose(self) -> Pose:
-        """Return position and quaternion of the point between the fingertips, see :meth:`Arm.grasp_pose`."""
-        self.arm.client = self.world.physics  # by asking for it, the base gets to where it belongs
-        return self.arm.grasp_pose()
+    def _carry(self, grip: Grip) -> None:
+        """Hold an object where the hand is now."""
+        self.world.sync()
+        self.world.hold(self.name, grip, self.held_pose(grip))
 
-    def held_pose(self, name: str) -> Pose:
-        """Return the pose of an object in the gripper: upright, gripped at its grip, turned with the base."""
-        (x, y, z), _ = self.grasp_pose()
-        _, quaternion = self.read_base()
-        yaw = 2 * np.arctan2(quaternion[2], quaternion[3]) + self.turn
-        return (float(x), float(y), float(z - GRIP * self.world.size(name)[2])), yaw_quaternion(yaw)
+    def held_pose(self, grip: Grip) -> Pose:
+        """Return the pose of an object in the gripper as physics has it: upright, at its grip, turned with the base."""
+        physics = self.world.physics
+        (x, y, z), _ = physics.grasp_pose(self.name)
+        _, quaternion = physics.read_base(self.name)
+        yaw = 2 * np.arctan2(quaternion[2], quaternion[3]) + grip.turn
+        return (float(x), float(y), float(z - GRIP * self.world.size(grip.item)[2])), yaw_quaternion(yaw)
 
     # Deciding
 
@@ -117,10 +116,10 @@ class Humanoid:
             The motion, or None if the action fails.
         """
         if action == "pick":
-            return self._plan_pick(goal.item) if goal.item in seen and self.world.held is None else None
+            return self._plan_pick(goal.item) if goal.item in seen and self.held is None else None
         if action == "place":
             in_view = [name for name in goal.receptacles if name in seen]
-            return self._plan_place(goal.item, in_view) if self.world.held == goal.item else None
+            return self._plan_place(goal.item, in_view) if self.held == goal.item else None
         return self._plan_drive(action)
 
     def _plan_drive(self, action: str) -> Motion | None:
@@ -147,7 +146,7 @@ class Humanoid:
         size = self.world.size(item)
         for receptacle in sorted(receptacles, key=lambda name: _distance(self.space, name, x, y)):
             places = self.space.places(receptacle, size)
-            places = places[~self.world.taken(places, size, ignoring=item)]
+            places = places[~self.world.taken(places, size, ignoring=(item,))]
             order = np.argsort(np.hypot(places[:, 0] - x, places[:, 1] - y), kind="stable")
             for px, py, pz, yaw in places[order[:_TRIED_PLACES]].tolist():
                 grip = grip_point((px, py, pz), size)
@@ -159,16 +158,12 @@ class Humanoid:
         return None
 
     def _reach(self, stand: int, grip: tuple[float, float, float]) -> tuple[float, ...] | None:
-        """Return the arm's configuration that reaches a point from a pose; the body stays where it is."""
+        """Return the arm's configuration that reaches a point from a pose."""
         if (stand, grip) not in self._reached:
             if len(self._reached) == _REMEMBERED:
                 self._reached.clear()
             x, y, yaw = self.lattice.pose(stand)
-            pybullet.resetBasePositionAndOrientation(
-                self.body, (x, y, 0.0), yaw_quaternion(yaw), physicsClientId=self.arm.client
-            )
-            self._reached[stand, grip] = self.arm.solve(grip)
-            self.set_base(*self.base_pose())
+            self._reached[stand, grip] = self.arm.solve(grip, ((x, y, 0.0), yaw_quaternion(yaw)))
         return self._reached[stand, grip]
 
     # Acting
@@ -179,36 +174,18 @@ class Humanoid:
         Returns:
             Whether the motion succeeded: only letting an object go can fail.
         """
-        if motion.place is not None:
-            return self._finish_place(motion)
-        if motion.pick is not None:
-            self.turn = self.turn_of(motion.pick, motion.pose)
+        put = motion.place
+        if put is not None and not self.world.set_down(self.name, put.position, put.yaw, put.receptacle):
+            return False
         self.spawn(motion.pose)
         if motion.pick is not None:
-            self.hold(motion.pick)
+            self.hold(motion.pick, self.turn_of(motion.pick, motion.pose))
         return True
-
-    def hold(self, item: str) -> None:
-        """Take an object into the gripper, the arm in its carry configuration."""
-        self.arm.set(Arm.carry)
-        self.world.place(item, *self.held_pose(item))
-        self.world.attach(item, self.body, self.arm.grasp_link, self.grasp_pose())
 
     def turn_of(self, item: str, stand: int) -> float:
         """Return the yaw in radians of an object relative to the base at a pose."""
         quaternion = self.world.pose(item)[1]
         return float(2 * np.arctan2(quaternion[2], quaternion[3]) - self.lattice.pose(stand)[2])
-
-    def _finish_place(self, motion: Motion) -> bool:
-        item, placement, start = self.world.held, motion.place, self.pose
-        assert item is not None and placement is not None
-        self.world.release()
-        if self.world.set_down(item, placement.position, placement.yaw, placement.receptacle):
-            self.spawn(motion.pose)
-            return True
-        self.spawn(start)
-        self.hold(item)
-        return False
 
 
 def _distance(space: Space, receptacle: str, x: float, y: float) -> float:

@@ -1,6 +1,6 @@
 """The scene graph of what one robot sees: classes and states of things, and relations between them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.sensing.relations import Facts, describe
-from chmarl_pb.world import Support, World
+from chmarl_pb.world import Grip, Objects, Support, WorldState
 
 #: Most nodes of a graph: things of a home, objects, robots and rooms; ``homes check`` holds homes to it.
 MAX_NODES = 96
@@ -54,23 +54,23 @@ class SceneGraph:
 
 
 class SceneGraphs:
-    """Makes the scene graphs of one world."""
+    """Makes the scene graphs of one home."""
 
-    def __init__(self, world: World, space: Space, names: tuple[str, ...]):
-        """Prepare to describe a world.
+    def __init__(self, space: Space, links: Collection[str], names: tuple[str, ...]):
+        """Prepare to describe a home.
 
         Args:
-            world: the world.
-            space: what its home offers.
+            space: what the home offers.
+            links: names of the parts of the home.
             names: every name that can be visible, see :class:`chmarl_pb.sensing.vision.Sight`.
         """
-        self._world, self._space = world, space
-        self._rooms = list(world.home.rooms)
+        self._space = space
+        self._rooms = list(space.home.rooms)
         self._numbers = {name: number for number, name in enumerate(names)}
         self._room_classes = np.array(
             [catalog.CLASS_IDS.get(catalog.class_of(room), 0) for room in self._rooms], dtype=np.int16
         )
-        static = [self._rooms.index(catalog.room_of(name)) if name in world.links else -1 for name in names]
+        static = [self._rooms.index(catalog.room_of(name)) if name in links else -1 for name in names]
         count = len(names)
         self._facts = Facts(
             kind=np.array([catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in names], dtype=np.int16),
@@ -81,27 +81,28 @@ class SceneGraphs:
             movable=np.zeros(count, dtype=np.bool_),
             position=np.zeros((count, 3)),
         )
-        self._known: tuple[int, Mapping[str, str]] | None = None
-        self._carried: tuple[str | None, dict[str, Support]] | None = None
+        # What the facts and the kept graphs follow from; compared by identity.
+        self._objects = Objects()
+        self._grips: Mapping[str, Grip] = {}
+        self._states: Mapping[str, str] = {}
         self._covered: dict[Support, bool] = {}
         self._kept: dict[tuple[str, ...], SceneGraph] = {}  # of things that have not moved
 
-    def graph(self, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
+    def graph(self, state: WorldState, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
         """Return the graph of the things that a robot sees and the rooms that they are in.
 
         Args:
+            state: of the world.
             seen: names of the visible things, in the order of all names.
             states: the symbolic states of things and objects.
         """
-        known = self._world.version, states
-        if self._known is None or self._known[0] != known[0] or self._known[1] is not states:
-            self._learn_objects(states)
-            self._known = known
+        if state.objects is not self._objects or state.grips is not self._grips or states is not self._states:
+            self._learn_objects(state, states)
         graph = self._kept.get(seen)
         if graph is None:
-            still = self._world.held is None and self._world.robots.keys().isdisjoint(seen)
+            still = not state.grips and state.robots.keys().isdisjoint(seen)
             if not still:
-                self._learn_robots()
+                self._learn_robots(state)
             graph = self._make(seen)
             if still:
                 self._kept[seen] = graph
@@ -114,39 +115,44 @@ class SceneGraphs:
         present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
         return SceneGraph((*seen, *[self._rooms[room] for room in present.tolist()]), node_class, node_state, edges)
 
-    def _learn_robots(self) -> None:
-        facts, world = self._facts, self._world
-        for name, robot in world.robots.items():
+    def _learn_robots(self, state: WorldState) -> None:
+        facts = self._facts
+        for name, robot in state.robots.items():
             number = self._numbers[name]
-            facts.room[number], facts.position[number] = robot.room, robot.base_pose()[0]
-        if world.held is not None:
-            facts.room[self._numbers[world.held]] = world.robots["humanoid"].room
+            facts.room[number], facts.position[number] = robot.room, robot.base[0]
+        for name, grip in state.grips.items():
+            facts.room[self._numbers[grip.item]] = state.robots[name].room
 
-    def _learn_objects(self, states: Mapping[str, str]) -> None:
-        facts, world = self._facts, self._world
+    def _learn_objects(self, state: WorldState, states: Mapping[str, str]) -> None:
+        facts, objects = self._facts, state.objects
         self._kept.clear()
-        objects = world.objects
-        if objects:
-            facts.position[[self._numbers[name] for name in objects]] = [world.pose(name)[0] for name in objects]
-        carried = world.held, dict(world.supports)
-        if self._carried == carried and self._known is not None and self._known[1] is states:
-            return  # only the held object has moved
-        self._carried = carried
-        facts.movable[:], facts.carrier[:] = False, -1
-        facts.movable[[self._numbers[name] for name in (*objects, *world.robots)]] = True
-        numbers = [self._numbers[name] for name in world.supports]
-        carriers = [self._numbers[support.receptacle] for support in world.supports.values()]
-        facts.carrier[numbers], facts.room[numbers] = carriers, facts.room[carriers]
-        facts.relation[numbers] = [_INSIDE if self._is_covered(support) else _ON for support in world.supports.values()]
-        if world.held is not None:
-            number = self._numbers[world.held]
-            facts.carrier[number], facts.relation[number] = self._numbers["humanoid"], catalog.RELATION_IDS["held_by"]
-        self._learn_states(states)
+        if objects.poses:
+            positions = [pose[0] for pose in objects.poses.values()]
+            facts.position[[self._numbers[name] for name in objects.poses]] = positions
+        if (
+            objects.supports is not self._objects.supports
+            or state.grips is not self._grips
+            or states is not self._states
+        ):  # else only what is held has moved
+            self._learn_relations(state)
+            self._learn_states(state, states)
+        self._objects, self._grips, self._states = objects, state.grips, states
 
-    def _learn_states(self, states: Mapping[str, str]) -> None:
-        held = self._world.held
-        robots = {name: "holding" if name == "humanoid" and held else "free" for name in self._world.robots}
-        known = {**states, **robots, **({held: "held"} if held else {})}
+    def _learn_relations(self, state: WorldState) -> None:
+        facts, objects = self._facts, state.objects
+        facts.movable[:], facts.carrier[:] = False, -1
+        facts.movable[[self._numbers[name] for name in (*objects.poses, *state.robots)]] = True
+        numbers = [self._numbers[name] for name in objects.supports]
+        carriers = [self._numbers[support.receptacle] for support in objects.supports.values()]
+        facts.carrier[numbers], facts.room[numbers] = carriers, facts.room[carriers]
+        facts.relation[numbers] = [_INSIDE if self._is_covered(on) else _ON for on in objects.supports.values()]
+        for robot, grip in state.grips.items():
+            number = self._numbers[grip.item]
+            facts.carrier[number], facts.relation[number] = self._numbers[robot], catalog.RELATION_IDS["held_by"]
+
+    def _learn_states(self, state: WorldState, states: Mapping[str, str]) -> None:
+        robots = {name: "holding" if name in state.grips else "free" for name in state.robots}
+        known = {**states, **robots, **dict.fromkeys(state.held, "held")}
         self._facts.state[:] = [catalog.STATE_IDS[known.get(name, "fixed")] for name in self._numbers]
 
     def _is_covered(self, support: Support) -> bool:

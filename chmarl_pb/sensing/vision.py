@@ -4,6 +4,7 @@ Visible means: at least ``VISIBLE_PIXELS`` pixels of its own in the segmentation
 camera at ``SIGHT_SIZE`` pixels, whatever picture the policy gets.
 """
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
@@ -19,19 +20,32 @@ from chmarl_pb.rendering.home_views import HomeView, HomeViews, home_views
 from chmarl_pb.rendering.movables import Bodies, colours_over, draw_over, movables
 from chmarl_pb.rendering.triangles import clean_canvas
 from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.world import World
+from chmarl_pb.world import Objects, World
 
 SIGHT_SIZE = 128
 VISIBLE_PIXELS = 4
-_KEPT = 100_000  # views of layouts, 0.4 kB each; pairs of poses of one home, 0.2 kB each
+_KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 
-#: Layout or None, robot, its pose, the robots that could be in view with their poses -> what it sees.
-Seen = dict[tuple[object, str, int, tuple[tuple[str, int], ...]], tuple[str, ...]]
-_seen_in_layouts: Seen = {}  # by all worlds of this process
+_ARRANGEMENTS = 1024  # of objects, the last ones
 
-#: Robot, pose of the humanoid, pose of the drone, whether something is held -> the robots that could be in view.
-InView = dict[tuple[str, int, int, bool], tuple[str, ...]]
-_robots_in_view: WeakKeyDictionary[HomeViews, InView] = WeakKeyDictionary()  # shared by all who play in a home
+#: A robot, its pose, whether it holds something.
+Stand = tuple[str, int, bool]
+#: Robot, its pose, the robots that could be in view -> what it sees.
+Seen = dict[tuple[str, int, tuple[Stand, ...]], tuple[str, ...]]
+_seen: OrderedDict[int, tuple[Objects, Seen]] = OrderedDict()
+#: Robot, its pose, another robot (or itself: its arm) -> whether something of that could be in view.
+InView = dict[tuple[str, int, Stand], bool]
+_in_view: WeakKeyDictionary[HomeViews, InView] = WeakKeyDictionary()  # shared by all who play in a home
+
+
+def _seen_of(objects: Objects) -> Seen:
+    """Return what has been seen of these very objects, in all worlds of this process: tasks are played repeatedly."""
+    number = id(objects)  # nobody else's as long as they are kept
+    _, seen = _seen.setdefault(number, (objects, {}))
+    _seen.move_to_end(number)
+    if len(_seen) > _ARRANGEMENTS:
+        _seen.popitem(last=False)
+    return seen
 
 
 class Sight:
@@ -54,24 +68,23 @@ class Sight:
         nodes = np.array([_is_node(name) for name in self.names])
         # A robot does not see itself.
         self._node_of = {robot: nodes & (np.array(self.names) != robot) for robot in CAMERAS}
-        self._version = -1
-        self._objects = np.zeros(0, np.int32)  # those present
-        self._seen_since: Seen = {}  # since the last change of the objects
-        self._robots_in_view = _robots_in_view.setdefault(self._views, {})
+        self._objects: Objects | None = None  # those that the bodies and what follows are of
+        self._numbers = np.zeros(0, np.int32)
+        self._seen: Seen = {}
+        self._in_view = _in_view.setdefault(self._views, {})
         self._canvas = clean_canvas(SIGHT_SIZE)
 
-    def picture(self, robot: str, pose: int, size: int) -> Picture:
-        """Return what a robot's camera shows.
+    def picture(self, robot: str, size: int) -> Picture:
+        """Return what a robot's camera shows now.
 
         Args:
-            robot: "humanoid" or "drone".
-            pose: its pose on its lattice, where the robot must be now.
+            robot: its name.
             size: width and height in pixels.
 
         Returns:
             The picture; its segmentation holds indices of ``names``, -1 for nothing.
         """
-        home = self._views.look(robot, pose, size)
+        home = self._views.look(robot, self.world.robots[robot].pose, size)
         return draw_over(home, self._bodies, self._present(robot), self._first)
 
     def colours(self, robot: str, size: int) -> NDArray[np.uint8]:
@@ -92,15 +105,13 @@ class Sight:
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees, in the order of ``names``."""
         self._update_objects()
-        world, pose, robots = self.world, self.world.robots[robot].pose, self._in_view(robot)
-        key = (world.layout, robot, pose, tuple([(name, world.robots[name].pose) for name in robots]))
-        kept = self._seen_since if world.layout is None else _seen_in_layouts
-        seen = kept.get(key)
+        pose = self.world.state.robots[robot].pose
+        others = [stand for stand in self._others(robot) if self._may_show(robot, pose, stand)]
+        key = (robot, pose, tuple(others))
+        seen = self._seen.get(key)
         if seen is None:
-            if len(kept) == _KEPT:
-                kept.clear()
             home = self._views.look(robot, pose, SIGHT_SIZE)
-            seen = kept[key] = self._names(robot, home, self._with(robots) if robots else self._objects)
+            seen = self._seen[key] = self._names(robot, home, self._with(others) if others else self._numbers)
         return seen
 
     def _names(self, robot: str, home: HomeView, present: NDArray[np.int32]) -> tuple[str, ...]:
@@ -111,34 +122,33 @@ class Sight:
         )  # fmt: skip
         return tuple([self.names[number] for number in seen.tolist()])
 
-    def _others(self, robot: str) -> list[str]:
+    def _others(self, robot: str) -> list[Stand]:
         """Return the robots that a robot might see: not its own body, but for an arm that carries something."""
-        return [name for name in self.world.robots if name != robot or (name == "humanoid" and self.world.held)]
+        state = self.world.state
+        stands = [(name, other.pose, name in state.grips) for name, other in state.robots.items()]
+        return [stand for stand in stands if stand[0] != robot or stand[2]]
 
-    def _in_view(self, robot: str) -> tuple[str, ...]:
-        """Return the robots of which a robot might see something: the others are out of view or behind the home."""
-        robots = self.world.robots
-        key = (robot, robots["humanoid"].pose, robots["drone"].pose, self.world.held is not None)
-        names = self._robots_in_view.get(key)
-        if names is None:
-            if len(self._robots_in_view) == _KEPT:
-                self._robots_in_view.clear()
-            home = self._views.look(robot, robots[robot].pose, SIGHT_SIZE)
-            names = tuple([name for name in self._others(robot) if self._may_show(name, home)])
-            self._robots_in_view[key] = names
-        return names
+    def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
+        """Return whether something of another robot might be seen: it is not out of view or behind the home."""
+        key = (robot, pose, other)
+        shows = self._in_view.get(key)
+        if shows is None:
+            if len(self._in_view) == _KEPT:
+                self._in_view.clear()
+            name, _, holds = other
+            (x, y, z), _ = self.world.state.robots[name].base
+            height, radius = movables().balls[name, _arm(holds)]
+            home = self._views.look(robot, pose, SIGHT_SIZE)
+            ball = np.array((x, y, z + height, radius))
+            shows = self._in_view[key] = bool(bounds.may_show(ball, home.lens, home.tiles, SIGHT_SIZE))
+        return shows
 
-    def _may_show(self, robot: str, home: HomeView) -> bool:
-        (x, y, z), _ = self.world.robots[robot].base_pose()
-        height, radius = movables().balls[robot, self._arm]
-        return bounds.may_show(np.array((x, y, z + height, radius)), home.lens, home.tiles, SIGHT_SIZE)
-
-    def _with(self, robots: Sequence[str]) -> NDArray[np.int32]:
+    def _with(self, robots: Sequence[Stand]) -> NDArray[np.int32]:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
-        present = np.empty(len(self._objects) + len(robots), np.int32)
-        present[: len(self._objects)] = self._objects
-        for place, name in enumerate(robots, start=len(self._objects)):
-            self._bodies.put_robot(name, self.world.robots[name].base_pose(), self._arm)
+        present = np.empty(len(self._numbers) + len(robots), np.int32)
+        present[: len(self._numbers)] = self._numbers
+        for place, (name, _, holds) in enumerate(robots, start=len(self._numbers)):
+            self._bodies.put_robot(name, self.world.state.robots[name].base, _arm(holds))
             present[place] = self._body_numbers[name]
         return present
 
@@ -147,19 +157,18 @@ class Sight:
         self._update_objects()
         return self._with(self._others(robot))
 
-    @property
-    def _arm(self) -> Configuration:
-        return Arm.carry if self.world.held else Arm.rest
-
     def _update_objects(self) -> None:
         """Put the objects where they are."""
-        world = self.world
-        if world.version != self._version:
-            objects = world.objects
-            self._bodies.put_objects({name: world.pose(name) for name in objects})
-            self._objects = np.array([self._body_numbers[name] for name in objects], dtype=np.int32)
-            self._seen_since.clear()
-            self._version = world.version
+        objects = self.world.state.objects
+        if objects is not self._objects:
+            self._bodies.put_objects(objects.poses)
+            self._numbers = np.array([self._body_numbers[name] for name in self.world.objects], dtype=np.int32)
+            self._seen = _seen_of(objects)
+            self._objects = objects
+
+
+def _arm(holds: bool) -> Configuration:
+    return Arm.carry if holds else Arm.rest
 
 
 def _is_node(name: str) -> bool:

@@ -1,9 +1,10 @@
 """The outcome of a step: the facts that observation, reward, messages, feedback and metrics read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.world import Support, World
+from chmarl_pb.world import Support, WorldState
 
 
 @dataclass(frozen=True)
@@ -11,20 +12,28 @@ class Outcome:
     """The facts after a step, or after a reset.
 
     Attributes:
+        state: of the world.
         seen: robot -> names of the things visible to it.
-        held: name of the object in the gripper, or None.
-        supports: object -> what carries it; the held object is not in it.
         item_room: room in which X is.
         potential: phi of this state.
         success: X stands on a target receptacle.
     """
 
+    state: WorldState
     seen: dict[str, tuple[str, ...]]
-    held: str | None
-    supports: dict[str, Support]
     item_room: str
     potential: float
     success: bool
+
+    @property
+    def held(self) -> str | None:
+        """Name of the object in the gripper, or None."""
+        return next(iter(self.state.held), None)
+
+    @property
+    def supports(self) -> Mapping[str, Support]:
+        """Object -> what carries it; the held object is not in it."""
+        return self.state.objects.supports
 
 
 def potential(success: bool, grasped: bool, item_seen_by: set[str], target_seen_by: set[str]) -> float:
@@ -45,26 +54,26 @@ def potential(success: bool, grasped: bool, item_seen_by: set[str], target_seen_
     return drone if "drone" in seen_by else nobody
 
 
-def judge(world: World, goal: Goal, seen: dict[str, tuple[str, ...]], humanoid_room: str) -> Outcome:
-    """Return the outcome of a world's present state.
+def judge(state: WorldState, goal: Goal, seen: dict[str, tuple[str, ...]], humanoid_room: str) -> Outcome:
+    """Return the outcome of a state.
 
     Args:
-        world: the world after the actions.
+        state: of the world after the actions.
         goal: what Pick and Place act on.
         seen: robot -> names of the things visible to it.
         humanoid_room: the humanoid's room, which is X's while it is held.
     """
-    support = world.supports.get(goal.item)
+    support = state.objects.supports.get(goal.item)
     success = support is not None and support.receptacle in goal.receptacles
     targets = set(goal.receptacles)
     phi = potential(
         success,
-        world.held == goal.item,
+        goal.item in state.held,
         {robot for robot, names in seen.items() if goal.item in names},
         {robot for robot, names in seen.items() if not targets.isdisjoint(names)},
     )
     room = humanoid_room if support is None else support.receptacle.split("/")[0]
-    return Outcome(seen, world.held, dict(world.supports), room, phi, success)
+    return Outcome(state, seen, room, phi, success)
 
 
 def reward(previous: Outcome, outcome: Outcome) -> float:

@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import TaskError
-from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.sensing.vision import Sight
 from chmarl_pb.tasks.view_bounds import Outlook
-from chmarl_pb.world import World
 
 Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 
@@ -29,12 +27,11 @@ Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 class Oracle:
     """Plans for one world, from whatever state it is in."""
 
-    def __init__(self, world: World, space: Space, sight: Sight):
-        """Plan in a world, looking with its robots' eyes."""
-        self.world, self.space, self.sight = world, space, sight
-        self.outlook = Outlook(space)
-        self.humanoid: Humanoid = world.robots["humanoid"]
-        self.drone: Drone = world.robots["drone"]
+    def __init__(self, humanoid: Humanoid, drone: Drone, sight: Sight):
+        """Plan for these robots of a world, looking with their eyes."""
+        self.world, self.space, self.sight = humanoid.world, humanoid.space, sight
+        self.outlook = Outlook(self.space)
+        self.humanoid, self.drone = humanoid, drone
 
     def plan(self, goal: Goal) -> list[str]:
         """Return the humanoid's shortest list of actions to success from the present state.
@@ -56,17 +53,16 @@ class Oracle:
 
     def seen_from(self, robot: str, pose: int) -> tuple[str, ...]:
         """Return the names of the things that a robot would see at another pose."""
-        mover = self.world.robots[robot]
-        before = mover.pose
-        mover.spawn(pose)
+        before = self.world.state
+        (self.humanoid if robot == self.humanoid.name else self.drone).spawn(pose)
         try:
             return self.sight.visible(robot)
         finally:
-            mover.spawn(before)
+            self.world.state = before
 
     def centre(self, name: str) -> NDArray[np.float64]:
         """Return the middle (x, y, z) of an object present or of a receptacle, metres."""
-        if name in self.world.bodies:
+        if name in self.world.state.objects.poses:
             x, y, z = self.world.pose(name)[0]
             return np.array([x, y, z + self.world.size(name)[2] / 2])
         low, high = self._box(name)
@@ -74,7 +70,7 @@ class Oracle:
 
     def radius(self, name: str) -> float:
         """Return the radius in metres of a ball about its centre that holds an object or a receptacle."""
-        if name in self.world.bodies:
+        if name in self.world.state.objects.poses:
             return float(np.linalg.norm(self.world.size(name))) / 2 + 0.05
         low, high = self._box(name)
         return float(np.linalg.norm(high - low)) / 2 + 0.1  # what is drawn may jut out a little
@@ -119,26 +115,19 @@ class Oracle:
     @contextmanager
     def _standing(self, pose: int) -> Iterator[None]:
         """Let the humanoid stand at a pose for a while."""
-        before = self.humanoid.pose
+        before = self.world.state
         self.humanoid.spawn(pose)
         try:
             yield
         finally:
-            self.humanoid.spawn(before)
+            self.world.state = before
 
     @contextmanager
     def _holding(self, item: str, stand: int) -> Iterator[None]:
         """Let the humanoid hold an object as after a Pick for a while."""
-        pose, support, turn = self.world.pose(item), self.world.supports[item], self.humanoid.turn
         with self._standing(stand):
-            self.humanoid.turn = self.humanoid.turn_of(item, stand)
-            self.humanoid.hold(item)
-            try:
-                yield
-            finally:
-                self.world.release()
-                self.world.place(item, *pose, receptacle=support.receptacle)
-                self.humanoid.turn = turn
+            self.humanoid.hold(item, self.humanoid.turn_of(item, stand))
+            yield
 
     def _box(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         solids = self.space.home.receptacles[name].solids

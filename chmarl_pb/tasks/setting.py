@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
@@ -13,12 +12,12 @@ from chmarl_pb.navigation.free_space import Space, grip_point
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.world import World, yaw_quaternion
+from chmarl_pb.world import Objects, World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
 _STREAMS = (0, 3, 4)  # of a task's seed: places, starts, states; words use 1 and 2
 _OBJECTS = np.array([f"{name}_1" for name in catalog.GRASPABLES])
-_KEPT = 8192  # layouts of one home, 2 kB each
+_KEPT = 2048  # layouts of one home, 8 kB each
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
 
 
@@ -41,20 +40,16 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """What a task's seed draws for a home, kept small: there are thousands of tasks.
+    """What a task's seed draws for a home.
 
     Attributes:
-        items: names of the objects, in the order in which they were placed.
-        receptacles: name of what carries each.
-        poses: (items, 7) position of the bottom centre (metres) and quaternion x, y, z, w.
+        objects: where the objects are.
         states: of the home's things, then of the objects.
         humanoid: pose that the humanoid starts from.
         drone: position that the drone starts from.
     """
 
-    items: tuple[str, ...]
-    receptacles: tuple[str, ...]
-    poses: NDArray[np.float64]
+    objects: Objects
     states: tuple[str, ...]
     humanoid: int
     drone: int
@@ -77,9 +72,7 @@ def set_up(world: World, space: Space, task: Task) -> Setting:
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
         kept[task] = layout
-    else:
-        _repeat(world, layout)
-    world.layout = layout
+    world.arrange(layout.objects)
     names = (*(thing.name for thing in space.home.things), *world.objects)
     return Setting(goal, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
 
@@ -96,19 +89,10 @@ def _lay_out(world: World, space: Space, task: Task) -> Layout:
             f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
         )
     _dress(world, space, task, things)
-    items, supports = tuple(world.supports), world.supports.values()
-    poses = np.array([[number for part in world.pose(item) for number in part] for item in items])
     states = _states(space.home, world.objects, moods)
     humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
     drone = int(starts.integers(len(space.drone_lattice.points)))
-    return Layout(items, tuple(support.receptacle for support in supports), poses, states, humanoid, drone)
-
-
-def _repeat(world: World, layout: Layout) -> None:
-    """Put the objects where they were when the layout was drawn."""
-    world.clear()
-    for item, receptacle, row in zip(layout.items, layout.receptacles, layout.poses.tolist(), strict=True):
-        world.place(item, tuple(row[:3]), tuple(row[3:]), receptacle)
+    return Layout(world.state.objects, states, humanoid, drone)
 
 
 def receptacles_of(home: Home, class_name: str) -> tuple[str, ...]:

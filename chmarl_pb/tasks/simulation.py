@@ -22,6 +22,7 @@ class Stage(Uncopied):
         world: the physics.
         humanoid: the humanoid.
         drone: the drone.
+        robots: name -> robot.
         sight: what they see.
         graphs: the scene graphs of what they see.
         oracle: the privileged planner of this world.
@@ -48,9 +49,10 @@ class Stage(Uncopied):
         try:
             self.humanoid = Humanoid(self.world, self.space)
             self.drone = Drone(self.world, self.space)
+            self.robots: dict[str, Humanoid | Drone] = {"humanoid": self.humanoid, "drone": self.drone}
             self.sight = Sight(self.world)
-            self.graphs = SceneGraphs(self.world, self.space, self.sight.names)
-            self.oracle = Oracle(self.world, self.space, self.sight)
+            self.graphs = SceneGraphs(self.space, self.world.links, self.sight.names)
+            self.oracle = Oracle(self.humanoid, self.drone, self.sight)
         except BaseException:
             self.close()
             raise
@@ -58,7 +60,7 @@ class Stage(Uncopied):
     @property
     def actions(self) -> dict[str, tuple[str, ...]]:
         """Robot -> names of its actions, in the order of their numbers."""
-        return {"humanoid": self.humanoid.actions, "drone": self.drone.actions}
+        return {name: robot.actions for name, robot in self.robots.items()}
 
     def begin(self, task: Task) -> Setting:
         """Lay out a task and put the robots at their starts.

@@ -48,7 +48,7 @@ class Scene:
 
 def scene_of(world: World) -> Scene:
     """Return the present scene of a world."""
-    robots = {name: robot.base_pose() for name, robot in world.robots.items()}
+    robots = {name: robot.base for name, robot in world.robots.items()}
     objects = {name: world.pose(name) for name in world.objects}
     return Scene(robots, Arm.carry if world.held else Arm.rest, objects)
 

@@ -1,4 +1,4 @@
-"""The world: one PyBullet client with one home, its movable objects and their physics."""
+"""The world: a home, the state of what moves in it, and one PyBullet client that follows the state."""
 
 from chmarl_pb.world.bodies import (
     UPRIGHT,
@@ -11,18 +11,26 @@ from chmarl_pb.world.bodies import (
 )
 from chmarl_pb.world.bullet import quiet
 from chmarl_pb.world.client import Client, Uncopied
-from chmarl_pb.world.world import TIME_STEP, Support, World
+from chmarl_pb.world.physics import TIME_STEP, Physics, RobotBody
+from chmarl_pb.world.state import Grip, Objects, RobotState, Support, WorldState
+from chmarl_pb.world.world import World
 
 __all__ = [
     "TIME_STEP",
     "UPRIGHT",
     "Client",
     "Graspable",
+    "Grip",
+    "Objects",
+    "Physics",
     "Pose",
+    "RobotBody",
+    "RobotState",
     "Support",
     "Uncopied",
     "Vector",
     "World",
+    "WorldState",
     "load_graspable",
     "loaded_home",
     "quiet",

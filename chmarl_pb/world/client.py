@@ -1,11 +1,10 @@
-"""A PyBullet client that is told where bodies are only when somebody asks it: most steps of an episode never do."""
+"""A connection to PyBullet that is given back."""
 
 import gc
 import weakref
 from typing import ClassVar, NoReturn
 
 from chmarl_pb.errors import ChmarlError, CopyError
-from chmarl_pb.world.bodies import UPRIGHT, Vector
 from chmarl_pb.world.bullet import pybullet
 
 
@@ -24,9 +23,12 @@ class Uncopied:
 
 
 class Client(Uncopied):
-    """A client without a display, and the bodies that are still to be moved in it.
+    """A client without a display.
 
     It is disconnected by ``close``, when nothing refers to it any longer, and at the interpreter's exit.
+
+    Attributes:
+        number: PyBullet's id of it; -1 once it is closed.
     """
 
     def __init__(self) -> None:
@@ -35,46 +37,13 @@ class Client(Uncopied):
         Raises:
             ChmarlError: PyBullet has no free client.
         """
-        self._number = _connect()
-        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._number)
-        self._moves: dict[int, tuple[Vector, Vector, Vector | None]] = {}
-        self._is_shared = False
-
-    @property
-    def shared(self) -> int:
-        """PyBullet's id for somebody who may keep it: from now on bodies are moved at once."""
-        self._is_shared = True
-        return self.number
-
-    @property
-    def number(self) -> int:
-        """PyBullet's id of the client, once all bodies are where they were moved to."""
-        if self._moves:
-            for body, (position, quaternion, inertial) in self._moves.items():
-                if inertial is not None:
-                    position, _ = pybullet.multiplyTransforms(position, quaternion, inertial, UPRIGHT)
-                pybullet.resetBasePositionAndOrientation(body, position, quaternion, physicsClientId=self._number)
-            self._moves.clear()
-        return self._number
-
-    def move(self, body: int, position: Vector, quaternion: Vector, inertial: Vector | None = None) -> None:
-        """Move a body, at rest: at once if the client is shared, else before it is next used.
-
-        Args:
-            body: body id.
-            position: of its frame, metres.
-            quaternion: of its frame (x, y, z, w).
-            inertial: position of its inertial frame in its own frame, metres; None if they are one.
-        """
-        self._moves[body] = position, quaternion, inertial
-        if self._is_shared:
-            _ = self.number
+        self.number = _connect()
+        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self.number)
 
     def close(self) -> None:
         """Disconnect; closing twice is allowed."""
         self._disconnect()
-        self._number = -1
-        self._moves.clear()
+        self.number = -1
 
 
 def _connect() -> int:

@@ -1,65 +1,31 @@
-"""The world: one PyBullet client with one home, its movable objects and their physics.
+"""The world: a home, and the state of what moves in it; physics follows the state when :meth:`World.sync` is called."""
 
-Only the object that is being put down is dynamic; all others are frozen (mass 0) where they stand.
-So nothing drifts, a settle touches one body, and its result is the same after any history.
-"""
-
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Size, grip_point
-from chmarl_pb.world.bodies import (
-    UPRIGHT,
-    Pose,
-    Vector,
-    link_names,
-    load_graspable,
-    loaded_home,
-    yaw_quaternion,
-)
-from chmarl_pb.world.bullet import pybullet
-from chmarl_pb.world.client import Client, Uncopied
+from chmarl_pb.world.bodies import Pose, Vector
+from chmarl_pb.world.client import Uncopied
+from chmarl_pb.world.physics import Physics, RobotBody
+from chmarl_pb.world.state import Grip, Objects, RobotState, Support, WorldState
 from chmarl_pb.world.touch import touching
-
-TIME_STEP = 1 / 240  # seconds
-_DROP = 0.004  # metres above a surface from which an object is let go
-_STILL = 1e-2  # m/s and rad/s below which an object counts as at rest; contacts may leave it a jitter of 6e-3
-_LONGEST_SETTLE = 240  # simulation steps
-_UPRIGHT = np.cos(np.radians(15))
-
-
-@dataclass(frozen=True)
-class Support:
-    """What carries an object.
-
-    Attributes:
-        receptacle: name of the thing of the home.
-        height: z of the surface, metres.
-    """
-
-    receptacle: str
-    height: float
 
 
 class World(Uncopied):
-    """One physics client with one home, all graspable objects and the robots.
+    """One home with its objects and robots.
+
+    Every method that changes something replaces ``state``. PyBullet's bodies stay where they were until
+    :meth:`sync`; the environment calls it at the end of every reset and step, so whoever reads poses from
+    ``client`` between steps finds every body where it is in the state.
 
     Attributes:
         home: the home.
-        bodies: name -> body id of the home, the robots and the objects present.
-        robots: name -> robot, filled by :meth:`add_robot`.
-        held: name of the object in the gripper, or None.
-        supports: object -> what carries it; the held object is not in it.
-        links: name of a thing of the home -> PyBullet link index.
-        version: grows with every change of ``objects``, ``pose``, ``supports`` or ``held``; an equal one means
-            equal answers.
-        layout: equal for equal answers, too, in all worlds of a home; None once something has changed since it was set.
-        steps: steps of physics so far.
+        physics: what PyBullet holds.
+        client: PyBullet client id.
+        state: where everything is; assign an earlier state to return to it.
     """
 
     def __init__(self, home: Home):
@@ -70,69 +36,113 @@ class World(Uncopied):
             AssetError: the URDF of an object cannot be used.
         """
         self.home = home
-        self._client = Client()
-        self.move_body = self._client.move
-        pybullet.setGravity(0, 0, -9.81, physicsClientId=self.physics)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self.physics
-        )
-        self.robots: dict[str, Any] = {}
-        self.held: str | None = None
-        self._constraint: int | None = None
-        self.supports: dict[str, Support] = {}
-        self._poses: dict[str, Pose] = {}
-        self.version, self.steps = 0, 0
-        self.layout: object = None
-        try:
-            with loaded_home(self.physics, home) as body:
-                self._home_body = body
-            self.links = {name: number for number, name in enumerate(link_names(self.physics, self._home_body))}
-            self._objects = {f"{name}_1": load_graspable(self.physics, name) for name in catalog.GRASPABLES}
-        except BaseException:
-            self.close()
-            raise
-        self.bodies: dict[str, int] = {"home": self._home_body}
+        self.physics = Physics(home)
+        self.client = self.physics.client
+        self.state = WorldState()
+        self._synced: WorldState | None = self.state  # what physics shows; None if bodies have moved by themselves
 
     def close(self) -> None:
-        """Disconnect the client; closing twice is allowed."""
-        self._client.close()
+        """Disconnect from physics; closing twice is allowed."""
+        self.physics.close()
+
+    def sync(self) -> None:
+        """Bring all bodies of physics to where they are in the state."""
+        state, shown = self.state, self._synced
+        if state is shown:
+            return
+        if shown is None or state.grips is not shown.grips:
+            for robot in self.physics.robots:
+                self.physics.release(robot)
+        self._sync_objects(state.objects, None if shown is None else shown.objects)
+        self._sync_robots(state.robots, {} if shown is None else shown.robots)
+        if shown is None or state.grips is not shown.grips:
+            for robot, grip in state.grips.items():
+                self.physics.grip(robot, grip.item, state.objects.poses[grip.item])
+        self._synced = state
+
+    def _sync_objects(self, objects: Objects, shown: Objects | None) -> None:
+        if objects is shown:
+            return
+        before = dict.fromkeys(self.physics.objects) if shown is None else shown.poses
+        for name in before.keys() - objects.poses.keys():
+            self.physics.move_object(name, None)
+        for name, pose in objects.poses.items():
+            if before.get(name) is not pose:
+                self.physics.move_object(name, pose)
+
+    def _sync_robots(self, robots: Mapping[str, RobotState], shown: Mapping[str, RobotState]) -> None:
+        for name, robot in robots.items():
+            before = shown.get(name)
+            if robot is not before:
+                self.physics.move_robot(name, robot.base)
+                if robot.joints and (before is None or before.joints != robot.joints):
+                    self.physics.set_joints(name, robot.joints)
+
+    def moved(self) -> None:
+        """Note that bodies of physics are no longer where they were in the state: the next sync puts back all."""
+        self._synced = None
+
+    # Robots
+
+    def add_robot(self, name: str, body: RobotBody) -> None:
+        """Tell physics which body is a robot's; it is at its place once :meth:`set_robot` has said where that is."""
+        self.physics.robots[name] = body
 
     @property
-    def client(self) -> int:
-        """PyBullet client id. Once it has been asked for, every body is in it where it is in the world, at any time."""
-        return self._client.shared
+    def robots(self) -> Mapping[str, RobotState]:
+        """Robot -> where it is."""
+        return self.state.robots
 
-    @property
-    def physics(self) -> int:
-        """The same id for the package itself: all bodies are in their places now, but later moves may be put off."""
-        return self._client.number
-
-    def add_robot(self, name: str, robot: Any, body: int) -> None:
-        """Register a robot and its body."""
-        self.robots[name] = robot
-        self.bodies[name] = body
+    def set_robot(self, name: str, robot: RobotState) -> None:
+        """Let a robot be somewhere."""
+        state = self.state
+        if state.robots.get(name) is not robot:
+            self.state = WorldState(state.objects, state.grips, {**state.robots, name: robot})
 
     # Objects
 
     @property
+    def bodies(self) -> dict[str, int]:
+        """Name -> PyBullet body id of the home, the robots and the objects present."""
+        robots = {name: robot.body for name, robot in self.physics.robots.items()}
+        return {"home": self.physics.home, **robots, **{name: self.physics.objects[name].body for name in self.objects}}
+
+    @property
     def objects(self) -> list[str]:
         """Names of the objects present, in the catalogue's order."""
-        return [name for name in self._objects if name in self._poses]
+        poses = self.state.objects.poses
+        return [name for name in self.physics.objects if name in poses]
+
+    @property
+    def links(self) -> Mapping[str, int]:
+        """Name of a part of the home -> PyBullet link index."""
+        return self.physics.links
+
+    @property
+    def supports(self) -> Mapping[str, Support]:
+        """Object -> what carries it; one in a gripper is not in it."""
+        return self.state.objects.supports
 
     def size(self, name: str) -> Size:
         """Return an object's extents x, y, z in metres."""
-        return self._objects[name].size
+        return self.physics.objects[name].size
+
+    def pose(self, name: str) -> Pose:
+        """Return an object's bottom centre (metres) and its orientation (x, y, z, w)."""
+        return self.state.objects.poses[name]
+
+    def grip(self, name: str) -> tuple[float, float, float]:
+        """Return the point where an object that stands is gripped."""
+        x, y, z = self.pose(name)[0]
+        return grip_point((x, y, z), self.size(name))
+
+    def arrange(self, objects: Objects) -> None:
+        """Let these objects be in the home and no others, none of them in a gripper."""
+        self.state = WorldState(objects, {}, self.state.robots)
 
     def clear(self) -> None:
         """Take all objects out of the home."""
-        self.release()
-        for name in list(self._poses):
-            self._park(name)
-
-    def _park(self, name: str) -> None:
-        self._move(name, self._objects[name].parking, UPRIGHT)
-        self.supports.pop(name, None)
-        del self._poses[name], self.bodies[name]
+        self.arrange(Objects())
 
     def place(self, name: str, position: Vector, quaternion: Vector, receptacle: str | None = None) -> None:
         """Set an object's pose, without physics.
@@ -141,159 +151,57 @@ class World(Uncopied):
             name: the object.
             position: of its bottom centre, metres.
             quaternion: its orientation (x, y, z, w).
-            receptacle: name of what carries it there; None in the gripper.
+            receptacle: name of what carries it there; None if nothing does, as in a gripper.
         """
-        self._move(name, position, quaternion)
-        self.bodies[name] = self._objects[name].body
-        self.supports.pop(name, None)
-        if receptacle is not None:
-            self.supports[name] = Support(receptacle, position[2])
+        support = None if receptacle is None else Support(receptacle, position[2])
+        self._set(name, (tuple(position), tuple(quaternion)), support, self.state.grips)
 
-    def _move(self, name: str, position: Vector, quaternion: Vector) -> None:
-        self._poses[name] = (tuple(position), tuple(quaternion))
-        self._change()
-        thing = self._objects[name]
-        self._client.move(thing.body, *self._poses[name], thing.inertial)
+    def _set(self, name: str, pose: Pose, support: Support | None, grips: Mapping[str, Grip]) -> None:
+        objects = self.state.objects
+        supports = objects.supports
+        if support is not None or name in supports:
+            supports = {one: on for one, on in supports.items() if one != name}
+            if support is not None:
+                supports[name] = support
+        self.state = WorldState(Objects({**objects.poses, name: pose}, supports), grips, self.state.robots)
 
-    def _change(self) -> None:
-        self.version += 1
-        self.layout = None
-
-    def pose(self, name: str) -> Pose:
-        """Return an object's bottom centre (metres) and its orientation (x, y, z, w)."""
-        return self._poses[name]
-
-    def grip(self, name: str) -> tuple[float, float, float]:
-        """Return the point where an object that stands is gripped."""
-        x, y, z = self._poses[name][0]
-        return grip_point((x, y, z), self._objects[name].size)
-
-    def read_pose(self, name: str) -> Pose:
-        """Return an object's pose as physics has it now; :meth:`pose` is what was last set or settled."""
-        thing = self._objects[name]
-        centre, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.physics)
-        back = tuple(-value for value in thing.inertial)
-        position, _ = pybullet.multiplyTransforms(centre, quaternion, back, UPRIGHT)
-        return position, quaternion
-
-    def taken(self, places: NDArray[np.floating], size: Size, ignoring: str | None = None) -> NDArray[np.bool_]:
-        """Return at which places an object of this size would touch another object.
+    def taken(self, places: NDArray[np.floating], size: Size, ignoring: Sequence[str] = ()) -> NDArray[np.bool_]:
+        """Return at which places an object of this size would touch an object that stands.
 
         Args:
             places: (n, 4) x, y, z and yaw of its bottom centre.
             size: extents along its own axes, metres.
-            ignoring: name of the object itself.
+            ignoring: names of objects that do not count; those in grippers never do.
         """
-        skipped = (ignoring, self.held)
-        others = [(pose, self._objects[name].size) for name, pose in self._poses.items() if name not in skipped]
+        skipped = {*ignoring, *self.state.held}
+        others = [(pose, self.size(name)) for name, pose in self.state.objects.poses.items() if name not in skipped]
         return touching(places, size, others)
 
     # Holding
 
-    def attach(self, name: str, body: int, link: int, grasp: Pose) -> None:
-        """Hold an object: a fixed constraint between a robot's link and the object.
+    @property
+    def held(self) -> str | None:
+        """Name of the object in a gripper, or None."""
+        return next(iter(self.state.held), None)
 
-        Args:
-            name: the object.
-            body: the robot's body id.
-            link: the robot's link index.
-            grasp: pose of the grasp frame in the world now.
-        """
-        self.release()
-        self.held = name
-        self._change()
-        thing = self._objects[name]
-        position, quaternion = self._poses[name]
-        centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
-        inverse = pybullet.invertTransform(centre, quaternion)
-        pivot, turn = pybullet.multiplyTransforms(*inverse, *grasp)
-        self._constraint = pybullet.createConstraint(
-            body, link, thing.body, -1, pybullet.JOINT_FIXED, (0, 0, 0), (0, 0, 0), pivot, UPRIGHT, turn,
-            physicsClientId=self.physics,
-        )  # fmt: skip
-        pybullet.changeConstraint(self._constraint, maxForce=200, physicsClientId=self.physics)
+    def hold(self, robot: str, grip: Grip, pose: Pose) -> None:
+        """Let a robot hold an object whose bottom centre is at a pose."""
+        grips = self.state.grips
+        self._set(grip.item, pose, None, grips if grips.get(robot) is grip else {**grips, robot: grip})
 
-    def level(self, grasp: Pose, pose: Pose) -> None:
-        """Turn the held object in the gripper towards a pose, when the gripper is at a grasp pose in the world."""
-        assert self.held is not None and self._constraint is not None
-        centre, turn = pybullet.multiplyTransforms(*pose, self._objects[self.held].inertial, UPRIGHT)
-        pivot, orientation = pybullet.multiplyTransforms(*pybullet.invertTransform(centre, turn), *grasp)
-        pybullet.changeConstraint(
-            self._constraint,
-            jointChildPivot=pivot,
-            jointChildFrameOrientation=orientation,
-            maxForce=200,
-            physicsClientId=self.physics,
-        )
-
-    def release(self) -> None:
-        """Open the gripper: remove the constraint."""
-        if self._constraint is not None:
-            pybullet.removeConstraint(self._constraint, physicsClientId=self.physics)
-            self._change()
-        self._constraint, self.held = None, None
-
-    def thaw(self, name: str, solid: bool = True) -> None:
-        """Make an object dynamic, at rest; one that is not solid passes through other things until frozen."""
-        thing = self._objects[name]
-        pybullet.changeDynamics(thing.body, -1, mass=thing.mass, physicsClientId=self.physics)
-        # After changeDynamics, which sets PyBullet's default filter whenever it changes the mass.
-        mask = -1 if solid else 0
-        pybullet.setCollisionFilterGroupMask(thing.body, -1, int(solid), mask, physicsClientId=self.physics)
-        pybullet.resetBaseVelocity(thing.body, (0, 0, 0), (0, 0, 0), physicsClientId=self.physics)
-
-    def freeze(self, name: str) -> None:
-        """Make an object immovable where it is."""
-        body = self._objects[name].body
-        pybullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.physics)
-        pybullet.changeDynamics(body, -1, mass=0, physicsClientId=self.physics)
-
-    # Physics
-
-    def step(self) -> None:
-        """Advance physics by ``TIME_STEP``."""
-        self.steps += 1
-        pybullet.stepSimulation(physicsClientId=self.physics)
-
-    def set_down(self, name: str, position: Vector, yaw: float, receptacle: str) -> bool:
-        """Let an object go just above a place and let physics settle it.
+    def set_down(self, robot: str, position: Vector, yaw: float, receptacle: str) -> bool:
+        """Let a robot open its gripper just above a place, and let physics settle what it held.
 
         Returns:
-            Whether it came to rest upright and the receptacle carries it, by contact. If not, the
-            object is where it was before.
+            Whether it came to rest upright and the receptacle carries it. If not, the state is as it was.
         """
-        before = self._poses[name]
-        x, y, z = position
-        self._move(name, (x, y, z + _DROP), yaw_quaternion(yaw))
-        self.thaw(name)
-        still = self._settle(name)
-        settled = self.read_pose(name)
-        carried = still and _tilt_cosine(settled[1]) > _UPRIGHT and self.rests_on(name, receptacle)
-        self.freeze(name)
-        self._move(name, *(settled if carried else before))
-        if carried:
-            self.supports[name] = Support(receptacle, z)
-        return carried
-
-    def _settle(self, name: str) -> bool:
-        body, quiet_steps = self._objects[name].body, 0
-        for _ in range(_LONGEST_SETTLE):
-            self.step()
-            velocity = np.abs(pybullet.getBaseVelocity(body, physicsClientId=self.physics)).max()
-            quiet_steps = quiet_steps + 1 if velocity < _STILL else 0
-            if quiet_steps == 5:
-                return True
-        return False
-
-    def rests_on(self, name: str, receptacle: str) -> bool:
-        """Return whether a thing of the home carries an object: a contact that pushes it upwards."""
-        contacts = pybullet.getContactPoints(
-            self._objects[name].body, self._home_body, -1, self.links[receptacle], physicsClientId=self.physics
-        )
-        # Index 7 is the normal on the home's body towards the object.
-        return any(contact[7][2] > 0.7 for contact in contacts)
-
-
-def _tilt_cosine(quaternion: Vector) -> float:
-    x, y, _, _ = quaternion
-    return 1 - 2 * (x * x + y * y)
+        self.sync()
+        item = self.state.grips[robot].item
+        self.physics.release(robot)
+        settled = self.physics.set_down(item, position, yaw, receptacle)
+        self.moved()
+        if settled is None:
+            return False
+        grips = {name: grip for name, grip in self.state.grips.items() if name != robot}
+        self._set(item, settled, Support(receptacle, position[2]), grips)
+        return True

@@ -50,8 +50,9 @@ def count(world: World) -> int:
 def layout(stage: Stage, setting: Setting) -> tuple[Any, ...]:
     """Return all that a task has laid out in a stage."""
     world = stage.world
-    poses = {name: (world.pose(name), world.read_pose(name)) for name in world.objects}
-    robots = [robot.read_base() for robot in world.robots.values()]
+    world.sync()
+    poses = {name: (world.pose(name), world.physics.read_object(name)) for name in world.objects}
+    robots = [world.physics.read_base(name) for name in world.robots]
     return setting, poses, dict(world.supports), robots, stage.humanoid.arm.configuration()
 
 
@@ -67,7 +68,8 @@ def test_a_task_uses_its_objects_and_parks_the_rest(stage: Stage, tasks: list[Ta
         setting, world = stage.begin(task), stage.world
         assert len(world.objects) == DISTRACTORS + 1 and task.item in world.objects
         assert set(world.supports) == set(world.objects) <= set(setting.states)
-        heights = {name: world.read_pose(name)[0][2] for name in world._objects}
+        world.sync()
+        heights = {name: world.physics.read_object(name)[0][2] for name in world.physics.objects}
         assert {name for name, height in heights.items() if height < 10} == set(world.objects)
 
 
@@ -75,6 +77,7 @@ def test_objects_keep_apart(stage: Stage, tasks: list[Task]) -> None:
     world = stage.world
     for task in [task for task in tasks if task.home == stage.home.name][:5]:
         stage.begin(task)
+        world.sync()
         for body in (world.bodies[name] for name in world.objects):
             for other in (world.bodies[name] for name in world.objects):
                 if other > body:

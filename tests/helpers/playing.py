@@ -59,4 +59,4 @@ def everything(env: HouseholdEnv) -> str:
     poses = {n: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for n, b in world.bodies.items()}
     robots = {name: robot.pose for name, robot in world.robots.items()}
     arm = env.stage.humanoid.arm.configuration()
-    return digest(poses, robots, arm, world.held, sorted(world.supports.items()), env.outcome, env.messages)
+    return digest(poses, robots, arm, world.held, sorted(world.supports.items(), key=str), env.outcome, env.messages)

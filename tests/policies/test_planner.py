@@ -76,13 +76,14 @@ def test_plans_are_shortest_against_brute_force(env: HouseholdEnv, tasks: list[T
 def signature(stage: Stage) -> dict[str, Any]:
     """Return all of a world's state that an episode depends on."""
     world, client = stage.world, stage.world.client
+    world.sync()
     bodies = world.bodies.items()
     return {
         "bodies": {name: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for name, b in bodies},
         "objects": {name: world.pose(name) for name in world.objects},
         "held": world.held,
         "supports": dict(world.supports),
-        "robots": (stage.humanoid.pose, stage.humanoid.turn, stage.drone.pose),
+        "robots": (dict(world.state.grips), dict(world.robots)),
         "arm": stage.humanoid.arm.configuration(),
         "constraints": pybullet.getNumConstraints(physicsClientId=client),
     }
@@ -94,9 +95,7 @@ def test_planning_leaves_the_world_as_it_is(stage: Stage, tasks: list[Task]) -> 
     before = signature(stage)
     plan = stage.oracle.plan(goal)
     assert signature(stage) == before
-    stage.humanoid.turn = 0.3
-    stage.humanoid.hold(goal.item)
-    stage.world.supports.pop(goal.item, None)
+    stage.humanoid.hold(goal.item, 0.3)
     held = signature(stage)
     stage.oracle.plan(goal)
     assert signature(stage) == held

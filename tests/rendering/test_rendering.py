@@ -33,6 +33,7 @@ def full_picture(stage: Stage, robot: str, size: int) -> Picture:
     """Draw everything in the world's own client at once; the segmentation in numbers of ``sight.names``."""
     pose = stage.world.robots[robot].pose
     view = view_matrix(eye(stage.space, robot, pose))
+    stage.world.sync()
     drawn = render(stage.world.client, CAMERAS[robot], view, size)
     # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: odd pictures
     # of a client are equal, and this one of a single pixel makes the next one odd again.
@@ -47,7 +48,7 @@ def full_picture(stage: Stage, robot: str, size: int) -> Picture:
 
 def assert_same(stage: Stage, robot: str, size: int) -> None:
     full = full_picture(stage, robot, size)
-    merged = stage.sight.picture(robot, stage.world.robots[robot].pose, size)
+    merged = stage.sight.picture(robot, size)
     np.testing.assert_array_equal(merged.segmentation, full.segmentation)
     np.testing.assert_array_equal(merged.depth, full.depth)
     np.testing.assert_array_equal(merged.rgb, full.rgb)
@@ -75,8 +76,7 @@ def meet(stage: Stage, rng: np.random.Generator) -> None:
 
 def take(stage: Stage, item: str) -> None:
     """Let the humanoid hold an object where it stands."""
-    stage.humanoid.turn = 0.5
-    stage.humanoid.hold(item)
+    stage.humanoid.hold(item, 0.5)
 
 
 @pytest.mark.parametrize("size", [64, 128, 224])
@@ -102,7 +102,6 @@ def test_views_with_a_held_object_and_the_other_robot(stage: Stage, tasks: list[
         for robot in ROBOTS:
             assert_same(stage, robot, size)
     assert met
-    stage.world.release()
 
 
 def test_the_world_after_a_release_is_drawn_with_the_arm_at_rest(stage: Stage, tasks: list[Task]) -> None:
@@ -150,7 +149,7 @@ def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]
     for _ in range(10):
         meet(stage, rng)
         for robot in ROBOTS:
-            segmentation = stage.sight.picture(robot, stage.world.robots[robot].pose, SIGHT_SIZE).segmentation
+            segmentation = stage.sight.picture(robot, SIGHT_SIZE).segmentation
             counts = np.bincount(segmentation.ravel() + 1, minlength=len(stage.sight.names) + 1)[1:]
             np.testing.assert_array_equal(stage.sight.pixels(robot), counts)
 
@@ -190,11 +189,13 @@ def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> 
     rng = np.random.default_rng(7)
     for _ in range(5):
         wander(stage, rng)
+        stage.world.sync()
         client = stage.world.client
         for name, robot in stage.world.robots.items():
-            joints = range(pybullet.getNumJoints(robot.body, physicsClientId=client))
-            links = {pybullet.getJointInfo(robot.body, j, physicsClientId=client)[12].decode(): j for j in joints}
-            state = pybullet.getLinkState(robot.body, links["camera"], 1, 1, physicsClientId=client)
+            body = stage.world.bodies[name]
+            joints = range(pybullet.getNumJoints(body, physicsClientId=client))
+            links = {pybullet.getJointInfo(body, j, physicsClientId=client)[12].decode(): j for j in joints}
+            state = pybullet.getLinkState(body, links["camera"], 1, 1, physicsClientId=client)
             position, quaternion = eye(stage.space, name, robot.pose)
             np.testing.assert_allclose(position, state[4], atol=1e-5)
             assert abs(np.dot(quaternion, state[5])) == pytest.approx(1, abs=1e-6)

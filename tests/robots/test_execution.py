@@ -30,13 +30,13 @@ class Stage:
         self.space = space_of(load_home(home))
         self.world = World(self.space.home)
         self.humanoid, self.drone = Humanoid(self.world, self.space), Drone(self.world, self.space)
+        self.robots = {"humanoid": self.humanoid, "drone": self.drone}
         self.goal = Goal("", ())
 
     def set_up(self, seed: int) -> None:
         """Lay out an object, a target and the robots, drawn from a seed."""
         rng = np.random.default_rng(seed)
         self.world.clear()
-        self.humanoid.turn = 0.0
         receptacles = rng.permutation(list(self.space.home.receptacles)).tolist()
         item = f"{rng.choice(list(catalog.GRASPABLES))}_1"
         carriers = [name for name in receptacles if put_somewhere(self.world, self.space, item, name, rng)]
@@ -51,18 +51,19 @@ class Stage:
         """Let the humanoid carry out an action that sees everything."""
         motion = self.humanoid.plan(action, self.goal, (self.goal.item, *self.goal.receptacles))
         assert motion is not None
-        done, snapshots = execute(self.world, {"humanoid": motion, "drone": self.drone.plan(drone)}, simulated)
+        motions = {"humanoid": motion, "drone": self.drone.plan(drone)}
+        done, snapshots = execute(self.world, self.robots, motions, simulated)
         return done["humanoid"], snapshots
 
     def state(self) -> dict[str, Any]:
         """Return all that an action can change, exactly."""
-        world, humanoid, drone = self.world, self.humanoid, self.drone
+        world, physics = self.world, self.world.physics
+        world.sync()
         return {
-            "poses": {name: (world.pose(name), world.read_pose(name)) for name in world.objects},
-            "supports": dict(world.supports),
-            "held": world.held,
-            "robots": (humanoid.pose, humanoid.turn, humanoid.read_base(), drone.pose, drone.read_base()),
-            "arm": humanoid.arm.configuration(),
+            "state": world.state,
+            "poses": {name: physics.read_object(name) for name in world.objects},
+            "bases": {name: physics.read_base(name) for name in world.robots},
+            "arm": self.humanoid.arm.configuration(),
             "bodies": dict(world.bodies),
         }
 
@@ -135,17 +136,17 @@ def test_the_base_keeps_clear_and_moves_smoothly(stages: dict[str, Stage], home:
 
 def test_the_held_object_stays_in_the_hand(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     humanoid, world, gaps, tilts, heights = stage.humanoid, stage.world, [], [], []
-    step = world.step
+    physics, step = world.physics, world.physics.step
 
     def watch() -> None:
         step()
-        if world.held is not None:
-            position, quaternion = world.read_pose(world.held)
-            gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(world.held)[0])))
+        for grip in world.state.grips.values():
+            position, quaternion = physics.read_object(grip.item)
+            gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(grip)[0])))
             tilts.append(np.hypot(*quaternion[:2]))
             heights.append(position[2])
 
-    monkeypatch.setattr(world, "step", watch)
+    monkeypatch.setattr(physics, "step", watch)
     for seed in (4, 5):
         stage.set_up(seed)
         for action in ("pick", "goto_bathroom", "place"):
@@ -190,7 +191,7 @@ def test_an_object_that_does_not_settle_stays_in_the_hand(
     stage.set_up(9)
     assert stage.act("pick", simulated)[0]
     before = stage.state()
-    monkeypatch.setattr(stage.world, "rests_on", lambda *_: False)
+    monkeypatch.setattr(stage.world.physics, "rests_on", lambda *_: False)
     assert not stage.act("place", simulated)[0]
     assert stage.state() == before
 
@@ -203,7 +204,7 @@ def test_an_undecided_motion_fails_and_the_other_robot_still_acts(stage: Stage) 
     goal = stage.drone.plan(f"goto_{far}")
     assert goal is not None
     stage.humanoid.arm.drive(Arm.carry)
-    done, snapshots = execute(stage.world, {"humanoid": None, "drone": goal}, simulated=True)
+    done, snapshots = execute(stage.world, stage.robots, {"humanoid": None, "drone": goal}, simulated=True)
     assert done == {"humanoid": False, "drone": True}
     assert stage.humanoid.pose == before and stage.drone.pose == goal.pose
     assert len(snapshots) > 10 and stage.humanoid.arm.configuration() == Arm.rest

@@ -26,7 +26,7 @@ def nodes(stage: Stage) -> list[str]:
 
 
 def graph_of(stage: Stage, setting: Setting, seen: tuple[str, ...]) -> SceneGraph:
-    return stage.graphs.graph(seen, setting.states)
+    return stage.graphs.graph(stage.world.state, seen, setting.states)
 
 
 def relations(graph: SceneGraph, name: str, relation: str) -> list[str]:
@@ -93,17 +93,15 @@ def test_states_are_the_settings(begun: tuple[Stage, Setting]) -> None:
 def test_held_object(begun: tuple[Stage, Setting]) -> None:
     stage, setting = begun
     item = setting.goal.item
-    stage.world.supports.pop(item)
     stage.humanoid.hold(item)
     graph = graph_of(stage, setting, ("humanoid", item))
     assert graph.states[graph.names.index(item)] == "held"
     assert graph.states[graph.names.index("humanoid")] == "holding"
     assert relations(graph, item, "held_by") == ["humanoid"]
-    room = list(stage.home.rooms)[stage.humanoid.room]
+    room = list(stage.home.rooms)[stage.world.robots["humanoid"].room]
     assert relations(graph, item, "in_room") == relations(graph, "humanoid", "in_room") == [room]
     alone = graph_of(stage, setting, (item,))
     assert relations(alone, item, "held_by") == [] and relations(alone, item, "in_room") == [room]
-    stage.world.release()
 
 
 def test_near_is_short_and_symmetric_enough(begun: tuple[Stage, Setting]) -> None:
@@ -112,7 +110,7 @@ def test_near_is_short_and_symmetric_enough(begun: tuple[Stage, Setting]) -> Non
     count = dict.fromkeys(graph.names, 0)
     for a, b, kind in graph.relations():
         if kind == "near":
-            first, second = (np.array(stage.world.robots[n].base_pose()[0] if n == "humanoid" else
+            first, second = (np.array(stage.world.robots[n].base[0] if n == "humanoid" else
                                       stage.world.pose(n)[0]) for n in (a, b))  # fmt: skip
             assert a != b and np.linalg.norm(first - second) < 0.75
             count[a] += 1

@@ -71,7 +71,7 @@ def rooms_of(env: HouseholdEnv, seen: set[str]) -> tuple[set[str], set[str]]:
     item = env.task.item
     support = env.world.supports.get(item)
     if support is None:
-        x, y, _ = env.world.robots["humanoid"].base_pose()[0]
+        x, y, _ = env.world.robots["humanoid"].base[0]
         where = env.world.home.room_at(np.array([x, y]))
     else:
         where = support.receptacle.split("/")[0]

@@ -11,7 +11,7 @@ from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.outcome import Outcome, judge, potential, reward
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.world import Support
+from chmarl_pb.world import WorldState
 
 NOBODY: set[str] = set()
 HUMANOID, DRONE, BOTH = {"humanoid"}, {"drone"}, {"humanoid", "drone"}
@@ -52,7 +52,7 @@ def test_potential_looks_at_x_until_it_is_grasped_and_then_at_y(
 
 
 def test_reward_is_the_change_of_potential() -> None:
-    first = Outcome({}, None, {}, "kitchen", 2.0, False)
+    first = Outcome(WorldState(), {}, "kitchen", 2.0, False)
     assert reward(first, replace(first, potential=6.0)) == 4
     assert reward(replace(first, potential=6.0), first) == -4
 
@@ -62,24 +62,24 @@ def test_judge_reads_the_world(stage: Stage, tasks: list[Task]) -> None:
     goal, world = stage.begin(task).goal, stage.world
     source = world.supports[goal.item].receptacle
     nothing: dict[str, tuple[str, ...]] = {"humanoid": (), "drone": ()}
-    outcome = judge(world, goal, nothing, "hallway")
+    outcome = judge(world.state, goal, nothing, "hallway")
     assert (outcome.potential, outcome.success, outcome.held) == (0, False, None)
     assert outcome.item_room == source.split("/")[0]
-    assert judge(world, goal, {"humanoid": (goal.item,), "drone": ()}, "hallway").potential == 2
-    world.supports[goal.item] = Support(goal.receptacles[-1], 0.5)
-    assert judge(world, goal, nothing, "hallway").success
-    assert judge(world, Goal(goal.item, (source,)), nothing, "hallway").success is False
+    assert judge(world.state, goal, {"humanoid": (goal.item,), "drone": ()}, "hallway").potential == 2
+    world.place(goal.item, *world.pose(goal.item), goal.receptacles[-1])
+    assert judge(world.state, goal, nothing, "hallway").success
+    assert judge(world.state, Goal(goal.item, (source,)), nothing, "hallway").success is False
     stage.humanoid.hold(goal.item)
-    held = judge(world, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, "hallway")
+    held = judge(world.state, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, "hallway")
     assert (held.potential, held.held, held.item_room, held.success) == (5, goal.item, "hallway", False)
-    world.release()
 
 
 def test_outcome_does_not_change_with_the_world(stage: Stage, tasks: list[Task]) -> None:
     task = next(task for task in tasks if task.home == stage.home.name)
     goal = stage.begin(task).goal
-    outcome = judge(stage.world, goal, {"humanoid": (), "drone": ()}, "kitchen")
+    outcome = judge(stage.world.state, goal, {"humanoid": (), "drone": ()}, "kitchen")
     kept = dict(outcome.supports)
+    assert kept
     stage.world.clear()
     assert outcome.supports == kept
 

@@ -115,7 +115,7 @@ def test_pictures_at_rest_are_those_of_the_cameras(recording):
         while env.agents:
             observations, _, _, _, infos = env.step(policy.act(observations, infos))
             for name in AGENTS:
-                seen = env.stage.sight.picture(name, env.world.robots[name].pose, 160).rgb
+                seen = env.stage.sight.picture(name, 160).rgb
                 assert np.array_equal(replay.picture(name, scene_of(env.world), 160), seen)
     finally:
         env.close()
@@ -139,7 +139,7 @@ def test_the_camera_rides_on_the_robot(recording):
 
 def _check_eye(pybullet, env, scene, name):
     client, body = env.world.client, env.world.bodies[name]
-    env.world.robots[name].set_base(*scene.robots[name])
+    env.world.physics.move_robot(name, scene.robots[name])
     if name == "humanoid":
         env.stage.humanoid.arm.set(scene.arm)
     links = range(pybullet.getNumJoints(body, physicsClientId=client))

@@ -20,7 +20,7 @@ from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.world import Client, World
 from chmarl_pb.world import client as client_module
-from chmarl_pb.world import world as world_module
+from chmarl_pb.world import physics as physics_module
 from tests.helpers.small_homes import SMALL_HOME, box, home_text
 
 MAKERS: dict[str, Callable[[], Any]] = {
@@ -105,8 +105,8 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
         raise KeyboardInterrupt
 
     place = {
-        "home": (world_module, "loaded_home"),
-        "object": (world_module, "load_graspable"),
+        "home": (physics_module, "loaded_home"),
+        "object": (physics_module, "load_graspable"),
         "robot": (sys.modules["chmarl_pb.robots.humanoid"], "load_humanoid"),
         "eyes": (sys.modules["chmarl_pb.tasks.simulation"], "Sight"),
     }[where]

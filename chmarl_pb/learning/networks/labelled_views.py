@@ -140,7 +140,7 @@ def layout_views(job: Job) -> Views:
         stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.points) * HEADINGS)))
         stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
         for robot in _ROBOTS:
-            picture = stage.sight.picture(robot, stage.world.robots[robot].pose, SIGHT_SIZE)
+            picture = stage.sight.picture(robot, SIGHT_SIZE)
             # The last entry stands for no thing and for no label.
             labels = np.append(classes, len(LABELS))[picture.segmentation]
             rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))
