@@ -57,6 +57,28 @@ def test_rllib_ppo(capsys: pytest.CaptureFixture[str]) -> None:
     assert "iteration 0: mean return" in capsys.readouterr().out
 
 
+def test_noisy_channel(capsys: pytest.CaptureFixture[str]) -> None:
+    example("noisy_channel").main(tasks=2)
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) == 4 and "NoisyChannel(flip=0.3)" in shown[2] and shown[0].startswith("True")
+
+
+def test_depth_sensor(capsys: pytest.CaptureFixture[str]) -> None:
+    example("depth_sensor").main()
+    assert capsys.readouterr().out.count(" m\n") == 4
+
+
+def test_text_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    example("text_policy").main()
+    shown = capsys.readouterr().out
+    assert "You are the humanoid, in the " in shown and "\n> " in shown and "after" in shown
+
+
+def test_my_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    example("my_policy").main(tasks=2)
+    assert "MyPolicy" in capsys.readouterr().out
+
+
 def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = Config(episodes=1, envs=1, horizon=4, learning_starts=9, buffer_size=1, features=8, hidden=8)
     train(

@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, output_file
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.cli.arguments import GOAL, output_file
+from chmarl_pb.envs.options import MAX_STEPS, SENSORS
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
@@ -23,7 +23,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
     )
     parser.add_argument("--split", default="test-unseen", metavar="S", help="split (default: test-unseen)")
-    parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    parser.add_argument(
+        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
+    )
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
@@ -75,12 +77,12 @@ def print_report(console: Console, report: Report) -> None:
     settings = report.settings
     off = [name for name in ("messages", "feedback") if not settings["options"][name]]
     without = f", no {' and no '.join(off)}" if off else ""
-    if isinstance(settings["options"]["feedback"], str):
+    if settings["options"]["feedback"] in ("paper", "planner"):
         without += f", {settings['options']['feedback']} feedback"
     if settings["options"].get("goal"):
         without += ", goal observed"
-    if "env" in settings:
-        without += f", in {settings['env']['name']}"
+    if report.changed:
+        without += f", changed: {report.changed}"
     title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")
@@ -127,7 +129,7 @@ def _print_notes(console: Console, report: Report) -> None:
 
 def _beside(report: Report) -> str:
     """Return what the policies score that do without most of what a robot is given, and the search policy."""
-    if "env" in report.settings:
+    if report.changed:
         return ""
     tasks = {episode.task for episode in report.episodes}
     scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)

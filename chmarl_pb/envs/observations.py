@@ -1,5 +1,6 @@
 """Observation spaces and observations: a flat Dict of fixed-shape arrays for each robot."""
 
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
@@ -7,12 +8,11 @@ from gymnasium import spaces
 
 from chmarl_pb import catalog
 from chmarl_pb.envs.options import Options
+from chmarl_pb.errors import OptionError
 from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
-from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES
+from chmarl_pb.sensing.sensors import View
+from chmarl_pb.sensing.text import as_bytes
 from chmarl_pb.tasks import language
-from chmarl_pb.tasks.messages import Messages
-from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.world import WorldState
 
@@ -21,67 +21,73 @@ Observation = dict[str, np.ndarray]
 _DIRECTIONS = [(float(np.cos(angle)), float(np.sin(angle))) for angle in map(heading_angle, range(HEADINGS))]
 
 
-def observation_space(options: Options, rooms: tuple[str, ...]) -> spaces.Dict:
-    """Return one robot's observation space; both robots have the same.
+class Observer:
+    """Makes the observations of an environment's robots.
 
-    ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
-    and 1 if the humanoid holds something. ``goal`` is (4,): class ids of X and Y, and 1 for each that is in view.
+    Attributes:
+        space: of one robot's observation; all robots have the same.
     """
-    tokens = language.vocabulary_size() - 1
-    parts: dict[str, spaces.Space] = {}
-    if options.observation == "visual":
-        parts["image"] = spaces.Box(0, 255, (options.image_size, options.image_size, 3), np.uint8)
-    else:
-        parts["node_class"] = spaces.Box(0, len(catalog.CLASSES), (MAX_NODES,), np.int16)
-        parts["node_state"] = spaces.Box(0, len(catalog.STATES), (MAX_NODES,), np.int16)
-        parts["edges"] = spaces.Box(0, MAX_NODES, (MAX_EDGES, 3), np.int16)
-    parts["instruction"] = spaces.Box(0, tokens, (language.INSTRUCTION_LENGTH,), np.int16)
-    parts["feedback"] = spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16)
-    parts["messages"] = spaces.Box(0, 1, (2, len(rooms)), np.int8)
-    parts["self"] = spaces.Box(-1, 1, (len(rooms) + 4,), np.float32)
-    if options.goal:
-        parts["goal"] = spaces.Box(0, np.array([len(catalog.CLASSES)] * 2 + [1] * 2, np.int16), dtype=np.int16)
-    return spaces.Dict(parts)
+
+    def __init__(self, options: Options, rooms: tuple[str, ...]):
+        """Observe with the sensors of an environment.
+
+        ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
+        and 1 if the humanoid holds something. ``goal`` is (4,): class ids of X and Y, and 1 for each that is in view.
+
+        Raises:
+            OptionError: two sensors have a key in common, or one has a key of the environment itself.
+        """
+        self._sensors = options.sensors
+        parts: dict[str, spaces.Space] = {}
+        for sensor in self._sensors:
+            _add(parts, sensor.spaces(), type(sensor).__name__)
+        tokens = language.vocabulary_size() - 1
+        own: dict[str, spaces.Space] = {
+            "instruction": spaces.Box(0, tokens, (language.INSTRUCTION_LENGTH,), np.int16),
+            "feedback": spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16),
+            "messages": options.channel.space(rooms),
+            "self": spaces.Box(-1, 1, (len(rooms) + 4,), np.float32),
+        }
+        if options.goal:
+            own["goal"] = spaces.Box(0, np.array([len(catalog.CLASSES)] * 2 + [1] * 2, np.int16), dtype=np.int16)
+        _add(parts, own, "the environment")
+        self.space = spaces.Dict(parts)
+        self._parts = parts
+
+    def observe(
+        self, stage: Stage, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None
+    ) -> tuple[Observation, dict[str, str]]:
+        """Return what one robot observes, and the texts among it as they are.
+
+        Args:
+            stage: where the episode is played.
+            view: what its sensors may read.
+            instruction: token ids.
+            wanted: classes of X and Y as the instruction names them; None: they are not observed.
+        """
+        observation: Observation = {}
+        texts: dict[str, str] = {}
+        for sensor in self._sensors:
+            for key, value in sensor.observe(view).items():
+                if isinstance(value, str):
+                    texts[key] = value
+                    value = as_bytes(value, self._parts[key].shape[0])  # type: ignore[index]
+                observation[key] = value
+        observation["instruction"] = instruction.copy()
+        observation["feedback"] = language.tokenize(view.feedback, language.FEEDBACK_LENGTH)
+        observation["messages"] = view.messages
+        observation["self"] = _self(stage, view.state, view.robot)
+        if wanted is not None:
+            in_view = {catalog.class_of(name) for name in view.seen}
+            numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
+            observation["goal"] = np.array(numbers, dtype=np.int16)
+        return observation, texts
 
 
-def observe(
-    options: Options,
-    stage: Stage,
-    robot: str,
-    outcome: Outcome,
-    setting: Setting,
-    messages: Messages,
-    instruction: np.ndarray,
-    feedback: str,
-    wanted: tuple[str, str] | None,
-) -> Observation:
-    """Return what one robot observes.
-
-    Args:
-        options: of the environment.
-        stage: where the episode is played.
-        robot: its name.
-        outcome: of the last step.
-        setting: of the episode.
-        messages: what is known; observed as zeros if messages are off.
-        instruction: token ids.
-        feedback: what it was told about its last action.
-        wanted: classes of X and Y as the instruction names them; None: they are not observed.
-    """
-    observation: Observation
-    if options.observation == "visual":
-        observation = {"image": stage.sight.colours(robot, options.image_size)}
-    else:
-        observation = stage.graphs.graph(outcome.state, outcome.seen[robot], setting.states).arrays()
-    observation["instruction"] = instruction.copy()
-    observation["feedback"] = language.tokenize(feedback, language.FEEDBACK_LENGTH)
-    observation["messages"] = messages.copy() if options.messages else np.zeros_like(messages)
-    observation["self"] = _self(stage, outcome.state, robot)
-    if wanted is not None:
-        in_view = {catalog.class_of(name) for name in outcome.seen[robot]}
-        numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
-        observation["goal"] = np.array(numbers, dtype=np.int16)
-    return observation
+def _add(parts: dict[str, spaces.Space], more: Mapping[str, spaces.Space], whose: str) -> None:
+    if common := sorted(parts.keys() & more.keys()):
+        raise OptionError(f"observation: {whose} has the keys {common}, which another sensor has too; rename them")
+    parts.update(more)
 
 
 def _self(stage: Stage, state: WorldState, robot: str) -> np.ndarray:

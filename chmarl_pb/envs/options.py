@@ -1,6 +1,7 @@
 """The keyword arguments that all environments share, checked once."""
 
-from dataclasses import dataclass, fields
+from copy import deepcopy
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,15 @@ import numpy as np
 
 from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
 from chmarl_pb.errors import OptionError
-from chmarl_pb.tasks.feedback import STYLES
+from chmarl_pb.policies.sources import name_of
+from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
+from chmarl_pb.sensing.text import TextSensor
+from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
+from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
 
-OBSERVATIONS = ("scene_graph", "visual")
+OBSERVATIONS = ("scene_graph", "visual")  # the benchmark's; sensors are more
+SENSORS = ("scene_graph", *CAMERA_SENSORS, "text")
 EXECUTIONS = ("instant", "simulated")
 RENDER_MODES = (None, "rgb_array", "human")
 
@@ -24,12 +30,16 @@ _UNRECORDED = ("home", "render_mode")
 class Options:
     """What an environment can be asked for.
 
+    Objects (sensors, a channel, an adviser) must be picklable: copies of an environment are made anew from its options.
+
     Attributes:
-        observation: "scene_graph" or "visual".
+        observation: "scene_graph", "visual", "depth", "segmentation" or "text", a :class:`Sensor`, or a tuple of them;
+            names may also be joined, as "scene_graph+depth".
         split: split of the benchmark that tasks are drawn from.
         home: name or path of a home to play in instead of the split's homes.
-        messages: whether the robots' messages are observed; if not, they read as zeros.
-        feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False.
+        messages: whether the robots' messages are observed; if not, they read as zeros. Or a :class:`Channel`.
+        feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False. Or an
+            :class:`Adviser`.
         max_steps: joint steps after which an episode is truncated.
         image_size: width and height of camera images in pixels.
         execution: "instant" or "simulated".
@@ -37,11 +47,11 @@ class Options:
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
     """
 
-    observation: str = "scene_graph"
+    observation: str | Sensor | tuple[str | Sensor, ...] = "scene_graph"
     split: str = "train"
     home: str | Path | None = None
-    messages: bool = True
-    feedback: bool | str = True
+    messages: bool | Channel = True
+    feedback: bool | str | Adviser = True
     max_steps: int = MAX_STEPS
     image_size: int = 128
     execution: str = "instant"
@@ -54,33 +64,73 @@ class Options:
         Raises:
             OptionError: an option has a value that it does not know.
         """
-        _one_of("observation", self.observation, OBSERVATIONS)
+        for part in self._observed():
+            _one_of("observation", part, SENSORS, Sensor)
         _one_of("split", self.split, SPLITS)
         _one_of("execution", self.execution, EXECUTIONS)
         _one_of("render_mode", self.render_mode, RENDER_MODES)
-        _one_of("messages", self.messages, (True, False))
-        _one_of("feedback", self.feedback, (True, False, *STYLES))
+        _one_of("messages", self.messages, (True, False), Channel)
+        _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
         _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
 
-    @property
-    def feedback_style(self) -> str | None:
-        """The style of feedback, or None if there is none."""
-        if isinstance(self.feedback, str):
-            return self.feedback
-        return STYLES[0] if self.feedback else None
+    def _observed(self) -> tuple[Any, ...]:
+        """Return the names and sensors that ``observation`` means."""
+        given = self.observation if isinstance(self.observation, tuple | list) else (self.observation,)
+        if not given:
+            raise OptionError(f"observation={self.observation!r} names no sensor; use one of: {', '.join(SENSORS)}")
+        return tuple(name for part in given for name in (part.split("+") if isinstance(part, str) else (part,)))
 
-    def recorded(self) -> dict[str, Any]:
-        """Return what results say of the options: always of the first ones, of others where they are not the default."""
-        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _UNRECORDED}
-        defaults = {field.name: field.default for field in fields(self)}
-        return {name: value for name, value in values.items() if name in _RECORDED or value != defaults[name]}
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """What every robot observes with, in order."""
+        return tuple(self._sensor(part) if isinstance(part, str) else part for part in self._observed())
+
+    def _sensor(self, name: str) -> Sensor:
+        if name in CAMERA_SENSORS:
+            return CAMERA_SENSORS[name](self.image_size)
+        return TextSensor() if name == "text" else SceneGraphSensor()
+
+    @property
+    def channel(self) -> Channel:
+        """What carries messages."""
+        if isinstance(self.messages, Channel):
+            return self.messages
+        return Board() if self.messages else Silence()
+
+    @property
+    def adviser(self) -> Adviser | None:
+        """A new adviser, or None if there is no feedback."""
+        if isinstance(self.feedback, Adviser):
+            return deepcopy(self.feedback)
+        if not self.feedback:
+            return None
+        return SpokenAdviser(CRITICS[self.feedback if isinstance(self.feedback, str) else STYLES[0]])
 
     @property
     def homes(self) -> tuple[str, ...]:
         """The homes that episodes are played in."""
         return SPLIT_HOMES[self.split] if self.home is None else (str(self.home),)
+
+    def recorded(self) -> dict[str, Any]:
+        """Return what results say of the options, as plain data: seldom used ones only if they are not the default."""
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _UNRECORDED}
+        defaults = {field.name: field.default for field in fields(self)}
+        kept = {name: value for name, value in values.items() if name in _RECORDED or value != defaults[name]}
+        return {name: _plain(value) for name, value in kept.items()} | {"observation": self.observation_name}
+
+    @property
+    def observation_name(self) -> str:
+        """The name of what is observed, with a "+" between several."""
+        return "+".join(_plain(part) for part in self._observed())
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of an option as plain data: objects by the name of their class, with the fields of a dataclass."""
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    return f"{type(value).__module__}:{value!r}" if is_dataclass(value) else name_of(value)
 
 
 def checked_seed(seed: int) -> int:
@@ -94,9 +144,13 @@ def checked_seed(seed: int) -> int:
     return int(seed)
 
 
-def _one_of(name: str, value: object, known: tuple[object, ...]) -> None:
+def _one_of(name: str, value: object, known: tuple[object, ...], protocol: type | None = None) -> None:
+    if protocol is not None and not isinstance(value, str | bool | type) and isinstance(value, protocol):
+        return
     if value not in known:
-        raise OptionError(f"{name}={value!r} is not known; use one of: {', '.join(repr(item) for item in known)}")
+        objects = f", or an object that is a {protocol.__name__}" if protocol else ""
+        values = ", ".join(repr(item) for item in known)
+        raise OptionError(f"{name}={value!r} is not known; use one of: {values}{objects}")
 
 
 def _whole(name: str, value: object, low: int, high: int) -> None:

@@ -8,16 +8,16 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from chmarl_pb.envs.observations import Observation, observation_space, observe
+from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.options import Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, execute
 from chmarl_pb.robots.motion import Motion
+from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks import language
-from chmarl_pb.tasks.advisers import ADVISERS, Adviser
-from chmarl_pb.tasks.messages import no_messages, update
+from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome, judge, reward
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Stage
@@ -73,11 +73,13 @@ class HouseholdEnv(ParallelEnv):
         self._stages: dict[str, Stage] = {}
         self.stage = self._enter(self.options.homes[0])
         self.rooms, self.action_names = self.stage.rooms, self.stage.actions
-        self._observation_space = observation_space(self.options, self.rooms)
+        self._observer = Observer(self.options, self.rooms)
+        self._channel, self._adviser = self.options.channel, self.options.adviser
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
         self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
         self.action_spaces = {name: self.action_space(name) for name in AGENTS}
-        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self.rooms)),), np.float32)
+        said = self._channel.begin(self.rooms).size
+        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(said),), np.float32)
         self._masks = {name: np.ones(len(names), dtype=np.int8) for name, names in self.action_names.items()}
         self._rng = np.random.default_rng()
         self.snapshots: tuple[Snapshot, ...] = ()
@@ -89,7 +91,7 @@ class HouseholdEnv(ParallelEnv):
 
     def observation_space(self, agent: str) -> spaces.Dict:
         """Return an agent's observation space."""
-        return self._observation_space
+        return self._observer.space
 
     def action_space(self, agent: str) -> spaces.Discrete:
         """Return an agent's action space."""
@@ -126,15 +128,14 @@ class HouseholdEnv(ParallelEnv):
         self.setting: Setting = self.stage.begin(self.task)
         self.world.sync()
         self.outcome = self._look()
-        self.messages = update(no_messages(self.rooms), self.outcome, self.setting.goal, self.rooms)
+        self.messages = self._say(self._channel.begin(self.rooms))
         self.instruction = language.instruction(self.task)
         self._instruction_tokens = language.tokenize(self.instruction, language.INSTRUCTION_LENGTH)
         self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
         self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
-        style = self.options.feedback_style
-        self._adviser: Adviser | None = ADVISERS[style](self.stage, self.setting.goal) if style else None
-        told = dict.fromkeys(AGENTS, "")
-        return self._observe(told), self._infos(told, dict.fromkeys(AGENTS, True))
+        if self._adviser:
+            self._adviser.begin(self.stage, self.task, self.setting.goal)
+        return self._observe({}, dict.fromkeys(AGENTS, True))
 
     def step(self, actions: dict[str, int]) -> Results:
         """Let both robots act once.
@@ -148,15 +149,15 @@ class HouseholdEnv(ParallelEnv):
         """
         names = self._check(actions)
         if self._adviser:
-            self._adviser.before(names["humanoid"], self.outcome)
+            self._adviser.before(names, self.outcome)
         succeeded, self.snapshots = execute(
             self.world, self.stage.robots, self._plan(names), self.options.execution == "simulated"
         )
         self.world.sync()
         previous, self.outcome = self.outcome, self._look()
-        self.messages = update(self.messages, self.outcome, self.setting.goal, self.rooms)
+        self.messages = self._say(self.messages)
         gained = reward(previous, self.outcome)
-        told = {"humanoid": self._advise(names["humanoid"], succeeded["humanoid"], previous), "drone": ""}
+        feedback = self._adviser.after(succeeded, self.steps) if self._adviser else {}
         self.steps += 1
         terminated = self.outcome.success
         truncated = not terminated and self.steps >= self.options.max_steps
@@ -164,12 +165,13 @@ class HouseholdEnv(ParallelEnv):
             self.agents = []
         if self.render_mode == "human":
             self.render()
+        observations, infos = self._observe(feedback, succeeded)
         return (
-            self._observe(told),
+            observations,
             dict.fromkeys(AGENTS, gained),
             dict.fromkeys(AGENTS, terminated),
             dict.fromkeys(AGENTS, truncated),
-            self._infos(told, succeeded),
+            infos,
         )
 
     def go_on(self) -> None:
@@ -266,29 +268,27 @@ class HouseholdEnv(ParallelEnv):
         seen = {name: stage.sight.visible(name) for name in AGENTS}
         return judge(state, self.setting.goal, seen, stage.room_names[state.robots["humanoid"].room])
 
-    def _advise(self, action: str, succeeded: bool, previous: Outcome) -> str:
-        """Return the feedback for the humanoid's last action; empty if there is nothing to say."""
-        better = self._adviser.after(succeeded) if self._adviser else None
-        if better is None:
-            return ""
-        holding = previous.held == self.setting.goal.item
-        return language.say(self.task, self.steps, language.Advice(action, succeeded, better, holding))
+    def _say(self, messages: Messages) -> Messages:
+        """Return what has been said when the robots have told each other of the outcome."""
+        return self._channel.update(messages, self.outcome, self.setting.goal, self.rooms, self._rng)
 
-    def _observe(self, told: dict[str, str]) -> dict[str, Observation]:
-        return {
-            name: observe(
-                self.options, self.stage, name, self.outcome, self.setting, self.messages,
-                self._instruction_tokens, told[name], self._wanted,
-            )
-            for name in AGENTS
-        }  # fmt: skip
-
-    def _infos(self, told: dict[str, str], succeeded: dict[str, bool]) -> dict[str, dict[str, Any]]:
-        outcome = self.outcome
-        return {
-            name: {
+    def _observe(
+        self, feedback: dict[str, str], succeeded: dict[str, bool]
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Return the robots' observations and infos."""
+        outcome, stage, state = self.outcome, self.stage, self.outcome.state
+        observations, infos = {}, {}
+        for name in AGENTS:
+            told = feedback.get(name, "")
+            view = View(
+                name, self.action_names[name], state, stage.room_names[state.robots[name].room], stage.sight,
+                stage.graphs, outcome.seen[name], self.setting.states, self.rooms, self.instruction, told,
+                self._channel.hear(self.messages, name, self._rng), succeeded[name], self._rng,
+            )  # fmt: skip
+            observations[name], texts = self._observer.observe(stage, view, self._instruction_tokens, self._wanted)
+            infos[name] = {
                 "instruction": self.instruction,
-                "feedback": told[name],
+                "feedback": told,
                 "action_success": succeeded[name],
                 "success": outcome.success,
                 "potential": outcome.potential,
@@ -296,6 +296,6 @@ class HouseholdEnv(ParallelEnv):
                 # Every action may be tried: one that cannot be done just changes nothing.
                 "action_mask": self._masks[name].copy(),
                 "task_id": self.task.id,
+                **texts,
             }
-            for name in AGENTS
-        }
+        return observations, infos

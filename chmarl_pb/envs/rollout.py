@@ -101,8 +101,8 @@ def core_of_parallel(env: Any) -> HouseholdEnv:
     core = getattr(env, "unwrapped", None)
     if not isinstance(core, HouseholdEnv) or isinstance(env, AECEnv):
         raise OptionError(
-            f"{type(env).__name__} is not a ParallelEnv made from this package's; make one by parallel_env() and wrap it "
-            "in wrappers whose `unwrapped` leads back to it"
+            f"{type(env).__name__} is not a ParallelEnv made from this package's; make one by parallel_env() and "
+            "wrap it in wrappers whose `unwrapped` leads back to it"
         )
     return core
 

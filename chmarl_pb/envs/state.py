@@ -12,9 +12,9 @@ from chmarl_pb.tasks.simulation import Stage
 _NEAREST_TARGETS = 3
 
 
-def state_size(rooms: int) -> int:
-    """Return the length of the state vector for a number of rooms."""
-    return 2 * 4 + 3 + 3 * _NEAREST_TARGETS + 2 * rooms + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
+def state_size(said: int) -> int:
+    """Return the length of the state vector when messages are so many numbers."""
+    return 2 * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
 
 
 def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Messages, elapsed: float) -> np.ndarray:

@@ -66,8 +66,8 @@ def _card(report: Report, episode: Played, folder: Path) -> str:
     title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
     head = f"<summary>{escape(title)}</summary>"
     home = episode.task.home
-    if changed := report.settings.get("env"):
-        return f"<details>{head}<p>Played in a changed environment: {escape(changed['name'])}.</p></details>"
+    if report.changed:
+        return f"<details>{head}<p>Played in a changed environment: {escape(report.changed)}.</p></details>"
     if report.settings["homes_sha256"].get(home) != home_hash(home):
         return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"
     env = HouseholdEnv(report.settings["observation"], home=home, **report.settings["options"])

@@ -52,10 +52,17 @@ class Report:
             "target": summarize_by(self.episodes, lambda task: task.target),
         }
 
+    @property
+    def changed(self) -> str:
+        """What is not the benchmark's own: names of the environment and of objects given for options; empty if nothing."""
+        options = (self.settings["observation"], *self.settings["options"].values())
+        names = [self.settings["env"]["name"]] if "env" in self.settings else []
+        return ", ".join([*names, *(value for value in options if isinstance(value, str) and ":" in value)])
+
     @cached_property
     def cooperation(self) -> Cooperation | None:
         """What the policy gets of the possible gain from cooperation; None where there is no reference."""
-        if "env" in self.settings:
+        if self.changed:
             return None
         return cooperation(self.episodes, self.settings["split"], self.settings["options"]["max_steps"])
 

@@ -155,9 +155,9 @@ def _apart(report: Report) -> list[str]:
     pixels = options.get("image_size", Options.image_size)
     whole = settings["tasks_sha256"] == tasks_hash(evaluated_tasks(settings["split"]))
     notes = {
-        f"{options['feedback']} feedback": options["feedback"] not in (True, False, "paper"),
+        "planner feedback": options["feedback"] == "planner",
         "goal observed": options.get("goal"),
-        f"in {settings.get('env', {}).get('name')}": "env" in settings,
+        f"changed: {report.changed}": bool(report.changed),
         f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
         f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
         f"at most {options['max_steps']} steps": options["max_steps"] != MAX_STEPS,

@@ -1,17 +1,36 @@
-"""Advisers: what the humanoid should have done instead of its last action, in one of two styles."""
+"""Advisers: what robots are told that they should have done instead of their last action."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks import language
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.task import Task
 
 
+@runtime_checkable
 class Adviser(Protocol):
-    """Watches an episode and says what would have been better."""
+    """Gives language feedback, e.g. ``feedback=MyAdviser()``.
+
+    Each environment works with a copy of the object, which must be picklable; it may keep what it needs of an episode.
+    """
+
+    def begin(self, stage: Stage, task: Task, goal: Goal) -> None:
+        """Watch an episode that begins on a stage."""
+
+    def before(self, actions: dict[str, str], outcome: Outcome) -> None:
+        """Take note of the robots' actions, by name, that are about to be taken after an outcome."""
+
+    def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
+        """Return robot -> sentence about its action in a step, counted from 0; robots left out are told nothing."""
+
+
+class Critic(Protocol):
+    """Watches the humanoid and knows what would have been better."""
 
     def before(self, action: str, outcome: Outcome) -> None:
         """Take note of the action that the humanoid is about to take in a state with that outcome."""
@@ -20,8 +39,8 @@ class Adviser(Protocol):
         """Return the action that would have been better, or None, once the action has been taken."""
 
 
-class PaperAdviser:
-    """Notices a Pick or Place that would have worked and was not taken."""
+class MissedChance:
+    """The paper's critic: notices a Pick or Place that would have worked and was not taken."""
 
     def __init__(self, stage: Stage, goal: Goal):
         """Watch an episode that begins on a stage."""
@@ -40,8 +59,8 @@ class PaperAdviser:
         return self._missed
 
 
-class PlannerAdviser:
-    """Notices every action that does not shorten the optimal plan; plans anew only after such a one."""
+class Detour:
+    """The planner's critic: notices every action that does not shorten the optimal plan; plans anew only after such."""
 
     def __init__(self, stage: Stage, goal: Goal):
         """Plan an episode that begins on a stage."""
@@ -69,5 +88,31 @@ class PlannerAdviser:
             return None
 
 
-#: Style of feedback -> who gives it.
-ADVISERS: dict[str, Callable[[Stage, Goal], Adviser]] = {"paper": PaperAdviser, "planner": PlannerAdviser}
+class SpokenAdviser:
+    """Says in plain English what a critic knows."""
+
+    def __init__(self, critic: Callable[[Stage, Goal], Critic]):
+        """Ask a critic of this kind in every episode."""
+        self.critic = critic
+
+    def begin(self, stage: Stage, task: Task, goal: Goal) -> None:
+        """Watch an episode that begins on a stage."""
+        self._task, self._item, self._critic = task, goal.item, self.critic(stage, goal)
+
+    def before(self, actions: dict[str, str], outcome: Outcome) -> None:
+        """Take note of the humanoid's action, and of what it holds."""
+        self._action, self._holding = actions["humanoid"], outcome.held == self._item
+        self._critic.before(self._action, outcome)
+
+    def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
+        """Return a sentence for the humanoid if something would have been better."""
+        better = self._critic.after(succeeded["humanoid"])
+        if better is None:
+            return {}
+        advice = language.Advice(self._action, succeeded["humanoid"], better, self._holding)
+        return {"humanoid": language.say(self._task, step, advice)}
+
+
+#: Style of feedback -> the critic behind it.
+CRITICS: dict[str, Callable[[Stage, Goal], Critic]] = {"paper": MissedChance, "planner": Detour}
+STYLES = tuple(CRITICS)

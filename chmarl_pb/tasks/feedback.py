@@ -9,8 +9,6 @@ out; here is what follows from it.
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.outcome import Outcome
 
-STYLES = ("paper", "planner")
-
 
 def within_sight(goal: Goal, outcome: Outcome) -> str | None:
     """Return "pick" or "place" if the humanoid sees what that needs and its hand is ready for it, else None."""

@@ -1,38 +1,78 @@
-"""Messages: two binary vectors, shared by both robots, of the rooms where X and Y have been seen."""
+"""Messages: what the robots tell each other, and the channel that carries it."""
+
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.outcome import Outcome
 
-Messages = NDArray[np.int8]
+Messages = NDArray[Any]
+Rooms = tuple[str, ...]
 
 
-def no_messages(rooms: tuple[str, ...]) -> Messages:
-    """Return the messages (2, rooms) of an episode's start: nothing is known."""
-    return np.zeros((2, len(rooms)), dtype=np.int8)
+@runtime_checkable
+class Channel(Protocol):
+    """Carries messages, e.g. ``messages=MyChannel()``: what has been said in an episode, and what a robot hears of it.
 
-
-def update(messages: Messages, outcome: Outcome, goal: Goal, rooms: tuple[str, ...]) -> Messages:
-    """Return the messages with what either robot has identified since; bits are never cleared.
-
-    Args:
-        messages: (2, rooms) what was known: row 0 for X, row 1 for Y.
-        outcome: who sees what now.
-        goal: X and Y.
-        rooms: the rooms that have a bit, in order.
+    What has been said is one array, which each step replaces; the channel itself keeps nothing of an episode. It must
+    be picklable, as environments are copied with it. ``rng`` are the environment's random numbers.
     """
-    now = messages.copy()
-    seen: set[str] = set().union(*outcome.seen.values())
-    for name in seen.intersection(goal.receptacles):
-        _set(now[1], catalog.room_of(name), rooms)
-    if goal.item in seen:
-        _set(now[0], outcome.item_room, rooms)
-    return now
+
+    def space(self, rooms: Rooms) -> spaces.Box:
+        """Return the space of what one robot hears, the observation ``messages``; ``rooms`` can have a bit each."""
+
+    def begin(self, rooms: Rooms) -> Messages:
+        """Return what has been said before an episode; ``state()`` holds it, too, so its shape is fixed."""
+
+    def update(
+        self, messages: Messages, outcome: Outcome, goal: Goal, rooms: Rooms, rng: np.random.Generator
+    ) -> Messages:
+        """Return what has been said when the robots have also told each other of an outcome."""
+
+    def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
+        """Return what a robot hears of it, an array of its own."""
 
 
-def _set(row: NDArray[np.int8], room: str, rooms: tuple[str, ...]) -> None:
+class Board:
+    """The paper's channel: two binary vectors, shared by all robots, of the rooms where X and Y have been seen."""
+
+    def space(self, rooms: Rooms) -> spaces.Box:
+        """Return the space of two vectors: row 0 for X, row 1 for Y."""
+        return spaces.Box(0, 1, (2, len(rooms)), np.int8)
+
+    def begin(self, rooms: Rooms) -> Messages:
+        """Return zeros: nothing is known."""
+        return np.zeros((2, len(rooms)), dtype=np.int8)
+
+    def update(
+        self, messages: Messages, outcome: Outcome, goal: Goal, rooms: Rooms, rng: np.random.Generator
+    ) -> Messages:
+        """Return the board with what any robot has identified since; bits are never cleared."""
+        now = messages.copy()
+        seen: set[str] = set().union(*outcome.seen.values())
+        for name in seen.intersection(goal.receptacles):
+            _set(now[1], catalog.room_of(name), rooms)
+        if goal.item in seen:
+            _set(now[0], outcome.item_room, rooms)
+        return now
+
+    def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
+        """Return the whole board."""
+        return messages.copy()
+
+
+class Silence(Board):
+    """The same board, but nobody reads it: it is heard as zeros."""
+
+    def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
+        """Return zeros."""
+        return np.zeros_like(messages)
+
+
+def _set(row: NDArray[np.int8], room: str, rooms: Rooms) -> None:
     if room in rooms:
         row[rooms.index(room)] = 1

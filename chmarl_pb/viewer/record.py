@@ -132,7 +132,7 @@ def _recorded(
 
         episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
         return Recording(
-            task, load_home(task.home), env.instruction, name, env.options.observation, env.rooms,
+            task, load_home(task.home), env.instruction, name, env.options.observation_name, env.rooms,
             env.setting.goal.receptacles, _moments(env, episode, noted), episode.success,
         )  # fmt: skip
     finally:

@@ -146,7 +146,8 @@ def test_success_within() -> None:
 # --- policies ------------------------------------------------------------------------------------
 
 
-def test_policies_are_found() -> None:
+def test_policies_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
     assert find_policy("planner").deterministic and not find_policy("random").deterministic
     source = find_policy(f"{__name__}:staying")
     assert source.deterministic and source.name == f"{__name__}:staying" and source.sha256

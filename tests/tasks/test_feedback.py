@@ -10,6 +10,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.advisers import Detour, MissedChance
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.language import templates
 from chmarl_pb.tasks.language.feedback import templates_for
@@ -97,7 +98,8 @@ def test_unknown_styles_are_refused(value: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "style"), [(True, "paper"), (False, None), ("paper", "paper"), ("planner", "planner")]
+    ("value", "critic"), [(True, MissedChance), (False, None), ("paper", MissedChance), ("planner", Detour)]
 )
-def test_styles(value: bool | str, style: str | None) -> None:
-    assert Options(feedback=value).feedback_style == style
+def test_styles(value: bool | str, critic: type | None) -> None:
+    adviser = Options(feedback=value).adviser
+    assert getattr(adviser, "critic", None) is critic

@@ -4,12 +4,13 @@ import numpy as np
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.tasks.messages import no_messages, update
+from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 GOAL = Goal("mug_1", ("bedroom/desk_1", "livingroom/desk_1", "hallway/desk_1"))
+RNG = np.random.default_rng(0)
 
 
 def outcome(humanoid: tuple[str, ...] = (), drone: tuple[str, ...] = (), room: str = "kitchen") -> Outcome:
@@ -17,9 +18,9 @@ def outcome(humanoid: tuple[str, ...] = (), drone: tuple[str, ...] = (), room: s
 
 
 def bits(*outcomes: Outcome) -> list[list[int]]:
-    messages = no_messages(ROOMS)
+    messages = Board().begin(ROOMS)
     for one in outcomes:
-        messages = update(messages, one, GOAL, ROOMS)
+        messages = Board().update(messages, one, GOAL, ROOMS, RNG)
     return messages.tolist()
 
 
@@ -44,8 +45,8 @@ def test_a_room_without_a_bit_is_not_told() -> None:
 
 
 def test_update_leaves_what_it_was_given() -> None:
-    before = no_messages(ROOMS)
-    update(before, outcome(("mug_1",)), GOAL, ROOMS)
+    before = Board().begin(ROOMS)
+    Board().update(before, outcome(("mug_1",)), GOAL, ROOMS, RNG)
     assert not before.any()
 
 

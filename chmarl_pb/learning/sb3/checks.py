@@ -8,7 +8,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor
 
-from chmarl_pb.envs.observations import observation_space
+from chmarl_pb.envs.observations import Observer
 from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.observation_keys import IMAGE, MESSAGES, PREFIXES, SELF, is_picture, named
 
@@ -58,7 +58,7 @@ class Check:
 
 def _check_robot(prefix: str, own: Mapping[str, spaces.Space]) -> None:
     """Check the keys of one robot, which are named here without its prefix."""
-    given = observation_space(Options(goal=True), ("",) * _rooms(own))
+    given = Observer(Options(goal=True), ("",) * _rooms(own)).space
     for name in own.keys() & given.spaces.keys():
         if own[name].shape != given[name].shape:
             raise ValueError(f"{prefix + name!r} has the shape {own[name].shape}, not {given[name].shape}: {_MEMORY}")

@@ -1,0 +1,160 @@
+"""Sensors: each gives some keys of a robot's observation; the built-in ones by name, others as objects."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from chmarl_pb import catalog
+from chmarl_pb.rendering.camera_poses import CAMERAS
+from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph, SceneGraphs
+from chmarl_pb.sensing.vision import Sight
+from chmarl_pb.world import World
+
+
+class View(NamedTuple):
+    """One robot's side of one moment: all that a sensor may read. Sensors change nothing.
+
+    Attributes:
+        robot: its name.
+        actions: names of its actions, in the order of their numbers.
+        world: where it is; knows the truth, so a fair sensor reads no more of it than the robot's own part.
+        sight: pictures from the robots' cameras.
+        graphs: scene graphs of what robots see.
+        seen: names of the things in this robot's view.
+        states: name of a thing -> its symbolic state.
+        rooms: rooms that have a message bit, in order.
+        instruction: in plain English.
+        feedback: what the robot is told about its last action; empty if nothing.
+        messages: what it hears, as the channel gives it.
+        succeeded: whether its last action could be done; True after a reset.
+        rng: the environment's random numbers, for sensors with noise.
+    """
+
+    robot: str
+    actions: tuple[str, ...]
+    world: World
+    sight: Sight
+    graphs: SceneGraphs
+    seen: tuple[str, ...]
+    states: Mapping[str, str]
+    rooms: tuple[str, ...]
+    instruction: str
+    feedback: str
+    messages: NDArray[Any]
+    succeeded: bool
+    rng: np.random.Generator
+
+    def graph(self) -> SceneGraph:
+        """Return the scene graph of what the robot sees."""
+        return self.graphs.graph(self.seen, self.states)
+
+    def image(self, size: int) -> NDArray[np.uint8]:
+        """Return what the robot's camera shows, (size, size, 3)."""
+        return self.sight.colours(self.robot, size)
+
+    def depth(self, size: int) -> NDArray[np.float32]:
+        """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
+        buffer = self.sight.picture(self.robot, self.world.robots[self.robot].pose, size).depth
+        near, far = CAMERAS[self.robot].near, CAMERAS[self.robot].far
+        return (near * far / (far - (far - near) * buffer)).astype(np.float32)
+
+    def classes(self, size: int) -> NDArray[np.int16]:
+        """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
+        picture = self.sight.picture(self.robot, self.world.robots[self.robot].pose, size)
+        ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.sight.names]
+        return np.array([*ids, 0], dtype=np.int16)[picture.segmentation]  # -1, which is nothing, takes the last
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """Gives some keys of every robot's observation, e.g. ``observation=("scene_graph", MySensor())``.
+
+    An object that is given must be picklable, as environments are copied with it, and keep nothing of an episode.
+    """
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return key -> space of its values; texts take :func:`text_space`."""
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return key -> value; a text is observed as bytes, and given in infos as it is."""
+
+
+def text_space(length: int) -> spaces.Box:
+    """Return the space of texts as so many bytes of UTF-8, filled up with zeros; longer ones are cut."""
+    return spaces.Box(0, 255, (length,), np.uint8)
+
+
+class SceneGraphSensor:
+    """The scene graph of what the robot sees: ``node_class``, ``node_state``, ``edges``."""
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the spaces of the three arrays."""
+        return {
+            "node_class": spaces.Box(0, len(catalog.CLASSES), (MAX_NODES,), np.int16),
+            "node_state": spaces.Box(0, len(catalog.STATES), (MAX_NODES,), np.int16),
+            "edges": spaces.Box(0, MAX_NODES, (MAX_EDGES, 3), np.int16),
+        }
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the three arrays."""
+        return {**view.graph().arrays()}
+
+
+class ImageSensor:
+    """The camera's colours: ``image``."""
+
+    def __init__(self, size: int):
+        """Draw pictures of this width and height in pixels."""
+        self.size = size
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the space of pictures."""
+        return {"image": spaces.Box(0, 255, (self.size, self.size, 3), np.uint8)}
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the picture."""
+        return {"image": view.image(self.size)}
+
+
+class DepthSensor:
+    """How far away everything is that the camera shows: ``depth``, metres along the line of sight."""
+
+    def __init__(self, size: int):
+        """Draw pictures of this width and height in pixels."""
+        self.size = size
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the space of pictures; the camera's far plane is its end."""
+        far = max(camera.far for camera in CAMERAS.values())
+        return {"depth": spaces.Box(0, far, (self.size, self.size), np.float32)}
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the picture."""
+        return {"depth": view.depth(self.size)}
+
+
+class SegmentationSensor:
+    """What each pixel shows: ``segmentation``, class ids as in ``node_class``, 0 where nothing has a class."""
+
+    def __init__(self, size: int):
+        """Draw pictures of this width and height in pixels."""
+        self.size = size
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the space of pictures."""
+        return {"segmentation": spaces.Box(0, len(catalog.CLASSES), (self.size, self.size), np.int16)}
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the picture."""
+        return {"segmentation": view.classes(self.size)}
+
+
+#: Name -> what makes the sensor, for a picture size in pixels; :mod:`chmarl_pb.sensing.text` adds "text".
+CAMERA_SENSORS: dict[str, Callable[[int], Sensor]] = {
+    "visual": ImageSensor,
+    "depth": DepthSensor,
+    "segmentation": SegmentationSensor,
+}

@@ -1,0 +1,107 @@
+"""The text sensor: what a robot sees, knows and was told, in plain sentences, for whoever plays by reading."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from chmarl_pb import catalog
+from chmarl_pb.sensing.scene_graph import SceneGraph
+from chmarl_pb.sensing.sensors import View, text_space
+
+LENGTH = 4096  # bytes; a view of everything in the fullest home takes fewer
+_PLACES = ("on", "inside", "held_by")  # relations that say where an object is
+_WORDS = {"held_by": "held by"}
+
+
+class TextSensor:
+    """Sentences: ``text``, as bytes in the observation and as a text in infos.
+
+    The instruction; where the robot is and what it holds; what it sees, by room, with what stands where and in which
+    state; what messages say; feedback, and whether the last action failed; and the names of its actions.
+    """
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the space of texts."""
+        return {"text": text_space(LENGTH)}
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the sentences."""
+        return {"text": describe(view)}
+
+
+def describe(view: View) -> str:
+    """Return what a robot sees, knows and was told, a line for each."""
+    lines = [f"Task: {view.instruction}", _self(view), *_seen(view), *_messages(view)]
+    if not view.succeeded:
+        lines.append("Your last action could not be done.")
+    if view.feedback:
+        lines.append(f"Feedback: {view.feedback}")
+    lines.append(f"Actions: {', '.join(view.actions)}.")
+    return "\n".join(lines)
+
+
+def _self(view: View) -> str:
+    """Return where the robot is, and what it holds."""
+    room = list(view.world.home.rooms)[view.world.robots[view.robot].room]
+    held = view.world.held if view.robot == "humanoid" else None
+    holding = f" You hold the {_name(held)}." if held else ""
+    return f"You are the {view.robot}, in the {_name(room)}.{holding}"
+
+
+def _seen(view: View) -> Iterator[str]:
+    """Yield one line for each room in which the robot sees something."""
+    graph = view.graph()
+    rooms: dict[str, list[str]] = {}
+    places = {source: (relation, target) for source, target, relation in graph.relations() if relation in _PLACES}
+    inside = {source: target for source, target, relation in graph.relations() if relation == "in_room"}
+    for name, thing in zip(graph.names, _things(graph, places), strict=True):
+        if name in inside:
+            rooms.setdefault(inside[name], []).append(thing)
+    if not rooms:
+        yield "You see nothing of note."
+    for room, things in rooms.items():
+        yield f"You see in the {_name(room)}: {', '.join(things)}."
+
+
+def _things(graph: SceneGraph, places: dict[str, tuple[str, str]]) -> Iterator[str]:
+    """Yield the words for each node: its name, where it is, and its state."""
+    for name, state in zip(graph.names, graph.states, strict=True):
+        words = _name(name)
+        if name in places:
+            relation, target = places[name]
+            words += f" {_WORDS.get(relation, relation)} the {_name(target)}"
+        yield words + (f" ({state})" if state not in ("fixed", "free", "held") else "")
+
+
+def _messages(view: View) -> Iterator[str]:
+    """Yield what messages say, if they are of the paper's kind: rooms where X, and rooms where Y has been seen."""
+    if view.messages.shape != (2, len(view.rooms)):
+        return
+    for what, bits in zip(("What is to be moved", "Where it belongs"), view.messages, strict=True):
+        rooms = [_name(room) for room, bit in zip(view.rooms, bits, strict=True) if bit]
+        if rooms:
+            yield f"{what} has been seen in the {' and the '.join(rooms)}."
+
+
+def _name(name: str) -> str:
+    """Return a name in words: ``kitchen/kitchen_table_2`` -> kitchen table 2, ``mug_1`` -> mug."""
+    kind = catalog.class_of(name)
+    number = name.rpartition("/")[2].removeprefix(kind).removeprefix("_")
+    words = kind.replace("_", " ")
+    return f"{words} {number}" if number not in ("", "1") else words
+
+
+def as_bytes(text: str, length: int) -> NDArray[np.uint8]:
+    """Return a text as bytes of UTF-8 (length,), filled up with zeros, or cut."""
+    data = text.encode()[:length]
+    array = np.zeros(length, dtype=np.uint8)
+    array[: len(data)] = np.frombuffer(data, dtype=np.uint8)
+    return array
+
+
+def as_text(array: NDArray[np.uint8]) -> str:
+    """Return the text of such bytes."""
+    return bytes(array).rstrip(b"\0").decode(errors="ignore")

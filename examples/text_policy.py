@@ -1,0 +1,66 @@
+"""A policy that reads and answers with words: put a language model in the place of `answer`.
+
+python examples/text_policy.py [TASK]
+"""
+
+import re
+import sys
+
+import chmarl_pb
+
+
+def answer(text, tried):
+    """Return one of the actions that a text offers; ``tried`` is what this robot has done so far.
+
+    A few rules: pick or place what is in sight, go where messages say, else look around in one room after the other.
+    """
+    actions = re.search(r"Actions: (.*)\.", text)[1].split(", ")
+    rooms = [action for action in actions if action.startswith("goto_")]
+    item, target = re.search(
+        r"Task: .*?\b(?:the|a|an|some) ([\w ]+?) (?:on|onto)\b.* (?:the|a|an) ([\w ]+)\.", text
+    ).groups()
+    holding = "You hold" in text
+    wanted, verb = (target, "place") if holding else (item, "pick")
+    seen = " ".join(line for line in text.splitlines() if line.startswith("You see"))
+    if verb in actions and re.search(rf"[:,] {wanted}\b", seen) and tried[-1:] != [verb]:
+        return verb
+    told = re.search(rf"^{'Where' if holding else 'What'} .* has been seen in the ([\w ]+)", text, re.MULTILINE)
+    if told and f"in the {told[1]}." not in text.splitlines()[1]:
+        return f"goto_{told[1].split(' and ')[0]}"
+    around = [action for action in tried if action == "turn_left"]
+    if "turn_left" in actions and len(around) % 12 != 11:
+        return "turn_left"
+    return rooms[len(tried) % len(rooms)] if "turn_left" not in actions else rooms[len(around) // 11 % len(rooms)]
+
+
+class TextPolicy:
+    """Plays each robot by its text alone."""
+
+    def __init__(self, env):
+        """Remember the names of the actions."""
+        self.names = env.action_names
+
+    def reset(self, seed):
+        """Forget the last episode."""
+        self.tried = {robot: [] for robot in self.names}
+
+    def act(self, observations, infos):
+        """Return robot -> number of the action that it answers."""
+        for robot, tried in self.tried.items():
+            tried.append(answer(infos[robot]["text"], tried))
+        return {robot: self.names[robot].index(tried[-1]) for robot, tried in self.tried.items()}
+
+
+def main(task="val-unseen-000"):
+    """Play one task and print what the humanoid reads and does."""
+    env = chmarl_pb.parallel_env(observation="text", split="val-unseen")
+    policy = TextPolicy(env)
+    episode = chmarl_pb.rollout(env, policy, seed=0, task=task)
+    for infos, action in zip(episode.infos, policy.tried["humanoid"], strict=False):
+        print(f"{infos['humanoid']['text']}\n> {action}\n")
+    print("success" if episode.success else "failure", f"after {episode.steps} steps")
+    env.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
