@@ -54,7 +54,7 @@ class Report:
 
     @property
     def changed(self) -> str:
-        """What is not the benchmark's own: names of the environment and of objects given for options; empty if nothing."""
+        """Names of the environment and of the objects that are not the benchmark's own; empty if there are none."""
         options = (self.settings["observation"], *self.settings["options"].values())
         names = [self.settings["env"]["name"]] if "env" in self.settings else []
         return ", ".join([*names, *(value for value in options if isinstance(value, str) and ":" in value)])

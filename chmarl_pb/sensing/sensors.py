@@ -11,7 +11,7 @@ from chmarl_pb import catalog
 from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph, SceneGraphs
 from chmarl_pb.sensing.vision import Sight
-from chmarl_pb.world import World
+from chmarl_pb.world import WorldState
 
 
 class View(NamedTuple):
@@ -20,7 +20,8 @@ class View(NamedTuple):
     Attributes:
         robot: its name.
         actions: names of its actions, in the order of their numbers.
-        world: where it is; knows the truth, so a fair sensor reads no more of it than the robot's own part.
+        state: of the world; it is the truth, so a fair sensor reads no more of it than the robot's own part.
+        room: name of the room that it is in.
         sight: pictures from the robots' cameras.
         graphs: scene graphs of what robots see.
         seen: names of the things in this robot's view.
@@ -35,7 +36,8 @@ class View(NamedTuple):
 
     robot: str
     actions: tuple[str, ...]
-    world: World
+    state: WorldState
+    room: str
     sight: Sight
     graphs: SceneGraphs
     seen: tuple[str, ...]
@@ -49,7 +51,7 @@ class View(NamedTuple):
 
     def graph(self) -> SceneGraph:
         """Return the scene graph of what the robot sees."""
-        return self.graphs.graph(self.seen, self.states)
+        return self.graphs.graph(self.state, self.seen, self.states)
 
     def image(self, size: int) -> NDArray[np.uint8]:
         """Return what the robot's camera shows, (size, size, 3)."""
@@ -57,13 +59,13 @@ class View(NamedTuple):
 
     def depth(self, size: int) -> NDArray[np.float32]:
         """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
-        buffer = self.sight.picture(self.robot, self.world.robots[self.robot].pose, size).depth
+        buffer = self.sight.picture(self.robot, size).depth
         near, far = CAMERAS[self.robot].near, CAMERAS[self.robot].far
         return (near * far / (far - (far - near) * buffer)).astype(np.float32)
 
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
-        picture = self.sight.picture(self.robot, self.world.robots[self.robot].pose, size)
+        picture = self.sight.picture(self.robot, size)
         ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.sight.names]
         return np.array([*ids, 0], dtype=np.int16)[picture.segmentation]  # -1, which is nothing, takes the last
 

@@ -45,10 +45,9 @@ def describe(view: View) -> str:
 
 def _self(view: View) -> str:
     """Return where the robot is, and what it holds."""
-    room = list(view.world.home.rooms)[view.world.robots[view.robot].room]
-    held = view.world.held if view.robot == "humanoid" else None
-    holding = f" You hold the {_name(held)}." if held else ""
-    return f"You are the {view.robot}, in the {_name(room)}.{holding}"
+    grip = view.state.grips.get(view.robot)
+    holding = f" You hold the {_name(grip.item)}." if grip else ""
+    return f"You are the {view.robot}, in the {_name(view.room)}.{holding}"
 
 
 def _seen(view: View) -> Iterator[str]:
