@@ -19,10 +19,9 @@ with needs("benchmarks.learning", "train", script=True):
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.files import write_atomically
-from chmarl_pb.learning.algorithms import learner
-from chmarl_pb.learning.algorithms.learner import Learner
+from chmarl_pb.learning.algorithms import value
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.benchmark_env import benchmark
-from chmarl_pb.learning.config import Config
 from chmarl_pb.learning.runs import collect
 from chmarl_pb.learning.runs.loop import Run
 from chmarl_pb.learning.runs.replay_buffer import Replay
@@ -49,7 +48,7 @@ def watch(run: Run, seconds: Seconds) -> None:
     for owner, attribute, name in (
         (collect.Collector, "play", "rollout"), (HouseholdEnv, "reset", "env.reset"),
         (HouseholdEnv, "step", "env.step"), (collect.Player, "values", "agents act"), (Replay, "sample", "batch"),
-        (Learner, "update", "update"), (learner, "unroll", "unroll"), (learner, "td_loss", "loss"),
+        (ValueLearner, "update", "update"), (value, "unroll", "unroll"), (value, "td_loss", "loss"),
         (torch.Tensor, "backward", "backward"),
     ):  # fmt: skip
         setattr(owner, attribute, timed(getattr(owner, attribute), name, seconds))

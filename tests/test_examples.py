@@ -91,3 +91,8 @@ def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     example("watch_checkpoint").main([str(tmp_path / BEST), "--out", str(tmp_path / "episode.gif")])
     assert "after" in capsys.readouterr().out
     assert (tmp_path / "episode.gif").stat().st_size > 1000
+
+
+def test_new_mixer(capsys: pytest.CaptureFixture[str]) -> None:
+    example("new_mixer").main(episodes=200)
+    assert "return of the greedy actions: " in capsys.readouterr().out

@@ -8,10 +8,11 @@ import argparse
 import json
 import platform
 import shutil
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -19,10 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 from chmarl_pb.files import write_atomically
-from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.losses import unroll
-from chmarl_pb.learning.algorithms.mixers import QtranNetworks
-from chmarl_pb.learning.config import ALGORITHMS, Config
+from chmarl_pb.learning.algorithms.qtran import QtranNetworks
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.runs.collect import Collector, advance, begin
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import train
@@ -32,6 +32,13 @@ from chmarl_pb.learning.spaces import interface_of
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
 from training.theory import additive_fit, independent_fit, supermodular_fit
 
+#: Algorithm -> the table that it ends in, from the true one and the learned one, whose order counts for QMIX.
+FITS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "iql": lambda table, learned: independent_fit(table),
+    "vdn": lambda table, learned: additive_fit(table),
+    "qmix": supermodular_fit,
+    "qtran": lambda table, learned: table,
+}
 GAMES = (*MATRIX_GAMES, "two-step")
 TOLERANCE = 0.5  # of a value; payoffs reach from -12 to 8
 CONFIG = Config(
@@ -72,14 +79,13 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, fol
 
     Args:
         game: one of ``GAMES``.
-        algorithm: one of ``ALGORITHMS``.
+        algorithm: one of ``FITS``.
         seed: of the training.
         config: of the training, but for the seed.
         folder: that an interrupted training goes on from; None: nothing is kept.
     """
     env_fn, paths, best = _game(game)
-    learner = train(env_fn, algorithm, replace(config, seed=seed), folder).learner
-    assert isinstance(learner, Learner)
+    learner = cast(ValueLearner, train(env_fn, algorithm, replace(config, seed=seed), folder).learner)
     tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
     theory = _theory(game, algorithm, learned)
@@ -92,7 +98,7 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, fol
 
 
 @torch.no_grad()
-def joint_values(learner: Learner, env: SmallGame, path: list[tuple[int, int]]) -> dict[str, np.ndarray]:
+def joint_values(learner: ValueLearner, env: SmallGame, path: list[tuple[int, int]]) -> dict[str, np.ndarray]:
     """Return the learned values in a state.
 
     Args:
@@ -113,12 +119,13 @@ def joint_values(learner: Learner, env: SmallGame, path: list[tuple[int, int]]) 
     state = batch.states[0, -1].expand(len(pairs), -1)
     values = torch.stack([own[agent, pairs[:, agent]] for agent in (0, 1)], dim=-1)
     shape = (own.shape[1], own.shape[1])
-    if not isinstance(learner.mixer, QtranNetworks):
+    if learner.algorithm != "qtran":
         return {"value": learner.mixer(values, state).view(shape).numpy()}
     histories = [history[0, -1].expand(len(pairs), -1) for history in online.histories.values()]
     acted = [torch.nn.functional.one_hot(pairs[:, agent], shape[0]).float() for agent in (0, 1)]
-    joint = learner.mixer.q_joint(histories, acted, state)
-    gap = values.sum(dim=-1, keepdim=True) - joint + learner.mixer.v_joint(histories, state)
+    networks = cast(QtranNetworks, learner.mixer)
+    joint = networks.q_joint(histories, acted, state)
+    gap = values.sum(dim=-1, keepdim=True) - joint + networks.v_joint(histories, state)
     return {"value": joint.view(shape).numpy(), "gap": gap.view(shape).numpy(), "own": own.numpy()}
 
 
@@ -126,7 +133,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 if all is as theory says."""
     parser = argparse.ArgumentParser(prog="python -m training.proofs", description=__doc__.split("\n")[0])
     parser.add_argument("--game", choices=GAMES, action="append", help="default: all")
-    parser.add_argument("--algo", choices=ALGORITHMS, action="append", help="default: all")
+    parser.add_argument("--algo", choices=tuple(FITS), action="append", help="default: all")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="JSON file for the tables")
     options = parser.parse_args(arguments)
@@ -140,7 +147,7 @@ def _main(options: argparse.Namespace) -> int:
     unfinished = options.out.with_suffix(".unfinished") if options.out else None
     proofs = []
     for game in options.game or GAMES:
-        for algorithm in options.algo or ALGORITHMS:
+        for algorithm in options.algo or FITS:
             folder = unfinished / f"{game}-{algorithm}-seed{options.seed}" if unfinished else None
             proofs.append(prove(game, algorithm, options.seed, folder=folder))
             console.print(f"{game} / {algorithm}: largest difference from theory {proofs[-1].error}")
@@ -165,23 +172,15 @@ def _game(name: str) -> tuple[Any, dict[str, list[tuple[int, int]]], float]:
 def _theory(game: str, algorithm: str, learned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the table that each state ends in."""
     if game != "two-step":
-        return {"1": _fit(algorithm, MATRIX_GAMES[game], learned["1"])}
+        return {"1": FITS[algorithm](MATRIX_GAMES[game], learned["1"])}
     tables = {
-        state: _fit(algorithm, table, learned[state]) for state, table in zip(("2A", "2B"), TWO_STEP, strict=True)
+        state: FITS[algorithm](table, learned[state]) for state, table in zip(("2A", "2B"), TWO_STEP, strict=True)
     }
     if algorithm == "iql":  # agent 1 knows where its action leads; agent 2's leads to either
         after = CONFIG.gamma * np.array([table.max(axis=1) for table in tables.values()])  # (game, agent)
         return {"1": np.array([after[:, 0], np.full(2, after[:, 1].mean())]), **tables}
     after = CONFIG.gamma * np.array([tables["2A"].max(), tables["2B"].max()])
-    return {"1": _fit(algorithm, np.repeat(after[:, None], 2, axis=1), learned["1"]), **tables}
-
-
-def _fit(algorithm: str, table: np.ndarray, learned: np.ndarray) -> np.ndarray:
-    if algorithm == "iql":
-        return independent_fit(table)
-    if algorithm == "vdn":
-        return additive_fit(table)
-    return supermodular_fit(table, learned) if algorithm == "qmix" else table
+    return {"1": FITS[algorithm](np.repeat(after[:, None], 2, axis=1), learned["1"]), **tables}
 
 
 def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | None:

@@ -1,19 +1,48 @@
 """``chmarl-pb sb3``: train a baseline of Stable-Baselines3; killed at any moment, the same command goes on."""
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
-from chmarl_pb.envs.registration import ENV_IDS
-from chmarl_pb.learning.networks import GRAPH_POOLS
-from chmarl_pb.learning.networks.frozen import ENCODERS, frozen_encoder
+from chmarl_pb.extras import needs
+from chmarl_pb.learning.benchmark_env import Observation
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
 from chmarl_pb.learning.runs.interrupts import run_command
-from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
+from chmarl_pb.learning.sb3.config import PRESETS, Config, EnvId
 from chmarl_pb.learning.sb3.train import BEST, RESULT, run
+
+with needs("chmarl-pb sb3", "train"):
+    import tyro
+
+
+@dataclass(frozen=True)
+class Command:
+    """A training that was asked for.
+
+    Attributes:
+        config: everything that fixes the run.
+        env: Gymnasium id; or --observation and --humanoid-only, as the tables name it.
+        observation: what the robots observe; None: scene_graph.
+        humanoid_only: whether the drone follows the search policy.
+        workers: processes; None: one for each core.
+        out: folder of the run; None: out/sb3/NAME, after its settings.
+    """
+
+    config: Annotated[Config, tyro.conf.arg(name="")]
+    env: EnvId | None = None
+    observation: Observation | None = None
+    humanoid_only: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    workers: int | None = None
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what does not fit together."""
+        if self.env and (self.observation or self.humanoid_only):
+            raise ValueError("--env names observation and robots already; leave out --observation and --humanoid-only")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str]) -> int:
     config, folder, workers = parse(arguments)
-    if config.observation == "visual" and config.image_encoder in ENCODERS and not config.keys:
+    if config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys:
         config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
     run(config, folder, workers, quiet=False)
     best = json.loads((folder / RESULT).read_text())["best"]
@@ -37,55 +66,19 @@ def _main(arguments: Sequence[str]) -> int:
 
 def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None]:
     """Return the settings that a command names, the folder of the run, and the number of processes."""
-    parser = _parser()
-    options = vars(parser.parse_args(arguments))
-    workers, out = options.pop("workers"), options.pop("out")
-    observation, humanoid_only = options.pop("observation"), options.pop("humanoid_only")
-    if options["env_id"] and (observation or humanoid_only):
-        parser.error("--env names observation and robots already; leave out --observation and --humanoid-only")
-    options["env_id"] = options["env_id"] or _env_id(observation or "scene_graph", humanoid_only)
-    return Config(**options), out or Path("out/sb3") / _name(options), workers
+    command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=__doc__.split("``: ")[1])
+    config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
+    return config, command.out or Path("out/sb3") / _name(config), command.workers
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="chmarl-pb sb3", description=__doc__.split("``: ")[1])
-    default = {field.name: field.default for field in fields(Config)}
-    switch = argparse.BooleanOptionalAction
-    parser.add_argument("--algo", choices=tuple(ALGORITHMS), required=True)
-    parser.add_argument("--env", choices=ENV_IDS, dest="env_id", help="or --observation, as the tables name it")
-    parser.add_argument("--observation", choices=("scene_graph", "visual"), help="default: scene_graph")
-    parser.add_argument("--humanoid-only", action="store_true", help="the drone follows the search policy")
-    parser.add_argument(
-        "--preset", choices=tuple(PRESETS), default=default["preset"],
-        help="what the network reads, and how it learns: the goal's few numbers, an encoder's features, too, or these "
-        "alone; default: %(default)s",
-    )  # fmt: skip
-    parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
-    parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
-    parser.add_argument("--image-encoder", choices=("cnn", *ENCODERS), default="cnn", help="all but cnn are frozen")
-    texts = {
-        "steps": "of all environments", "seed": "of every random stream", "envs": "side by side",
-        "image_size": "pixels", "interval": "steps between two validations", "tasks": "of each validation split",
-    }  # fmt: skip
-    for name, text in texts.items():
-        parser.add_argument(
-            f"--{name.replace('_', '-')}", type=int, default=default[name], help=f"{text}; default: %(default)s"
-        )
-    parser.add_argument("--graph-pool", choices=tuple(GRAPH_POOLS), default=default["graph_pool"])
-    parser.add_argument("--learning-rate", type=float, help="default: that of the algorithm")
-    parser.add_argument("--workers", type=int, help="processes; default: one for each core")
-    parser.add_argument("--out", type=Path, help="folder of the run; default: out/sb3/NAME")
-    return parser
-
-
-def _env_id(observation: str, humanoid_only: bool) -> str:
+def _env_id(observation: str | None, humanoid_only: bool) -> str:
     """Return the Gymnasium id of a row of the tables."""
-    kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
+    kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation or "scene_graph"]
     return f"CHMARL/{kind}{'Humanoid' if humanoid_only else ''}-v0"
 
 
-def _name(options: dict[str, object]) -> str:
+def _name(config: Config) -> str:
     """Return the name of a run's folder."""
-    parts = [options["algo"], str(options["env_id"]).removeprefix("CHMARL/").removesuffix("-v0").lower()]
-    parts += [word for word in ("messages", "feedback") if options[word]]
-    return "-".join([*map(str, parts), str(options["preset"]), f"seed{options['seed']}"])
+    parts = [config.algo, config.env_id.removeprefix("CHMARL/").removesuffix("-v0").lower()]
+    parts += [word for word in ("messages", "feedback") if getattr(config, word)]
+    return "-".join([*parts, config.preset, f"seed{config.seed}"])

@@ -1,107 +1,242 @@
 """``chmarl-pb train``: train one learner on the benchmark; killed at any moment, the same command goes on."""
 
-import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Protocol, Union
 
-from chmarl_pb.cli.flags import add_flags
-from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.learning.algorithms.mappo import check_start
-from chmarl_pb.learning.benchmark_env import benchmark
-from chmarl_pb.learning.config import CONFIGS, MappoConfig
-from chmarl_pb.learning.networks.frozen import ENCODERS
-from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
+from chmarl_pb.extras import needs
+from chmarl_pb.learning.algorithms.bc import clone
+from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.registry import ALGORITHMS
+from chmarl_pb.learning.benchmark_env import Observation, benchmark
+from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import BEST, train
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.policies.registry import make_policy
 
-#: Settings that all learners share or that the command fixes; all others are flags of their own.
-_SHARED = ("observation", "messages", "feedback", "centralized", "seed", "image_encoder", "horizon")
+with needs("chmarl-pb train", "train"):
+    import tyro
+
+IMITATION = "imitation"  # folder of the first training of dagger-mappo in that of the run
+
+Fixed = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # known before the arguments are read
+Flat = tyro.conf.arg(name="")  # flags without the field's name before them
+
+
+@dataclass(frozen=True)
+class Env:
+    """The benchmark's environment.
+
+    Attributes:
+        observation: what the robots observe.
+        messages: whether the robots hear each other.
+        feedback: whether the robots get language feedback.
+        image_size: pixels of an image.
+    """
+
+    observation: Observation = "scene_graph"
+    messages: bool = True
+    feedback: bool = True
+    image_size: int = count(128)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside the fields' limits."""
+        check(self)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a training happens.
+
+    Attributes:
+        out: folder of the run; None: out/train/NAME, after its settings.
+        threads: of torch.
+    """
+
+    out: Path | None = None
+    threads: int = count(1)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside the fields' limits."""
+        check(self)
+
+
+class Command(Protocol):
+    """A training that was asked for.
+
+    Attributes:
+        algo: name of the algorithm.
+        config: settings of the learner.
+        place: where it happens.
+    """
+
+    algo: Any
+    config: Any
+    place: Place
+
+    @property
+    def observation(self) -> str:
+        """What the robots observe."""
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder: everything that makes a row of the tables."""
+
+    def run(self, folder: Path) -> None:
+        """Train in a folder."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """Learn by playing."""
+
+    algo: Fixed
+    config: Annotated[RunConfig, Flat]
+    env: Annotated[Env, Flat] = Env()
+    place: Annotated[Place, Flat] = Place()
+
+    @property
+    def observation(self) -> str:
+        """What the robots observe."""
+        return self.env.observation
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder."""
+        return _name(self.algo, self.env, self.config.seed)
+
+    def run(self, folder: Path) -> None:
+        """Train in a folder."""
+        _play(self.algo, self.config, self.env, self.place, folder)
+
+
+@dataclass(frozen=True)
+class DaggerMappo:
+    """Imitate the search policy, then learn by MAPPO from there on.
+
+    The search policy knows no more than the robots see; to imitate it gives a learner that looks around and goes on,
+    which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by the reward.
+
+    Attributes:
+        imitation: settings of the first training; it has the same seed and the same kind of networks as the second.
+    """
+
+    algo: Fixed
+    config: Annotated[MappoConfig, Flat]
+    imitation: ImitationConfig = field(default_factory=ImitationConfig)
+    env: Annotated[Env, Flat] = Env()
+    place: Annotated[Place, Flat] = Place()
+
+    @property
+    def observation(self) -> str:
+        """What the robots observe."""
+        return self.env.observation
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder."""
+        return _name(self.algo, self.env, self.config.seed)
+
+    def run(self, folder: Path) -> None:
+        """Train twice in a folder; a finished first training is not done again."""
+        same = ("seed", "horizon", "features", "hidden", "encoder", "image_encoder", "graph_pool")
+        imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})
+        _play("imitation", imitation, self.env, self.place, folder / IMITATION)
+        mappo = replace(self.config, start=str(folder / IMITATION / BEST))
+        _play("mappo", mappo, self.env, self.place, folder)
+
+
+@dataclass(frozen=True)
+class Clone:
+    """Learn from stored episodes of the planner, made by `chmarl-pb dataset generate`.
+
+    Attributes:
+        data: folder of the data sets; None: Minari's own.
+    """
+
+    algo: Fixed
+    config: Annotated[CloningConfig, Flat]
+    data: Path | None = None
+    place: Annotated[Place, Flat] = Place()
+
+    @property
+    def observation(self) -> str:
+        """What the robots observe."""
+        return self.config.observation
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder."""
+        return _name(self.algo, self.config, self.config.seed)
+
+    def run(self, folder: Path) -> None:
+        """Train in a folder."""
+        clone(self.config, folder, self.data, quiet=False, threads=self.place.threads)
+
+
+#: Algorithm -> the command that trains it, with its defaults.
+COMMANDS: dict[str, Any] = {
+    "bc": Clone("bc", CloningConfig()),
+    **{name: Play(name, row.config(image_encoder="resnet18")) for name, row in ALGORITHMS.items()},
+    "dagger-mappo": DaggerMappo("dagger-mappo", MappoConfig(image_encoder="detector")),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    options, settings = parse(sys.argv[1:] if arguments is None else arguments)
-    if options.centralized and options.algo != "bc":
-        print("error: --centralized is for --algo bc; all others act decentralized", file=sys.stderr)
-        return 2
-    return run_command(partial(_train, options, settings), ValueError)
+    return run_command(partial(_run, sys.argv[1:] if arguments is None else arguments), ValueError)
 
 
-def _train(options: argparse.Namespace, settings: dict[str, Any]) -> int:
-    folder = options.out or Path("out/train") / _name(options)
-    (_clone if options.algo == "bc" else _learn)(options, settings, folder)
+def _run(arguments: Sequence[str]) -> int:
+    command = parse(arguments)
+    folder = command.place.out or Path("out/train") / command.name
+    command.run(folder)
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {options.observation}")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {command.observation}")
     return 0
 
 
-def _learn(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
-    encoder = options.image_encoder
-    config = CONFIGS[options.algo](seed=options.seed, horizon=MAX_STEPS, image_encoder=encoder, **settings)
-    env_fn, setting = benchmark(
-        options.observation, options.messages, options.feedback, encoder, image_size=options.image_size
+def parse(arguments: Sequence[str]) -> Command:
+    """Return the training that arguments ask for; ``--algo NAME`` may stand anywhere among them, or NAME first.
+
+    Raises:
+        ValueError: no algorithm is named, or one that there is not.
+    """
+    commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
+    kinds: Any = Union[tuple(commands)]  # noqa: UP007
+    found: Any = tyro.cli(
+        kinds, args=_algorithm_first(arguments), prog="chmarl-pb train --algo", description=__doc__.split("``: ")[1]
     )
-    if isinstance(config, MappoConfig) and config.start:
-        check_start(Path(config.start), setting)
-    teacher = partial(make_policy, "search") if options.algo == "imitation" else None
-    train(env_fn, options.algo, config, folder, by_tasks(), setting, False, teacher, options.threads)
+    return found
 
 
-def _clone(options: argparse.Namespace, settings: dict[str, Any], folder: Path) -> None:
-    from chmarl_pb.learning.algorithms.bc import clone
-
-    names = ("observation", "centralized", "messages", "feedback", "seed", "image_encoder")
-    shared = {name: getattr(options, name) for name in names}
-    clone(CloningConfig(**shared, **settings), folder, options.data, quiet=False, threads=options.threads)
-
-
-def parse(arguments: Sequence[str]) -> tuple[argparse.Namespace, dict[str, Any]]:
-    """Return the options of the command, and the learner's own settings among them."""
-    early = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    early.add_argument("--algo")
-    try:
-        algo = early.parse_known_args(arguments)[0].algo
-    except argparse.ArgumentError:  # the parser of all options says what is wrong
-        algo = None
-    parser = _parser()
-    kind: type[Any] | None = CloningConfig if algo == "bc" else CONFIGS.get(algo)
-    names = add_flags(parser, kind, _SHARED) if kind else []
-    options = parser.parse_args(arguments)
-    if options.threads < 1:
-        parser.error(f"--threads {options.threads}: use at least 1")
-    return options, {name: getattr(options, name) for name in names}
+def _algorithm_first(arguments: Sequence[str]) -> list[str]:
+    """Return arguments with the name of the algorithm in front, as tyro wants a choice of commands to be."""
+    words = [part for word in arguments for part in (word.split("=", 1) if word.startswith("--algo=") else [word])]
+    if "--algo" in words[:-1]:
+        place = words.index("--algo")
+        words = [words[place + 1], *words[:place], *words[place + 2 :]]
+    if words[:1] not in ([name] for name in (*COMMANDS, "-h", "--help")):
+        raise ValueError(f"--algo {words[0] if words else 'is missing'}: use one of: {', '.join(COMMANDS)}")
+    return words
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="chmarl-pb train", description=__doc__.split("``: ")[1],
-        epilog="With --algo, --help lists all settings of that learner.", allow_abbrev=False,
-    )  # fmt: skip
-    switch = argparse.BooleanOptionalAction
-    parser.add_argument("--algo", choices=("bc", *CONFIGS), required=True)
-    parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
-    parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
-    parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
-    parser.add_argument("--centralized", action="store_true", help="bc only: one network for both robots")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, help="folder of the run; default: out/train/NAME")
-    parser.add_argument("--image-size", type=int, default=128, help="pixels; not for bc")
-    encoders = tuple(dict.fromkeys((*IMAGE_ENCODERS, *ENCODERS)))
-    parser.add_argument("--image-encoder", choices=encoders, default="resnet18", help="all but cnn are frozen")
-    parser.add_argument("--data", type=Path, help="bc only: folder of the data sets; default: Minari's own")
-    parser.add_argument("--threads", type=int, default=1, help="of torch")
-    return parser
+def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
+    env_fn, setting = benchmark(
+        env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size
+    )
+    expert = ALGORITHMS[algorithm].expert
+    imitated = partial(make_policy, expert) if expert else None
+    train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads)
 
 
-def _name(options: argparse.Namespace) -> str:
+def _name(algo: str, setting: Any, seed: int) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
-    parts = [options.algo, options.observation]
-    parts += ["centralized"] if options.centralized else []
-    parts += [word for word in ("messages", "feedback") if getattr(options, word)]
-    return "-".join([*parts, f"seed{options.seed}"])
+    words = [word for word in ("centralized", "messages", "feedback") if getattr(setting, word, False)]
+    return "-".join([algo, setting.observation, *words, f"seed{seed}"])

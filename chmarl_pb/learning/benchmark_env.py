@@ -2,13 +2,17 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import chmarl_pb
 from chmarl_pb.learning.config import FROZEN
-from chmarl_pb.learning.networks.frozen import ENCODERS, FrozenEncoder, frozen_encoder
+from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
+from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.sensing.vision import SIGHT_SIZE
+
+Observation = Literal["scene_graph", "visual"]
 
 
 def benchmark(
@@ -30,9 +34,11 @@ def benchmark(
         options: more options of the environment.
 
     Raises:
+        ValueError: there is no such encoder.
         CheckpointError: there are no weights of a frozen encoder, and pictures need them.
     """
-    frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in ENCODERS else None
+    look_up("image_encoder", image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
+    frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in FROZEN_ENCODERS else None
     shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
     env_fn = partial(_environment, frozen, observation, **shared, **options)
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else ""}

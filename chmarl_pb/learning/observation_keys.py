@@ -34,6 +34,11 @@ def is_picture(space: spaces.Space) -> bool:
     return isinstance(space, spaces.Box) and len(space.shape) == 3 and space.dtype == np.uint8
 
 
+def is_features(space: spaces.Space) -> bool:
+    """Return whether a space holds what a frozen network makes of pictures."""
+    return isinstance(space, spaces.Box) and space.dtype == np.float16
+
+
 def is_tokens(key: str, space: spaces.Space) -> bool:
     """Return whether a key of a space holds words."""
     return named(key, INSTRUCTION, FEEDBACK) and is_ids(space, 1)

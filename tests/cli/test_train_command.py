@@ -1,53 +1,99 @@
-"""The command `python -m training.train`: its flags; and what a run writes for TensorBoard."""
+"""The command `chmarl-pb train`: its flags; and what a run writes for TensorBoard."""
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 pytest.importorskip("torch")
-from chmarl_pb.cli.flags import descriptions
-from chmarl_pb.cli.train import _SHARED, main, parse
-from chmarl_pb.learning.config import CONFIGS
-from chmarl_pb.learning.policies.cloned import CloningConfig
+pytest.importorskip("tyro")
+
+from chmarl_pb.cli.train import COMMANDS, main, parse
+from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.runs.logger import Logbook, read_metrics
 
-ALGORITHMS = {"bc": CloningConfig, **CONFIGS}
+ALL = ("bc", *ALGORITHMS, "dagger-mappo")
 
 
-@pytest.mark.parametrize(("algo", "kind"), ALGORITHMS.items())
-def test_every_setting_of_a_learner_is_a_flag_with_its_default(algo: str, kind: type) -> None:
-    options, settings = parse(["--algo", algo])
-    assert settings == {field.name: field.default for field in fields(kind) if field.name not in _SHARED}
-    assert options.image_encoder == "resnet18" and options.messages and options.feedback
+@pytest.mark.parametrize("algo", ALL)
+def test_every_setting_of_a_learner_is_a_flag_with_its_default(algo: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert parse(["--algo", algo]) == COMMANDS[algo]
+    with pytest.raises(SystemExit) as caught:
+        main(["--algo", algo, "--help"])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    for field in fields(COMMANDS[algo].config):
+        assert f"--{field.name.replace('_', '-')}" in text
 
 
-@pytest.mark.parametrize("kind", list(dict.fromkeys(ALGORITHMS.values())))
-def test_every_setting_is_described(kind: type) -> None:
-    assert {field.name for field in fields(kind)} <= set(descriptions(kind))
-    assert all(text and "\n" not in text for text in descriptions(kind).values())
+@pytest.mark.parametrize("kind", list({type(COMMANDS[algo].config) for algo in ALL}))
+def test_every_setting_is_described(kind: type[Any]) -> None:
+    texts = " ".join(base.__doc__ or "" for base in kind.__mro__)
+    assert all(f" {field.name}: " in texts for field in fields(kind))
 
 
 def test_flags_are_typed_and_belong_to_their_learner(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        parse(["--algo", "qmix", "--episodes", "7", "--gamma", "0.5"])[1] | {"episodes": 7, "gamma": 0.5}
-        == (parse(["--gamma", "0.5", "--episodes=7", "--algo=qmix"])[1])
-    )
-    assert parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"])[1]["past_actions"] is False
-    for wrong in (["--algo", "bc", "--episodes", "3"], ["--algo", "iql", "--epochs", "3"], ["--algo", "sarsa"], []):
-        with pytest.raises(SystemExit):
+    first = parse(["--algo", "qmix", "--episodes", "7", "--gamma", "0.5", "--no-messages"])
+    assert first == parse(["--gamma", "0.5", "--no-messages", "--episodes=7", "--algo=qmix"])
+    assert first == parse(["qmix", "--gamma", "0.5", "--episodes", "7", "--no-messages"])
+    assert (first.config.episodes, first.config.gamma, first.name) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
+    assert parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"]).config.past_actions is False
+    for wrong in (["--algo", "bc", "--episodes", "3"], ["--algo", "iql", "--epochs", "3"]):
+        with pytest.raises(SystemExit) as caught:
             parse(wrong)
+        assert caught.value.code == 2
     capsys.readouterr()
+    for wrong in (["--algo", "sarsa"], ["--algo"], [], ["--seed", "3"]):
+        with pytest.raises(ValueError, match=r"--algo .*: use one of: bc, iql, "):
+            parse(wrong)
 
 
-def test_help_lists_the_settings_of_the_learner(capsys: pytest.CaptureFixture[str]) -> None:
-    for algo, flag in (("mappo", "--critic-rate"), ("bc", "--weight-decay")):
-        with pytest.raises(SystemExit):
-            main(["--algo", algo, "--help"])
-        assert flag in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    assert "lists all settings" in capsys.readouterr().out
+def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
+    names = {
+        ("--algo", "bc", "--centralized", "--no-feedback"): "bc-scene_graph-centralized-messages-seed0",
+        ("--algo", "iql", "--observation", "visual", "--seed", "3"): "iql-visual-messages-feedback-seed3",
+        ("--algo", "dagger-mappo", "--no-messages"): "dagger-mappo-scene_graph-feedback-seed0",
+    }
+    for words, name in names.items():
+        assert parse(words).name == name
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--algo", "dqn"], "--algo dqn: use one of"),
+        (["--algo", "qmix", "--gamma", "5"], "gamma=5.0: must be from 0 to 1"),
+        (["--algo", "iql", "--envs", "0"], "envs=0: must be at least 1"),
+        (["--algo", "bc", "--batch-size", "0"], "batch_size=0: must be at least 1"),
+        (["--algo", "qmix", "--threads", "0"], "threads=0: must be at least 1"),
+        (["--algo", "vdn", "--mixer", "magic"], "mixer='magic' is not known"),
+        (["--algo", "vdn", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
+        (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),
+    ],
+)
+def test_bad_values_give_one_sentence(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main([*words, "--out", str(tmp_path / "run")])
+    except SystemExit as stop:
+        code = stop.code
+    shown = capsys.readouterr()
+    assert code == 2 and told in " ".join(shown.err.split()) and "episodes" not in shown.err
+
+
+def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from chmarl_pb.cli import train as command
+
+    trained = []
+    monkeypatch.setattr(command, "train", lambda env_fn, *arguments, **options: trained.append(arguments))
+    words = ["--algo", "dagger-mappo", "--seed", "4", "--imitation.episodes", "5", "--episodes", "6"]
+    assert main([*words, "--image-encoder", "cnn", "--out", str(tmp_path)]) == 0
+    (first, imitation, begun), (second, mappo, folder) = (arguments[:3] for arguments in trained)
+    assert (first, imitation.seed, imitation.episodes, begun) == ("imitation", 4, 5, tmp_path / "imitation")
+    assert (second, mappo.seed, mappo.episodes, folder) == ("mappo", 4, 6, tmp_path)
+    assert mappo.start == str(tmp_path / "imitation" / "best.pt")
 
 
 def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:

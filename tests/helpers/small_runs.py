@@ -3,8 +3,12 @@
 from functools import partial
 from typing import Any
 
-from chmarl_pb.learning.config import ALGORITHMS, Config, ImitationConfig, MappoConfig, RunConfig
+from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.value import Config
+from chmarl_pb.learning.config import RunConfig
 
+VALUE = ("iql", "vdn", "qmix", "qtran")  # algorithms that learn values
 SIZES: dict[str, Any] = {
     "envs": 4, "horizon": 5, "batch_size": 8, "learning_starts": 8, "features": 8, "hidden": 8,
     "validation_interval": 16, "checkpoint_interval": 16, "log_interval": 8,
@@ -12,7 +16,7 @@ SIZES: dict[str, Any] = {
 IMITATION = ImitationConfig(episodes=48, buffer_size=20, updates=2, **SIZES)
 MAPPO = MappoConfig(episodes=48, buffer_size=8, critic_starts=8, **SIZES)
 SMALL = Config(episodes=48, buffer_size=20, updates=2, target_update_interval=3, **SIZES)
-CONFIGS: dict[str, RunConfig] = {**dict.fromkeys(ALGORITHMS, SMALL), "imitation": IMITATION, "mappo": MAPPO}
+CONFIGS: dict[str, RunConfig] = {**dict.fromkeys(VALUE, SMALL), "imitation": IMITATION, "mappo": MAPPO}
 
 
 class Constant:

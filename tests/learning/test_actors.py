@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, taught
 from chmarl_pb.learning.algorithms.losses import Batch
-from chmarl_pb.learning.algorithms.mappo import Mappo, check_start
-from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.config import Config
+from chmarl_pb.learning.algorithms.mappo import Mappo
+from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
+from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
@@ -98,7 +98,7 @@ def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(1, 6), min_size=2, max_size=4), st.integers(0, 10**6))
 def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
-    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
+    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
     batch = random_batch(lengths, np.random.default_rng(seed))
     wave = learner.judge(batch)
     for row, length in enumerate(lengths):
@@ -110,7 +110,7 @@ def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int
 
 
 def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
-    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
+    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
     batch = random_batch([3], np.random.default_rng(0))
     values = learner.critic(batch.states).detach()[0, :, 0]
     wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
@@ -118,7 +118,7 @@ def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
 
 
 def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_state() -> None:
-    learner = Mappo(interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
+    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
     ended = random_batch([2, 3], np.random.default_rng(0))
     cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
     last = [float(learner.critic(cut.states).detach()[row, steps, 0]) for row, steps in ((0, 2), (1, 3))]
@@ -203,7 +203,7 @@ def test_one_step_is_enough_to_learn_from() -> None:
     learner = train(game, "mappo", config).learner
     state = learner.state()["networks"]
     assert learner.updates == 32 and all(torch.isfinite(value).all() for value in state.values())
-    start = Mappo(interface_of(game()), config).state()["networks"]
+    start = Mappo("mappo", interface_of(game()), config).state()["networks"]
     assert any(not torch.equal(value, start[name]) for name, value in state.items() if name.startswith("agents"))
 
 
@@ -212,7 +212,7 @@ def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path:
     train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=TEACHER)
     for start, waits in ((str(tmp_path / BEST), True), ("", False)):
         config = replace(MAPPO, episodes=8, critic_starts=8, start=start)
-        before = Mappo(interface, config).agents.state_dict()
+        before = make_learner("mappo", interface, config).agents.state_dict()
         after = train(UnevenEnv, "mappo", config).agents.state_dict()
         assert all(torch.equal(value, after[name]) for name, value in before.items()) == waits
 
@@ -255,16 +255,16 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     first = replace(IMITATION, **{"graph_pool": MAPPO.graph_pool})
     train(UnevenEnv, "imitation", first, tmp_path, teacher=TEACHER)
     interface = interface_of(UnevenEnv())
-    started = Mappo(interface, replace(MAPPO, start=str(tmp_path / BEST)))
+    started = make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / BEST)))
     kept = load(tmp_path / BEST, "value")["agents"]
     assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
     with pytest.raises(CheckpointError, match=BEST):
-        Mappo(interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
+        make_learner("mappo", interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
     with pytest.raises(CheckpointError, match="was trained with messages=None, not True"):
-        check_start(tmp_path / BEST, {"messages": True})
+        check_first_weights(replace(MAPPO, start=str(tmp_path / BEST)), {"messages": True})
     train(UnevenEnv, "iql", SMALL, tmp_path / "values")
     with pytest.raises(CheckpointError, match="iql learns no policy"):
-        Mappo(interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
+        make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
 
 
 def test_wrong_algorithms_and_settings_are_refused() -> None:
@@ -273,7 +273,7 @@ def test_wrong_algorithms_and_settings_are_refused() -> None:
         make_learner("sarsa", interface, Config())
     with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):
         make_learner("mappo", interface, Config())
-    with pytest.raises(ValueError, match="needs a teacher"):
+    with pytest.raises(ValueError, match="needs an expert"):
         train(TwoStepGame, "imitation", IMITATION)
 
 

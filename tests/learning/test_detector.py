@@ -76,7 +76,7 @@ def test_agents_read_detections_by_their_instruction(encoder: FrozenEncoder) -> 
     observations, _ = env.reset(seed=0)
     assert space.contains(observations["humanoid"])
     torch.manual_seed(0)
-    encode = build_encoder(space, 16)
+    encode = build_encoder(space, 16, "detector")
     seen = {key: torch.from_numpy(part)[None] for key, part in observations["humanoid"].items()}
     blank = seen | {"image": torch.zeros_like(seen["image"])}
     other = seen | {"instruction": seen["instruction"].flip(1).clamp(max=1)}

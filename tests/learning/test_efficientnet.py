@@ -44,7 +44,7 @@ def test_robots_see_by_it() -> None:
     assert frozen_encoder(NAME).fingerprint in setting.values()
     space = env.observation_space("drone")
     assert space.contains(seen["drone"])
-    encoded = build_encoder(space, 32)(tensors(stack([seen["drone"]])))
+    encoded = build_encoder(space, 32, NAME)(tensors(stack([seen["drone"]])))
     assert encoded.shape == (1, 32)
     env.close()
 

@@ -50,7 +50,7 @@ def test_features_take_the_place_of_pictures(envs: list[FeatureEnv]) -> None:
     for name in env.possible_agents:
         assert env.observation_space(name).contains(observations[name])
     batch = {key: torch.from_numpy(part)[None] for key, part in observations["drone"].items()}
-    assert build_encoder(env.observation_space("drone"), 8)(batch).shape == (1, 8)
+    assert build_encoder(env.observation_space("drone"), 8, env.encoder.name)(batch).shape == (1, 8)
     assert feature_space(env.env.observation_space("drone"), env.encoder)["image"].dtype == np.float16
     assert env.step(STAY)[0].keys() == observations.keys()
 

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 import chmarl_pb
-from chmarl_pb.cli.train import main
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.config import FROZEN
@@ -121,14 +120,6 @@ def test_checkpoints_of_another_version_are_refused(
     save(tmp_path / "x.pt", "value", load(folder / BEST) | change)
     with pytest.raises(CheckpointError, match=r"x\.pt: its settings are of another version"):
         load_policy(tmp_path / "x.pt")(env)
-
-
-def test_command_refuses_what_does_not_fit_together(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--algo", "qmix", "--centralized"]) == 2
-    assert "--centralized" in capsys.readouterr().err
-    for wrong in (["--algo", "dqn"], ["--algo"], ["--algo", "qmix", "--threads", "0"]):
-        with pytest.raises(SystemExit):
-            main(wrong)
 
 
 def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, best_legal, mean_square, qtran_loss, td_loss
-from chmarl_pb.learning.algorithms.mixers import Independent, QMixer, QtranNetworks, Sum, make_mixer
-from chmarl_pb.learning.config import Config
+from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, best_legal, mean_square, td_loss
+from chmarl_pb.learning.algorithms.mixers import Independent, QMixer, Sum
+from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
+from chmarl_pb.learning.algorithms.registry import make_learner
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.spaces import Interface, interface_of
 from training.games import TwoStepGame
 from training.theory import additive_fit, monotonic_fit, supermodular_fit
@@ -51,9 +54,12 @@ def test_qmix_equals_torchrl_with_equal_weights() -> None:
     torch.testing.assert_close(ours(values, state), theirs(values.unsqueeze(-1), state))
 
 
-def test_unknown_algorithm_is_named() -> None:
-    with pytest.raises(ValueError, match="'magic' is not known"):
-        make_mixer("magic", interface_of(TwoStepGame()), Config())
+def test_a_mixer_is_chosen_by_name() -> None:
+    learner = make_learner("vdn", interface_of(TwoStepGame()), Config(mixer="qmix"))
+    assert isinstance(learner, ValueLearner) and isinstance(learner.mixer, QMixer)
+    for wrong in ("magic", "tests.no_such_module:Mixer", "chmarl_pb.learning.algorithms.mixers:NoMixer"):
+        with pytest.raises(ValueError, match=f"mixer='{wrong}'"):
+            make_learner("vdn", interface_of(TwoStepGame()), Config(mixer=wrong))
 
 
 @given(st.lists(NUMBERS, min_size=9, max_size=9))
@@ -149,14 +155,18 @@ def test_what_a_gone_agent_would_do_changes_nothing(algorithm: str, cut: bool) -
     if not cut:
         batch.terminated[:, 0, 1] = True
     torch.manual_seed(0)
-    mixer = make_mixer(algorithm, Interface({}, {"a": 2, "b": 2}, 1, True), Config(hidden=3))
+    learner = make_learner(
+        algorithm,
+        Interface(dict.fromkeys("ab", spaces.Discrete(2)), {"a": 2, "b": 2}, 1, True),
+        Config(hidden=3, gamma=0.9),
+    )
+    assert isinstance(learner, ValueLearner)
     histories = {name: torch.randn(1, 3, 3) for name in "ab"}
 
     def loss_with(b_when_gone: list[float]) -> float:
         seen = values().values | {"b": torch.tensor([[VALUES["b"][0], b_when_gone, b_when_gone]])}
         unrolled = Unrolled(seen, histories)
-        find = qtran_loss if isinstance(mixer, QtranNetworks) else td_loss
-        return float(find(unrolled, unrolled, mixer, mixer, batch, 0.9)["loss"].detach())
+        return float(learner.td_loss(unrolled, unrolled, learner.mixer, learner.mixer, batch)["loss"].detach())
 
     assert loss_with([0.0, 1.0]) == pytest.approx(loss_with([50.0, -9.0]))
 

@@ -13,8 +13,9 @@ import torch
 from gymnasium.spaces import Discrete
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.learner import Learner
-from chmarl_pb.learning.config import ALGORITHMS, ImitationConfig, MappoConfig
+from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.checkpoint import FORMAT, CheckpointError, load, save
@@ -25,7 +26,7 @@ from chmarl_pb.learning.runs.replay_buffer import Replay
 from chmarl_pb.learning.runs.run_lock import held
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.spaces import interface_of, spaces_of
-from tests.helpers.small_runs import CONFIGS, SMALL, TEACHER
+from tests.helpers.small_runs import CONFIGS, SMALL, TEACHER, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
 
@@ -37,8 +38,8 @@ def collector() -> Collector:
     return Collector(UnevenEnv, 3)
 
 
-def learner(collector: Collector) -> Learner:
-    return Learner("vdn", collector.interface, SMALL)
+def learner(collector: Collector) -> ValueLearner:
+    return ValueLearner("vdn", collector.interface, SMALL)
 
 
 def test_interface_of_uneven_agents(collector: Collector) -> None:
@@ -103,7 +104,7 @@ def test_replay_is_bounded(collector: Collector) -> None:
         Replay(collector.interface, 3, 10, 1.0).add(episode)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", VALUE)
 def test_learns_an_additive_game(algorithm: str) -> None:
     config = replace(SMALL, episodes=320, envs=16, horizon=1, updates=10, batch_size=32, learning_rate=1e-2)
     result = train(partial(MatrixGame, MATRIX_GAMES["additive"]), algorithm, config)
@@ -238,7 +239,7 @@ def test_checkpoint_runs_no_code(tmp_path: Path) -> None:
 def test_other_architecture_is_refused(tmp_path: Path) -> None:
     train(UnevenEnv, "vdn", SMALL, tmp_path)
     content = load(tmp_path / LAST)
-    other = Learner("vdn", interface_of(UnevenEnv()), replace(SMALL, hidden=9))
+    other = ValueLearner("vdn", interface_of(UnevenEnv()), replace(SMALL, hidden=9))
     with pytest.raises(CheckpointError, match=r"last\.pt: its weights do not fit"):
         other.restore(content["learner"], tmp_path / LAST)
 

@@ -289,7 +289,7 @@ def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
         main(["--algo", "ppo", "--env", "CartPole-v1"])
     assert "CHMARL/SceneGraph-v0" in capsys.readouterr().err
     for wrong in (["--interval", "0"], ["--steps", "0"], ["--seed", "-1"]):
-        assert main(["--algo", "ppo", *wrong]) == 1
+        assert main(["--algo", "ppo", *wrong]) == 2
         assert f"{wrong[0].strip('-')}={wrong[1]}: must be at least" in capsys.readouterr().err
     for other in (["--humanoid-only"], ["--observation", "visual"]):
         with pytest.raises(SystemExit):

@@ -32,16 +32,15 @@ def test_every_training_is_understood() -> None:
 
 def test_what_a_command_needs_is_made_before_it() -> None:
     for words in TRAININGS:
-        options, _ = train.parse(words)
+        command = train.parse(words)
         here = COMMANDS.index(["python", "-m", "training.train", *words])
-        if options.observation == "visual" and options.image_encoder != "cnn":
-            assert options.image_encoder == "resnet18"  # what pretraining makes unless told otherwise
+        if command.observation == "visual" and command.config.image_encoder != "cnn":
+            assert command.config.image_encoder == "resnet18"  # what pretraining makes unless told otherwise
             assert place("python", "-m", "training.pretrain") < here
-        if options.algo == "bc":
+        if command.algo == "bc":
             assert place("chmarl-pb", "dataset", "generate") < here
 
 
 def test_the_checkpoint_that_is_evaluated_is_of_a_training_before() -> None:
-    options = [train.parse(words)[0] for words in TRAININGS]
-    folders = [str(Path("out/train") / train._name(option)) for option in options]
+    folders = [str(Path("out/train") / train.parse(words).name) for words in TRAININGS]
     assert str(Path(EVALUATED[EVALUATED.index("--policy") + 1]).parent) in folders

@@ -108,10 +108,10 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
         run = Run(row, 3, tmp_path, tmp_path, tmp_path)
         arguments = run.command("train")[1:]
         if row.module == "training.train":
-            options, settings = parse_train(arguments)
-            told = (options.observation, options.messages, options.feedback, options.seed, options.out)
+            command = parse_train(arguments)
+            setting = command.config if row.clones else command.env
+            told = (setting.observation, setting.messages, setting.feedback, command.config.seed, command.place.out)
             assert told == (row.observation, row.messages, row.feedback, 3, run.folder)
-            assert settings["batch_size"] > 0
         if row.module == "training.sb3":
             config, out, workers = parse_sb3(arguments)
             assert (config.observation, config.messages, config.feedback, config.seed) == (

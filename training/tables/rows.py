@@ -102,7 +102,7 @@ BASELINES = tuple(
 def _ours(observation: str) -> Row:
     """Return our strongest learner, which sees pictures by the detector."""
     name, seeds = "Imitation of search, then MAPPO", _SEEDS[observation]
-    return Row(name, observation, (), True, module="training.ours", seeds=seeds, image_encoder="detector")
+    return Row(name, observation, ("--algo", "dagger-mappo"), True, seeds=seeds, image_encoder="detector")
 
 
 #: Rows that the paper has no counterpart of, shown below its rows in the table of their observation.

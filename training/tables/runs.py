@@ -170,15 +170,15 @@ def _switch(name: str, on: bool) -> str:
 
 def _total(run: Run) -> int:
     """Return the number of episodes, epochs or steps of a training."""
-    from chmarl_pb.learning.config import CONFIGS, MappoConfig
-    from chmarl_pb.learning.policies.cloned import CloningConfig
+    from chmarl_pb.cli.train import COMMANDS
 
     options = (*run.row.options, *run.extra)
     for flag in ("--episodes", "--epochs", "--steps"):
         if flag in options:
             return int(options[options.index(flag) + 1])
-    algo = options[options.index("--algo") + 1] if "--algo" in options else ""
-    return CloningConfig().epochs if algo == "bc" else CONFIGS.get(algo, MappoConfig)().episodes
+    algo = options[options.index("--algo") + 1] if "--algo" in options else "mappo"
+    config = COMMANDS[algo].config
+    return int(config.epochs if run.row.clones else config.episodes)
 
 
 def curve(metrics: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ teacher says what it would do while the learner acts more and more by itself, so
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import Batch, unroll
-from chmarl_pb.learning.config import ImitationConfig
+from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import NO_LABEL, Choose
@@ -21,7 +22,27 @@ from chmarl_pb.learning.runs.replay_buffer import Replay
 from chmarl_pb.learning.spaces import Interface
 
 
-class Imitator:
+@dataclass(frozen=True)
+class ImitationConfig(RunConfig):
+    """Imitation of an expert that is asked in every state the learner comes to (DAgger, Ross et al. 2011).
+
+    Attributes:
+        updates: gradient steps after each wave.
+        teacher_share: of the actions that the teacher takes at first; it falls linearly to 0 in the first half.
+    """
+
+    episodes: int = count(3_000)
+    learning_rate: float = amount(1e-3)
+    graph_pool: str = "gated"
+    updates: int = natural(4)
+    teacher_share: float = share(1.0)
+
+    def share(self, episodes: int) -> float:
+        """Return the share of actions that the teacher takes after a number of episodes."""
+        return self.teacher_share * max(1 - 2 * episodes / self.episodes, 0.0)
+
+
+class DAgger:
     """Learns each agent's actions from a teacher's.
 
     Attributes:
@@ -29,11 +50,9 @@ class Imitator:
         updates: gradient steps that were taken.
     """
 
-    algorithm = "imitation"
-
-    def __init__(self, interface: Interface, config: ImitationConfig):
+    def __init__(self, algorithm: str, interface: Interface, config: ImitationConfig):
         """Make networks whose first weights depend on ``config.seed`` alone."""
-        self.config, self.updates = config, 0
+        self.algorithm, self.config, self.updates = algorithm, config, 0
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
             self.agents = make_agents(interface.observations, interface.actions, config)

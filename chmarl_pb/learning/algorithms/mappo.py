@@ -20,12 +20,65 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
 from chmarl_pb.learning.algorithms.losses import Batch, unroll
-from chmarl_pb.learning.config import MappoConfig
+from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, fill_optimizer, load, reading
+from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import Choose
 from chmarl_pb.learning.runs.replay_buffer import Replay
 from chmarl_pb.learning.spaces import Interface
+
+
+@dataclass(frozen=True)
+class MappoConfig(RunConfig):
+    """MAPPO (Yu et al. 2022, https://arxiv.org/abs/2103.01955): an actor each, and a critic that knows the state.
+
+    It learns from all episodes of the waves since it last did, as soon as they are ``buffer_size``, and at the end from
+    the rest.
+
+    Attributes:
+        learning_starts: episodes that are learned from the first time, if they are more than ``buffer_size``.
+        start: file of weights of agents to begin with (``best.pt``); "" for random ones.
+        critic_starts: episodes that only the critic learns from at first, beside actors that begin with ``start``.
+        epochs: passes over the episodes of a wave.
+        gamma: discount of one step.
+        gae_lambda: of generalised advantage estimation.
+        clip: how far the ratio of probabilities may leave 1.
+        entropy: weight of the policy's entropy.
+        critic_units: units of the critic's layers.
+        critic_rate: of Adam for the critic; both rates fall linearly, to 0 after the last gradient step.
+    """
+
+    episodes: int = count(12_000)
+    learning_starts: int = natural(0)
+    buffer_size: int = count(128)
+    gradient_clip: float = amount(1.0)
+    graph_pool: str = "gated"
+    validation_interval: int = count(2_000)
+    checkpoint_interval: int = count(2_000)
+    start: str = ""
+    critic_starts: int = natural(512)
+    epochs: int = count(4)
+    gamma: float = share(0.97)
+    gae_lambda: float = share(0.95)
+    clip: float = amount(0.2)
+    entropy: float = amount(0.01)
+    critic_units: int = count(128)
+    critic_rate: float = amount(1e-3)
+
+    @property
+    def kept(self) -> int:
+        """Most episodes that are learned from at once: whole waves, from ``buffer_size`` on."""
+        return -(-max(self.buffer_size, self.learning_starts) // self.envs) * self.envs
+
+    @property
+    def on_policy(self) -> bool:
+        """All kept episodes are learned from at once."""
+        return True
+
+    @property
+    def first_weights(self) -> str:
+        """The file of ``start``."""
+        return self.start
 
 
 @dataclass(frozen=True)
@@ -52,15 +105,10 @@ class Mappo:
         updates: gradient steps that were taken.
     """
 
-    algorithm = "mappo"
-
-    def __init__(self, interface: Interface, config: MappoConfig):
-        """Make networks whose first weights depend on ``config.seed`` and ``config.start`` alone.
-
-        Raises:
-            CheckpointError: ``config.start`` is damaged, of another architecture, or has no policies.
-        """
-        self.config, self.updates, self._learned = config, 0, 0
+    def __init__(self, algorithm: str, interface: Interface, config: MappoConfig):
+        """Make networks whose first weights depend on ``config.seed`` alone."""
+        self.algorithm, self.config = algorithm, config
+        self.updates, self._learned = 0, 0
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
             self.agents = make_agents(interface.observations, interface.actions, config)
@@ -69,8 +117,6 @@ class Mappo:
                 nn.Linear(interface.state_size, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
                 nn.Linear(units, 1),
             )  # fmt: skip
-        if config.start:
-            fill(self.agents, _policies(Path(config.start)), Path(config.start))
         self._networks = nn.ModuleDict({"agents": self.agents, "critic": self.critic})
         self._rates = config.learning_rate, config.critic_rate
         groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
@@ -173,27 +219,3 @@ class Mappo:
         fill(self._networks, state["networks"], path)
         fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates, self._learned = state["updates"], state["learned"]
-
-
-def check_start(path: Path, setting: dict[str, Any]) -> None:
-    """Check that the weights to begin with were learned in the same setting: messages, feedback, pictures.
-
-    Raises:
-        CheckpointError: they were not, or the file is damaged.
-    """
-    with reading(path):
-        theirs = dict(load(path, "value")["setting"])
-    for name, own in setting.items():
-        if theirs.get(name) != own:
-            raise CheckpointError(
-                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
-            )
-
-
-def _policies(path: Path) -> dict[str, Tensor]:
-    """Return weights of networks whose values are logits."""
-    with reading(path):
-        content = load(path, "value")
-        if content["algorithm"] not in ("imitation", "mappo"):
-            raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from imitation or mappo")
-        return content["agents"]

@@ -1,60 +1,100 @@
-"""Algorithm -> its learner. All learners have the same face, so one loop trains them all."""
+"""The algorithms: each is one file with a learner and its settings, and one row here."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
-import numpy as np
-from torch import nn
+from torch import Tensor
 
-from chmarl_pb.learning.algorithms.dagger import Imitator
+from chmarl_pb.learning.algorithms.dagger import DAgger, ImitationConfig
 from chmarl_pb.learning.algorithms.learner import Learner
-from chmarl_pb.learning.algorithms.losses import Batch
-from chmarl_pb.learning.algorithms.mappo import Mappo
-from chmarl_pb.learning.config import CONFIGS, Config, ImitationConfig, MappoConfig, RunConfig
-from chmarl_pb.learning.runs.collect import Choose
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
+from chmarl_pb.learning.algorithms.qtran import Qtran
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
+from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.spaces import Interface
 
 
-class Learning(Protocol):
-    """What a training run asks of a learner.
+@dataclass(frozen=True)
+class Algorithm:
+    """One algorithm.
 
     Attributes:
-        algorithm: its name.
-        agents: agent -> its network.
-        updates: gradient steps that were taken.
+        learner: makes its learner from its name, the interface of the environment, and its settings.
+        config: class of its settings.
+        expert: the built-in policy that it imitates on the benchmark; "" if it imitates nobody.
+        logits: whether its agents' values are logits of a policy, so that another such learner can begin with them.
     """
 
-    algorithm: str
-    agents: nn.ModuleDict
-    updates: int
-
-    def choose(self, episodes: int) -> Choose:
-        """Return how to act after a number of episodes."""
-
-    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
-        """Take the gradient steps that follow a wave of episodes, and yield each with its figures."""
-
-    def state(self) -> dict[str, Any]:
-        """Return all that it needs to go on."""
-
-    def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Go on from a state that comes from a file."""
+    learner: Callable[[str, Interface, Any], Learner]
+    config: type[RunConfig]
+    expert: str = ""
+    logits: bool = False
 
 
-def make_learner(algorithm: str, interface: Interface, config: RunConfig) -> Learning:
-    """Return the learner of an algorithm.
+ALGORITHMS: dict[str, Algorithm] = {
+    "iql": Algorithm(ValueLearner, Config),
+    "vdn": Algorithm(ValueLearner, Config),
+    "qmix": Algorithm(ValueLearner, Config),
+    "qtran": Algorithm(Qtran, Config),
+    "imitation": Algorithm(DAgger, ImitationConfig, expert="search", logits=True),
+    "mappo": Algorithm(Mappo, MappoConfig, logits=True),
+}
+
+
+def find_algorithm(name: str) -> Algorithm:
+    """Return an algorithm by its name.
+
+    Raises:
+        ValueError: there is none of this name.
+    """
+    if name not in ALGORITHMS:
+        raise ValueError(f"algorithm={name!r} is not known; use one of: {', '.join(ALGORITHMS)}")
+    return ALGORITHMS[name]
+
+
+def make_learner(algorithm: str, interface: Interface, config: RunConfig) -> Learner:
+    """Return the learner of an algorithm, with the weights that its settings say to begin with.
 
     Raises:
         ValueError: there is no such algorithm, or the settings are those of another.
+        CheckpointError: the file of the first weights is damaged, of another architecture, or has no policies.
     """
-    if algorithm not in CONFIGS:
-        raise ValueError(f"algorithm={algorithm!r} is not known; use one of: {', '.join(CONFIGS)}")
-    if type(config) is not CONFIGS[algorithm]:
-        raise ValueError(f"{algorithm} takes a {CONFIGS[algorithm].__name__}, not a {type(config).__name__}")
-    if algorithm == "imitation":
-        return Imitator(interface, cast(ImitationConfig, config))
-    if algorithm == "mappo":
-        return Mappo(interface, cast(MappoConfig, config))
-    return Learner(algorithm, interface, cast(Config, config))
+    row = find_algorithm(algorithm)
+    if type(config) is not row.config:
+        raise ValueError(f"{algorithm} takes a {row.config.__name__}, not a {type(config).__name__}")
+    learner = row.learner(algorithm, interface, config)
+    if config.first_weights:
+        path = Path(config.first_weights)
+        fill(learner.agents, _policies(path), path)
+    return learner
+
+
+def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
+    """Check that the weights to begin with were learned in the same setting: messages, feedback, images.
+
+    Raises:
+        CheckpointError: they were not, or the file is damaged.
+    """
+    if not config.first_weights:
+        return
+    path = Path(config.first_weights)
+    with reading(path):
+        theirs = dict(load(path, "value")["setting"])
+    for name, own in setting.items():
+        if theirs.get(name) != own:
+            raise CheckpointError(
+                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
+            )
+
+
+def _policies(path: Path) -> dict[str, Tensor]:
+    """Return weights of networks whose values are logits."""
+    with reading(path):
+        content = load(path, "value")
+        known = [name for name, row in ALGORITHMS.items() if row.logits]
+        if content["algorithm"] not in known:
+            raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from {' or '.join(known)}")
+        return content["agents"]

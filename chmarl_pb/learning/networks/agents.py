@@ -7,7 +7,8 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.config import RunConfig
-from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks.encoders import ENCODERS
 from chmarl_pb.learning.spaces import Tree, over
 
 NO_ACTION = -1  # last action at the first step
@@ -20,7 +21,8 @@ class Agent(nn.Module):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
-        self.encoder = build_encoder(space, config.features, config.image_encoder, config.graph_pool)
+        make = look_up("encoder", config.encoder, ENCODERS)
+        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool)
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
 

@@ -45,6 +45,7 @@ class DetectionEncoder(Part):
     """
 
     size = EMBEDDING + HEADS * SHAPE[1]
+    asks = True
 
     def __init__(self) -> None:
         """Make the tables."""

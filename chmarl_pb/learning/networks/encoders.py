@@ -6,38 +6,30 @@ key is flattened.
 """
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from typing import cast
 
-import numpy as np
 import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.detections import SHAPE as DETECTOR_SHAPE
-from chmarl_pb.learning.networks.detections import DetectionEncoder
-from chmarl_pb.learning.networks.efficientnet import SHAPE as EFFICIENTNET_SHAPE
+from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
-from chmarl_pb.learning.networks.images import IMAGE_ENCODERS, FeatureEncoder
+from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
 from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
-from chmarl_pb.learning.networks.resnet import SHAPE as RESNET_SHAPE
 from chmarl_pb.learning.observation_keys import (
     IMAGE,
     INSTRUCTION,
     NODE_CLASS,
     graphs,
+    is_features,
     is_goal,
     is_picture,
     is_tokens,
     named,
 )
 
-#: Shape of the features that a frozen network gives in the place of a picture -> what reads them.
-_FROZEN: dict[tuple[int, ...], Callable[[], Part]] = {
-    RESNET_SHAPE: FeatureEncoder,
-    EFFICIENTNET_SHAPE: partial(FeatureEncoder, *EFFICIENTNET_SHAPE),
-    DETECTOR_SHAPE: DetectionEncoder,
-}
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
 
 
@@ -57,8 +49,8 @@ def build_encoder(
     Args:
         space: a Box, a Discrete, or a Dict of these.
         size: number of features.
-        image_encoder: of pictures that are observed as such: "cnn" is small and learns; "resnet18" is frozen. Features
-            that ``FeatureEnv`` gives in their place are known by their shape.
+        image_encoder: of pictures: a name in ``IMAGE_ENCODERS``; where ``FeatureEnv`` gives features in their place,
+            the name in ``FROZEN_ENCODERS`` of what they come from.
         graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
         numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
             appended to the features as they are; see :class:`chmarl_pb.learning.networks.numbers.Numbers`.
@@ -83,18 +75,16 @@ class DictEncoder(nn.Module):
     def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str, numbers_past: bool = False):
         """Make the parts that a space needs."""
         super().__init__()
-        if graph_pool not in GRAPH_POOLS:
-            raise ValueError(f"graph_pool={graph_pool!r} is not known; use one of: {', '.join(GRAPH_POOLS)}")
-        self.space = space
-        words: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
+        self.space, pool = space, look_up("graph_pool", graph_pool, GRAPH_POOLS)
+        tables: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
         parts: dict[str, Part] = {}
         self.graphs = graphs(space)
         inside = {key for others in self.graphs.values() for key in others}
         for key, box in space.spaces.items():
             if key in self.graphs:
-                parts[key] = GRAPH_POOLS[graph_pool](box, space[self.graphs[key][0]])
+                parts[key] = pool(box, space[self.graphs[key][0]])
             elif is_tokens(key, box):
-                parts[key] = TokenEncoder(words.setdefault(id_count(box), embedding(id_count(box))))
+                parts[key] = TokenEncoder(tables.setdefault(id_count(box), embedding(id_count(box))))
             elif is_goal(key, box):
                 parts[key] = GoalEncoder(box)
             elif key not in inside:
@@ -111,7 +101,7 @@ class DictEncoder(nn.Module):
         features = []
         for key, part in zip(self.keys, self.parts, strict=True):
             beside = [flat[other] for other in self.graphs.get(key, ())]
-            if isinstance(part, GatedGraphEncoder | DetectionEncoder):
+            if part.asks:
                 beside.append(self._asked(_instruction_beside(key), flat))
             features.append(part(flat[key], *beside))
         joint = self.joint(torch.cat(features, dim=1))
@@ -119,19 +109,19 @@ class DictEncoder(nn.Module):
 
     def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
         """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
-        words = self.parts[self.keys.index(key)] if key in self.keys else None
-        if not isinstance(words, TokenEncoder):
+        if key not in self.keys or not is_tokens(key, self.space[key]):
             raise ValueError(f"pooling by the instruction needs its tokens, {key!r}, in the observation")
-        return words.total(flat[key])
+        return cast(TokenEncoder, self.parts[self.keys.index(key)]).total(flat[key])
 
 
 def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
     if isinstance(space, spaces.Box) and is_picture(space):
-        if image_encoder not in IMAGE_ENCODERS:
-            raise ValueError(f"image_encoder={image_encoder!r} is not known; use one of: {', '.join(IMAGE_ENCODERS)}")
-        return IMAGE_ENCODERS[image_encoder](space.shape)
-    if isinstance(space, spaces.Box) and named(key, IMAGE) and space.dtype == np.float16 and space.shape in _FROZEN:
-        return _FROZEN[space.shape]()
+        return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
+    if named(key, IMAGE) and is_features(space):
+        kind = look_up("image_encoder", image_encoder, FROZEN_ENCODERS)
+        if space.shape != kind.shape:
+            raise ValueError(f"{key!r} has features of shape {space.shape}, not those of {image_encoder}: {kind.shape}")
+        return kind.reader()
     if isinstance(space, spaces.Box | spaces.Discrete):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
@@ -140,3 +130,8 @@ def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
 def _instruction_beside(key: str) -> str:
     """Return the key of the instruction beside that of a graph's nodes or of a picture: both have the same prefix."""
     return key.removesuffix(NODE_CLASS).removesuffix(IMAGE) + INSTRUCTION
+
+
+#: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
+#: encoder of pictures and of the pool of graphs.
+ENCODERS: dict[str, Callable[[spaces.Space, int, str, str], nn.Module]] = {"household": build_encoder}

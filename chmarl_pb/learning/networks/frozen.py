@@ -8,13 +8,15 @@ import hashlib
 import os
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
+from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, tensors_of
 
 IMAGENET = "imagenet"  # name of torchvision's weights
@@ -24,11 +26,26 @@ _TOGETHER = 16  # pictures that are computed at once: larger batches are not fas
 #: Named weights -> what computes the features of uint8 pictures (B, height, width, 3).
 Build = Callable[[dict[str, Tensor]], Callable[[Tensor], Tensor]]
 
-#: Name -> how it is built from its weights, and the shape of the features of one picture.
-ENCODERS: dict[str, tuple[Build, tuple[int, ...]]] = {
-    "resnet18": (resnet.build, resnet.SHAPE),
-    "detector": (detector.build, detections.SHAPE),
-    efficientnet.NAME: (efficientnet.build, efficientnet.SHAPE),
+
+@dataclass(frozen=True)
+class Kind:
+    """One frozen network.
+
+    Attributes:
+        build: makes it from its weights.
+        shape: of the features of one picture.
+        reader: makes the part of an agent's network that reads the features.
+    """
+
+    build: Build
+    shape: tuple[int, ...]
+    reader: Callable[[], Part]
+
+
+FROZEN_ENCODERS: dict[str, Kind] = {
+    "resnet18": Kind(resnet.build, resnet.SHAPE, FeatureEncoder),
+    "detector": Kind(detector.build, detections.SHAPE, detections.DetectionEncoder),
+    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, partial(FeatureEncoder, efficientnet.FEATURES)),
 }
 
 
@@ -39,7 +56,7 @@ class FrozenEncoder:
     lately are remembered.
 
     Attributes:
-        name: one of ``ENCODERS``.
+        name: one of ``FROZEN_ENCODERS``.
         shape: of the features of one picture.
         fingerprint: sha256 of the weights.
         asked: number of pictures whose features were wanted.
@@ -50,7 +67,7 @@ class FrozenEncoder:
         """Take weights; those of a last layer of torchvision's are left out.
 
         Args:
-            name: one of ``ENCODERS``.
+            name: one of ``FROZEN_ENCODERS``.
             weights: name -> weights.
             kept: number of pictures whose features are remembered.
 
@@ -58,11 +75,11 @@ class FrozenEncoder:
             RuntimeError: they do not fit.
         """
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
-        build, self.shape = ENCODERS[name]
-        self.name, self.fingerprint = name, fingerprint(weights)
+        kind = FROZEN_ENCODERS[name]
+        self.name, self.shape, self.fingerprint = name, kind.shape, fingerprint(weights)
         self.asked, self.computed = 0, 0
         self._kept, self._known = kept, OrderedDict[bytes, Tensor]()
-        self._network = build(weights)
+        self._network = kind.build(weights)
 
     @torch.no_grad()
     def __call__(self, images: Tensor) -> Tensor:
@@ -99,7 +116,7 @@ def frozen_encoder(name: str, source: str | None = None) -> FrozenEncoder:
     """Return an encoder, loaded once in a process.
 
     Args:
-        name: one of ``ENCODERS``.
+        name: one of ``FROZEN_ENCODERS``.
         source: a file of weights; ``"imagenet"`` for torchvision's; None: :func:`weights_file`.
 
     Raises:
@@ -118,8 +135,8 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     Raises:
         CheckpointError: there are no weights, or others than those of the policy in a file.
     """
-    if name not in ENCODERS:
-        raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(ENCODERS)}")
+    if name not in FROZEN_ENCODERS:
+        raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(FROZEN_ENCODERS)}")
     encoder = frozen_encoder(name)
     if encoder.fingerprint != fingerprint:
         raise CheckpointError(

@@ -70,6 +70,7 @@ class GatedGraphEncoder(GraphEncoder):
     """
 
     size = GRAPH + HEADS * (VALUE + 1)
+    asks = True
 
     def __init__(self, classes: spaces.Space, states: spaces.Space):
         """Make tables for the ids in two spaces; 0 is padding."""

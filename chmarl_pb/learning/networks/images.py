@@ -1,12 +1,12 @@
 """Pictures: a small network that learns, or a frozen ResNet-18 with a linear layer."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.frozen import frozen_encoder
-from chmarl_pb.learning.networks.parts import Part, flattened
-from chmarl_pb.learning.networks.resnet import FEATURES
+from chmarl_pb.learning.networks.parts import FeatureEncoder, Part, flattened
 
 IMAGE = 256  # features of a picture
 
@@ -38,21 +38,6 @@ class ConvEncoder(Part):
         return self.layers(pictures.float() / 255 - 0.5)
 
 
-class FeatureEncoder(Part):
-    """A linear layer to 512 on features of a picture that come from a frozen network (as in CH-MARL)."""
-
-    size = FEATURES
-
-    def __init__(self, count: int = FEATURES):
-        """Make the layer for a number of features."""
-        super().__init__()
-        self.linear = nn.Sequential(nn.Linear(count, FEATURES), nn.ReLU())
-
-    def forward(self, features: Tensor) -> Tensor:
-        """Return (B, 512) from float16 features (B, count)."""
-        return self.linear(features.float())
-
-
 class PretrainedEncoder(FeatureEncoder):
     """ResNet-18, which does not learn, and a linear layer; see ``kept_features`` for what is faster.
 
@@ -81,7 +66,7 @@ class PretrainedEncoder(FeatureEncoder):
 
 
 #: Name -> encoder of pictures; made from their shape.
-IMAGE_ENCODERS: dict[str, type[ConvEncoder] | type[PretrainedEncoder]] = {
+IMAGE_ENCODERS: dict[str, Callable[[tuple[int, ...]], Part]] = {
     "cnn": ConvEncoder,
     "resnet18": PretrainedEncoder,
 }

@@ -1,4 +1,4 @@
-"""The parts of an encoder: each turns one key of an observation into features. Here: words and small vectors."""
+"""The parts of an encoder: each turns one key of an observation into features. Here: words, numbers, features."""
 
 import math
 
@@ -6,6 +6,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 EMBEDDING = 32  # features of a word, of a node's class, and of its state
+FEATURES = 512  # of a picture, after a frozen network
 
 
 class Part(nn.Module):
@@ -13,9 +14,11 @@ class Part(nn.Module):
 
     Attributes:
         size: number of its features.
+        asks: whether it also takes the sum of the embeddings of the instruction's words, as its last argument.
     """
 
     size: int
+    asks = False
 
 
 class TokenEncoder(Part):
@@ -35,6 +38,21 @@ class TokenEncoder(Part):
     def total(self, tokens: Tensor) -> Tensor:
         """Return the sum of the embeddings, (B, EMBEDDING): no word is weaker in a longer sentence."""
         return nn.functional.embedding_bag(tokens.long(), self.words.weight, mode="sum", padding_idx=0)
+
+
+class FeatureEncoder(Part):
+    """A linear layer to 512 on features of a picture that come from a frozen network (as in CH-MARL)."""
+
+    size = FEATURES
+
+    def __init__(self, count: int = FEATURES):
+        """Make the layer for a number of features."""
+        super().__init__()
+        self.linear = nn.Sequential(nn.Linear(count, FEATURES), nn.ReLU())
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return (B, 512) from float16 features (B, count)."""
+        return self.linear(features.float())
 
 
 class FlatEncoder(Part):

@@ -9,10 +9,10 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-from chmarl_pb.learning.config import FROZEN, check
+from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, share
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION
-from chmarl_pb.learning.networks.frozen import ENCODERS, frozen_encoder, trained_with
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space, with_features
 from chmarl_pb.learning.observation_keys import named
 from chmarl_pb.learning.policies.checks import check_size
@@ -53,23 +53,23 @@ class CloningConfig:
     centralized: bool = False
     messages: bool = True
     feedback: bool = True
-    noise: float = 0.0
-    seed: int = 0
-    epochs: int = 10
-    batch_size: int = 16
-    learning_rate: float = 2e-3
-    weight_decay: float = 1e-4
-    dropout: float = 0.0
-    features: int = 128
-    hidden: int = 128
+    noise: float = share(0.0)
+    seed: int = natural(0)
+    epochs: int = count(10)
+    batch_size: int = count(16)
+    learning_rate: float = amount(2e-3)
+    weight_decay: float = amount(1e-4)
+    dropout: float = share(0.0)
+    features: int = count(128)
+    hidden: int = count(128)
     past_actions: bool = True
     image_encoder: str = "resnet18"
-    temperature: float = 0.0
-    validation_interval: int = 2
-    validation_tasks: int = 50
+    temperature: float = amount(0.0)
+    validation_interval: int = count(2)
+    validation_tasks: int = count(50)
 
     def __post_init__(self) -> None:
-        """Refuse numbers that nothing can be made of; see :func:`chmarl_pb.learning.config.check`."""
+        """Refuse values outside the fields' limits; see :func:`chmarl_pb.learning.config.check`."""
         check(self)
 
     @property
@@ -80,7 +80,7 @@ class CloningConfig:
     @property
     def uses_features(self) -> bool:
         """Whether pictures are encoded before they reach the networks, by frozen weights."""
-        return self.observation == "visual" and self.image_encoder in ENCODERS
+        return self.observation == "visual" and self.image_encoder in FROZEN_ENCODERS
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:

@@ -9,7 +9,8 @@ from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.algorithms.losses import best_legal
-from chmarl_pb.learning.config import CONFIGS, FROZEN, RunConfig
+from chmarl_pb.learning.algorithms.registry import ALGORITHMS
+from chmarl_pb.learning.config import FROZEN, RunConfig
 from chmarl_pb.learning.networks.agents import Player, make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, with_features
@@ -90,7 +91,7 @@ class ValuePolicies:
 
     def _config(self, content: dict[str, Any]) -> RunConfig:
         try:
-            return CONFIGS[content["algorithm"]](**content["config"])
+            return ALGORITHMS[content["algorithm"]].config(**content["config"])
         except (KeyError, TypeError) as error:
             raise CheckpointError(
                 f"{self.path}: its settings are of another version ({error}); train it again"

@@ -83,7 +83,7 @@ class Signals:
 def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlError) -> int:
     """Do the work of a command and return its exit code; where it is not that of the work, one line says why.
 
-    It is 1 after an error, and 128 + N after the signal N.
+    It is 2 after an error, and 128 + N after the signal N.
 
     Args:
         work: returns the exit code.
@@ -94,7 +94,7 @@ def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlErr
             return work()
     except (ChmarlError, OSError, error_type) as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return 2
     except KeyboardInterrupt as error:
         found = error if isinstance(error, Interrupted) else Interrupted(signal.SIGINT)
         print(f"{found}: {shlex.join(['python', *sys.orig_argv[1:]])}", file=sys.stderr)

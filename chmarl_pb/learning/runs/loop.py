@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from torch import nn
 
-from chmarl_pb.learning.algorithms.registry import Learning, make_learner
-from chmarl_pb.learning.config import CONFIGS, MappoConfig, RunConfig
+from chmarl_pb.learning.algorithms.learner import Learner
+from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm, make_learner
+from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading, save
 from chmarl_pb.learning.runs.collect import Collector, Teacher
@@ -39,7 +40,7 @@ class Result:
         best_score: of the best validation; its weights are in ``best.pt`` of the run's folder.
     """
 
-    learner: Learning
+    learner: Learner
     agents: nn.ModuleDict
     best_score: float
 
@@ -66,8 +67,8 @@ def train(
 
     Args:
         env_fn: makes an environment.
-        algorithm: "iql", "vdn", "qmix", "qtran", "mappo", or "imitation" (of a teacher).
-        config: everything else that fixes the run; of the class in ``CONFIGS`` of the algorithm.
+        algorithm: a name in :data:`chmarl_pb.learning.algorithms.registry.ALGORITHMS`.
+        config: everything else that fixes the run; of the class that the algorithm has there.
         folder: for checkpoints and metrics; None: nothing is written.
         validate: chooses the best weights; the mean return of greedy episodes if None.
         setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`.
@@ -81,9 +82,11 @@ def train(
         ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
-    if algorithm == "imitation" and teacher is None:
-        raise ValueError("imitation needs a teacher")
-    config = config or CONFIGS.get(algorithm, RunConfig)()
+    row = find_algorithm(algorithm)
+    if row.expert and teacher is None:
+        raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, {row.expert!r})")
+    config = config or row.config()
+    check_first_weights(config, setting or {})
     signals = Signals()
     with (
         torch_threads(threads), held(folder),
@@ -128,7 +131,7 @@ class Run:
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config)
-        self.replay = _make_replay(collector.interface, config)
+        self.replay = _make_replay(collector.interface, algorithm, config)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
@@ -276,17 +279,17 @@ class Run:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
 
 
-def _make_replay(interface: Interface, config: RunConfig) -> Replay:
+def _make_replay(interface: Interface, algorithm: str, config: RunConfig) -> Replay:
     """Return a run's replay buffer.
 
     Raises:
         ValueError: memory does not hold what has to be learned from at once.
     """
     replay = Replay(interface, config.horizon, config.kept, config.memory_gib)
-    if isinstance(config, MappoConfig) and replay.capacity < config.kept:
+    if config.on_policy and replay.capacity < config.kept:
         raise ValueError(
-            f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that mappo learns "
-            "from at once; give more memory, or a smaller buffer_size, learning_starts or envs"
+            f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that "
+            f"{algorithm} learns from at once; give more memory, or a smaller buffer_size, learning_starts or envs"
         )
     return replay
 

@@ -2,19 +2,24 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import tyro
 from gymnasium import spaces
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from chmarl_pb.learning.config import check
+from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.learning.config import check, count, natural
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
 
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
+
+EnvId = Literal[ENV_IDS]  # type: ignore[valid-type]
+Hidden = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # of the command line, which finds it from other options
 
 
 @dataclass(frozen=True)
@@ -120,26 +125,26 @@ class Config:
         max_steps: of an episode.
     """
 
-    algo: str
-    env_id: str
-    preset: str = "goal"
-    steps: int = 600_000
-    seed: int = 0
-    envs: int = 16
+    algo: Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
+    env_id: Hidden = "CHMARL/SceneGraph-v0"
+    preset: Literal["goal", "goal-encoder", "encoder"] = "goal"
+    steps: int = count(600_000)
+    seed: int = natural(0)
+    envs: int = count(16)
     messages: bool = True
     feedback: bool = True
-    image_size: int = 128
+    image_size: int = count(128)
     image_encoder: str = "cnn"
-    frozen: str = ""
-    features: int = 128
+    frozen: Hidden = ""
+    features: int = count(128)
     graph_pool: str = "gated"
     learning_rate: float | None = None
-    interval: int = 25_000
-    tasks: int = 50
-    max_steps: int = 28
+    interval: int = count(25_000)
+    tasks: int = count(50)
+    max_steps: int = count(28)
 
     def __post_init__(self) -> None:
-        """Refuse numbers that nothing can be made of, see ``config.check``, and unknown presets."""
+        """Refuse values outside the fields' limits, and unknown presets."""
         check(self)
         if self.preset not in PRESETS:
             raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
@@ -178,9 +183,11 @@ class Config:
         network = {**ALGORITHMS[self.algo].network, "normalize_images": False}
         if not PRESETS[self.preset].encoded:
             return {**network, "features_extractor_class": GoalFeatures}
-        encoder = {"features_dim": self.features, "graph_pool": self.graph_pool}
+        encoder: dict[str, Any] = {"features_dim": self.features, "graph_pool": self.graph_pool}
         if PRESETS[self.preset].goal:
             encoder["numbers_past"] = True
+        if self.frozen:
+            encoder["image_encoder"] = self.image_encoder
         return {**network, "features_extractor_class": HouseholdFeatures, "features_extractor_kwargs": encoder}
 
     def settings(self, space: spaces.Space) -> dict[str, Any]:

@@ -32,6 +32,7 @@ class HouseholdFeatures(BaseFeaturesExtractor):
         features_dim: int = 128,
         graph_pool: str = "mean",
         numbers_past: bool = False,
+        image_encoder: str = "cnn",
     ):
         """Make the encoder of a space.
 
@@ -40,12 +41,13 @@ class HouseholdFeatures(BaseFeaturesExtractor):
             features_dim: features that all is encoded to.
             graph_pool: see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
             numbers_past: whether ``messages``, ``self`` and the bits of ``goal`` go past the encoder to the heads, too.
+            image_encoder: of pictures; the name of the frozen network where its features are in their place.
 
         Raises:
             ValueError: observations are flattened, stacked, normalised or scaled.
         """
         check = Check(observation_space)
-        encoder = DictEncoder(observation_space, features_dim, "cnn", graph_pool, numbers_past)
+        encoder = DictEncoder(observation_space, features_dim, image_encoder, graph_pool, numbers_past)
         super().__init__(observation_space, encoder.size)
         self.encoder, self._check = encoder, check
 

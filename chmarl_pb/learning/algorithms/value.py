@@ -1,0 +1,144 @@
+"""Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step."""
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, td_loss, unroll
+from chmarl_pb.learning.algorithms.mixers import MIXERS
+from chmarl_pb.learning.config import RunConfig, count, natural, share
+from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks.agents import make_agents
+from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
+from chmarl_pb.learning.runs.collect import Choose, epsilon_greedy
+from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.spaces import Interface
+
+
+@dataclass(frozen=True)
+class Config(RunConfig):
+    """Value factorisation.
+
+    Attributes:
+        mixer: a name in ``algorithms.mixers.MIXERS``, or ``module:name``; "" for that of the algorithm.
+        updates: gradient steps after each wave.
+        gamma: discount of one step.
+        epsilon_start: share of random actions at first.
+        epsilon_end: share of random actions in the end.
+        exploration_fraction: share of the episodes over which epsilon falls linearly.
+        target_update_interval: gradient steps after which the target networks are copied anew.
+        embedding: hidden units of the mixer.
+        joint_units: units of the joint networks of QTRAN.
+    """
+
+    mixer: str = ""
+    updates: int = natural(4)
+    gamma: float = share(0.97)
+    epsilon_start: float = share(1.0)
+    epsilon_end: float = share(0.05)
+    exploration_fraction: float = share(0.4)
+    target_update_interval: int = count(200)
+    embedding: int = count(32)
+    joint_units: int = count(64)
+
+    def epsilon(self, episodes: int) -> float:
+        """Return the share of random actions after a number of episodes."""
+        progress = min(episodes / max(self.exploration_fraction * self.episodes, 1), 1.0)
+        return self.epsilon_start + progress * (self.epsilon_end - self.epsilon_start)
+
+
+class ValueLearner:
+    """Learns the agents' values, joined by a mixer.
+
+    Attributes:
+        agents: agent -> its network.
+        mixer: what joins the agents' values.
+        updates: gradient steps that were taken.
+    """
+
+    def __init__(self, algorithm: str, interface: Interface, config: Config):
+        """Make networks whose first weights depend on ``config.seed`` alone.
+
+        Raises:
+            ValueError: there is no such mixer or encoder.
+        """
+        self.algorithm, self.config = algorithm, config
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(config.seed)
+            self.agents = make_agents(interface.observations, interface.actions, config)
+            self.mixer = self.make_mixer(interface)
+        self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
+        self._targets = copy.deepcopy(self.networks).requires_grad_(False)
+        self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
+        self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
+        self.updates = 0
+
+    def make_mixer(self, interface: Interface) -> nn.Module:
+        """Return what joins the agents' values."""
+        make = look_up("mixer", self.config.mixer or self.algorithm, MIXERS)
+        return make(len(interface.agents), interface.state_size, self.config.embedding)
+
+    def choose(self, episodes: int) -> Choose:
+        """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
+        return epsilon_greedy(self.config.epsilon(episodes))
+
+    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a wave of episodes, and yield each batch with its figures."""
+        for _ in range(self.config.updates):
+            batch = replay.sample(self.config.batch_size, rng)
+            yield batch, self.update(batch)
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Take one gradient step and return the loss and what goes with it."""
+        metrics = self.loss(batch)
+        self._optimizer.zero_grad()
+        metrics["loss"].backward()
+        norm = nn.utils.clip_grad_norm_(self._weights, self.config.gradient_clip)
+        self._optimizer.step()
+        self.updates += 1
+        if self.updates % self.config.target_update_interval == 0:
+            self._targets.load_state_dict(self.networks.state_dict())
+        return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norm)}
+
+    def loss(self, batch: Batch) -> dict[str, Tensor]:
+        """Return the algorithm's loss of a batch, with what goes with it."""
+        online = unroll(self.agents, batch)
+        with torch.no_grad():
+            target = unroll(self._targets["agents"], batch)  # type: ignore[arg-type]
+        return self.td_loss(online, target, self.mixer, self._targets["mixer"], batch)
+
+    def td_loss(
+        self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch
+    ) -> dict[str, Tensor]:
+        """Return the loss from what the networks and their targets make of a batch."""
+        return td_loss(online, target, mixer, target_mixer, batch, self.config.gamma)  # type: ignore[arg-type]
+
+    def state(self) -> dict[str, Any]:
+        """Return all that a learner needs to go on."""
+        return {
+            "networks": self.networks.state_dict(),
+            "targets": self._targets.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+            "updates": self.updates,
+        }
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Go on from a state.
+
+        Args:
+            state: made by ``state``.
+            path: of the file that it comes from, for the error.
+
+        Raises:
+            CheckpointError: it is of another architecture.
+        """
+        fill(self.networks, state["networks"], path)
+        fill(self._targets, state["targets"], path)
+        fill_optimizer(self._optimizer, state["optimizer"], path)
+        self.updates = state["updates"]
