@@ -24,7 +24,7 @@ from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.benchmark_env import benchmark
 from chmarl_pb.learning.runs import collect
 from chmarl_pb.learning.runs.loop import Run
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_return
 
 Seconds = dict[str, float]
@@ -47,7 +47,7 @@ def watch(run: Run, seconds: Seconds) -> None:
     """Time the parts of a run from now on."""
     for owner, attribute, name in (
         (collect.Collector, "play", "rollout"), (HouseholdEnv, "reset", "env.reset"),
-        (HouseholdEnv, "step", "env.step"), (collect.Player, "values", "agents act"), (Replay, "sample", "batch"),
+        (HouseholdEnv, "step", "env.step"), (collect.Player, "values", "agents act"), (ReplayBuffer, "sample", "batch"),
         (ValueLearner, "update", "update"), (value, "unroll", "unroll"), (value, "td_loss", "loss"),
         (torch.Tensor, "backward", "backward"),
     ):  # fmt: skip

@@ -26,7 +26,7 @@ from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.runs.collect import Collector, advance, begin
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import train
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
@@ -42,8 +42,8 @@ FITS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
 GAMES = (*MATRIX_GAMES, "two-step")
 TOLERANCE = 0.5  # of a value; payoffs reach from -12 to 8
 CONFIG = Config(
-    episodes=8_192, envs=128, horizon=2, updates=24, batch_size=512, learning_starts=512, buffer_size=8_192,
-    learning_rate=1e-3, gamma=0.99, epsilon_end=1.0, target_update_interval=100, features=16, hidden=16,
+    episodes=8_192, envs=128, horizon=2, gradient_steps=24, batch_size=512, learning_starts=512, buffer_size=8_192,
+    learning_rate=1e-3, gamma=0.99, exploration_final_eps=1.0, target_update_interval=100, features=16, hidden=16,
     validation_interval=10**9, log_interval=10**9,
 )  # fmt: skip
 
@@ -94,7 +94,7 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, fol
     collector = Collector(env_fn, 1)
     episode = play_greedily(collector, learner.agents, [0])[0]
     greedy = [list(actions.values()) for actions in episode.actions]
-    return Proof(game, algorithm, states, round(error, 3), greedy, episode.gain, best, _theorem(tables))
+    return Proof(game, algorithm, states, round(error, 3), greedy, episode.episode_return, best, _theorem(tables))
 
 
 @torch.no_grad()
@@ -121,7 +121,7 @@ def joint_values(learner: ValueLearner, env: SmallGame, path: list[tuple[int, in
     shape = (own.shape[1], own.shape[1])
     if learner.algorithm != "qtran":
         return {"value": learner.mixer(values, state).view(shape).numpy()}
-    histories = [history[0, -1].expand(len(pairs), -1) for history in online.histories.values()]
+    histories = [history[0, -1].expand(len(pairs), -1) for history in online.hidden_states.values()]
     acted = [torch.nn.functional.one_hot(pairs[:, agent], shape[0]).float() for agent in (0, 1)]
     networks = cast(QtranNetworks, learner.mixer)
     joint = networks.q_joint(histories, acted, state)
@@ -195,11 +195,12 @@ def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | 
 def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
     """Return the observations on the way to a state as a batch of one episode."""
     interface = interface_of(env)
-    episode = begin(interface, env, env.reset(seed=0))
+    episode = Episode()
+    begin(interface, episode, env, env.reset(seed=0))
     for pair in path:
         actions = dict(zip(interface.agents, pair, strict=True))
         advance(interface, episode, env, actions, env.step(actions))
-    replay = Replay(interface, CONFIG.horizon, 1, 1.0)
+    replay = ReplayBuffer(interface, CONFIG.horizon, 1, 1.0)
     replay.add(episode)
     return replay.sample(1, np.random.default_rng(0))
 

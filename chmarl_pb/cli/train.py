@@ -9,7 +9,7 @@ from typing import Annotated, Any, Protocol, Union
 
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.bc import clone
-from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.benchmark_env import Observation, benchmark
@@ -129,7 +129,7 @@ class DaggerMappo:
 
     algo: Fixed
     config: Annotated[MappoConfig, Flat]
-    imitation: ImitationConfig = field(default_factory=ImitationConfig)
+    imitation: DAggerConfig = field(default_factory=DAggerConfig)
     env: Annotated[Env, Flat] = Env()
     place: Annotated[Place, Flat] = Place()
 

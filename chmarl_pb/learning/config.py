@@ -55,14 +55,14 @@ class RunConfig:
     Attributes:
         seed: of every random stream.
         episodes: to play in all.
-        envs: environments played side by side; each wave plays one episode in each.
+        envs: environments played side by side; each rollout plays one episode in each.
         horizon: most steps of an episode.
         batch_size: episodes in a gradient step.
-        learning_starts: episodes before the first gradient step; a shorter run learns after its last wave alone.
+        learning_starts: episodes before the first gradient step; a shorter run learns after its last rollout alone.
         buffer_size: episodes in the replay buffer.
         memory_gib: bound of the replay buffer; it shortens ``buffer_size``.
         learning_rate: of Adam.
-        gradient_clip: largest norm of the gradient.
+        max_grad_norm: largest norm of the gradient.
         reward_scale: factor of the rewards that are learned from.
         features: numbers that an observation is encoded to.
         hidden: units of each agent's GRU.
@@ -83,7 +83,7 @@ class RunConfig:
     buffer_size: int = count(4_000)
     memory_gib: float = amount(2.0)
     learning_rate: float = amount(5e-4)
-    gradient_clip: float = amount(10.0)
+    max_grad_norm: float = amount(10.0)
     reward_scale: float = amount(1.0)
     features: int = count(128)
     hidden: int = count(128)

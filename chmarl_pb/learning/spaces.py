@@ -78,7 +78,7 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space], dict[str, int]]:
     return observations, {name: int(space.n) for name, space in actions.items()}
 
 
-def over(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
+def tree_map(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
     """Return a tree of what a function makes of the arrays of trees of one shape."""
     if isinstance(first, Mapping):
         return {key: function(value, *(other[key] for other in others)) for key, value in first.items()}
@@ -94,12 +94,12 @@ def zeros(space: spaces.Space, *leading: int) -> Tree:
 
 def stack(observations: Sequence[Tree]) -> Tree:
     """Return observations of one space as one tree of arrays with a leading dimension."""
-    return over(lambda *arrays: np.stack([np.asarray(array) for array in arrays]), *observations)
+    return tree_map(lambda *arrays: np.stack([np.asarray(array) for array in arrays]), *observations)
 
 
 def tensors(tree: Tree) -> Tree:
     """Return a tree of arrays as tensors that share their memory."""
-    return over(torch.from_numpy, tree)
+    return tree_map(torch.from_numpy, tree)
 
 
 def _has_state(env: Any) -> bool:

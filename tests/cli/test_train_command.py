@@ -11,7 +11,7 @@ pytest.importorskip("tyro")
 
 from chmarl_pb.cli.train import COMMANDS, main, parse
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
-from chmarl_pb.learning.runs.logger import Logbook, read_metrics
+from chmarl_pb.learning.runs.logger import Logger, read_metrics
 
 ALL = ("bc", *ALGORITHMS, "dagger-mappo")
 
@@ -98,10 +98,10 @@ def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    logbook = Logbook(tmp_path, total=20, quiet=True)
-    logbook.write({"episodes": 10, "train": {"success": 0.25}})
-    logbook.write({"episodes": 20, "train": {"success": 0.5}, "validation": {"score": 0.125}})
-    logbook.close()
+    logger = Logger(tmp_path, total=20, quiet=True)
+    logger.write({"episodes": 10, "train": {"success": 0.25}})
+    logger.write({"episodes": 20, "train": {"success": 0.5}, "validation": {"score": 0.125}})
+    logger.close()
     board = events.EventAccumulator(str(tmp_path / "tensorboard"))
     board.Reload()
     told = {name: [(event.step, event.value) for event in board.Scalars(name)] for name in board.Tags()["scalars"]}

@@ -7,7 +7,7 @@ from typing import Any
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.runs import interrupts
-from tests.helpers.small_runs import CONFIGS, TEACHER
+from tests.helpers.small_runs import CONFIGS, EXPERT
 from tests.helpers.uneven_env import UnevenEnv
 
 
@@ -21,7 +21,7 @@ class SlowEnv(UnevenEnv):
 
 def main(algorithm: str, folder: str, every: str = "60") -> int:
     interrupts.EVERY = float(every)
-    train(SlowEnv, algorithm, CONFIGS[algorithm], Path(folder), teacher=TEACHER)
+    train(SlowEnv, algorithm, CONFIGS[algorithm], Path(folder), expert=EXPERT)
     return 0
 
 

@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Any
 
-from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.config import RunConfig
@@ -13,14 +13,14 @@ SIZES: dict[str, Any] = {
     "envs": 4, "horizon": 5, "batch_size": 8, "learning_starts": 8, "features": 8, "hidden": 8,
     "validation_interval": 16, "checkpoint_interval": 16, "log_interval": 8,
 }  # fmt: skip
-IMITATION = ImitationConfig(episodes=48, buffer_size=20, updates=2, **SIZES)
+IMITATION = DAggerConfig(episodes=48, buffer_size=20, gradient_steps=2, **SIZES)
 MAPPO = MappoConfig(episodes=48, buffer_size=8, critic_starts=8, **SIZES)
-SMALL = Config(episodes=48, buffer_size=20, updates=2, target_update_interval=3, **SIZES)
+SMALL = Config(episodes=48, buffer_size=20, gradient_steps=2, target_update_interval=3, **SIZES)
 CONFIGS: dict[str, RunConfig] = {**dict.fromkeys(VALUE, SMALL), "imitation": IMITATION, "mappo": MAPPO}
 
 
 class Constant:
-    """A teacher that always does the same."""
+    """An expert that always does the same."""
 
     def __init__(self, env: Any, actions: dict[str, int]):
         self.actions = actions
@@ -32,4 +32,4 @@ class Constant:
         return self.actions
 
 
-TEACHER = partial(Constant, actions={"long": 2, "short": 1})
+EXPERT = partial(Constant, actions={"long": 2, "short": 1})

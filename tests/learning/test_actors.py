@@ -1,4 +1,4 @@
-"""Imitation of a teacher, MAPPO, and graphs pooled by the instruction."""
+"""Imitation of an expert, MAPPO, and graphs pooled by the instruction."""
 
 from collections import Counter
 from dataclasses import replace
@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, taught
+from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, mixed
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
@@ -26,31 +26,31 @@ from chmarl_pb.learning.runs.logger import read_metrics
 from chmarl_pb.learning.runs.loop import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
-from tests.helpers.small_runs import IMITATION, MAPPO, SMALL, TEACHER, Constant
+from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
 
 torch.set_num_threads(1)  # these networks are too small for more
 
 
-def test_imitator_does_what_the_teacher_does() -> None:
-    teacher = partial(Constant, actions={"first": 2, "second": 1})
+def test_imitator_does_what_the_expert_does() -> None:
+    expert = partial(Constant, actions={"first": 2, "second": 1})
     game = partial(MatrixGame, MATRIX_GAMES["additive"])
     config = replace(IMITATION, episodes=200, learning_rate=0.02)
-    agents = train(game, "imitation", config, teacher=teacher).agents
+    agents = train(game, "imitation", config, expert=expert).agents
     assert play_greedily(Collector(game, 1), agents, [0])[0].actions == [{"first": 2, "second": 1}]
 
 
-def test_labels_are_the_teachers_and_only_where_an_agent_acts() -> None:
-    collector = Collector(UnevenEnv, 2, TEACHER)
+def test_labels_are_the_experts_and_only_where_an_agent_acts() -> None:
+    collector = Collector(UnevenEnv, 2, EXPERT)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
-    played = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1], taught=True)
+    played = collector.play(agents, mixed(1.0), np.random.default_rng(0), [0, 1], ask_experts=True)
     assert all(actions["long"] == 2 for episode in played for actions in episode.actions)
-    untaught = collector.play(agents, taught(1.0), np.random.default_rng(0), [0, 1])
+    untaught = collector.play(agents, mixed(1.0), np.random.default_rng(0), [0, 1])
     assert not untaught[0].labels and untaught[0].label("long") == NO_LABEL
 
 
-def test_a_teacher_is_told_what_was_done() -> None:
+def test_an_expert_is_told_what_was_done() -> None:
     class Heeding(Constant):
         def __init__(self, env: Any):
             super().__init__(env, {"long": 2, "short": 1})
@@ -63,8 +63,8 @@ def test_a_teacher_is_told_what_was_done() -> None:
 
     collector = Collector(UnevenEnv, 1, Heeding)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
-    episode = collector.play(agents, taught(0.0), np.random.default_rng(0), [0], taught=True)[0]
-    heard = collector._teachers[0].heard  # type: ignore[attr-defined]
+    episode = collector.play(agents, mixed(0.0), np.random.default_rng(0), [0], ask_experts=True)[0]
+    heard = collector._experts[0].heard  # type: ignore[attr-defined]
     assert [{"short": 0, **actions} for actions in heard] == episode.actions
     assert any(actions["long"] != 2 for actions in heard)
 
@@ -79,20 +79,21 @@ def test_steps_without_label_do_not_count() -> None:
 
 def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> None:
     values = torch.tensor([[0.0, 1.0, 2.0, 9.0]]).expand(20_000, 4)
-    legal = torch.tensor([[True, True, True, False]]).expand(20_000, 4)
-    counts = Counter(draw(values, legal, np.random.default_rng(0)).tolist())
+    action_mask = torch.tensor([[True, True, True, False]]).expand(20_000, 4)
+    counts = Counter(draw(values, action_mask, np.random.default_rng(0)).tolist())
     wanted = torch.softmax(values[0, :3], dim=0).tolist()
     assert [counts[action] / 20_000 for action in range(3)] == pytest.approx(wanted, abs=0.01) and 3 not in counts
 
 
 def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
     config = replace(
-        MAPPO, episodes=2_000, buffer_size=32, batch_size=32, learning_rate=0.01, critic_rate=0.02, critic_starts=0,
+        MAPPO, episodes=2_000, buffer_size=32, batch_size=32, learning_rate=0.01, critic_learning_rate=0.02,
+        critic_starts=0,
         validation_interval=2_000,
     )  # fmt: skip
     for game, best in ((partial(MatrixGame, MATRIX_GAMES["additive"]), 6.0), (TwoStepGame, 8.0)):
         agents = train(game, "mappo", config).agents
-        assert play_greedily(Collector(game, 1), agents, [0])[0].gain == best
+        assert play_greedily(Collector(game, 1), agents, [0])[0].episode_return == best
 
 
 @settings(deadline=None, max_examples=30)
@@ -100,12 +101,12 @@ def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
 def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
     learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
     batch = random_batch(lengths, np.random.default_rng(seed))
-    wave = learner.judge(batch)
+    rollout = learner.compute_gae(batch)
     for row, length in enumerate(lengths):
         rewards = batch.rewards[row, :length, 0].tolist()
         sums = [sum(0.9**k * reward for k, reward in enumerate(rewards[step:])) for step in range(length)]
-        assert wave.returns[row, :length].tolist() == pytest.approx(sums, abs=1e-4)
-    real = wave.advantages[batch.acted.any(dim=-1)]
+        assert rollout.returns[row, :length].tolist() == pytest.approx(sums, abs=1e-4)
+    real = rollout.advantages[batch.acted.any(dim=-1)]
     assert float(real.mean()) == pytest.approx(0, abs=1e-4)
 
 
@@ -114,7 +115,7 @@ def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
     batch = random_batch([3], np.random.default_rng(0))
     values = learner.critic(batch.states).detach()[0, :, 0]
     wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
-    torch.testing.assert_close(learner.judge(batch).returns[0], wanted)
+    torch.testing.assert_close(learner.compute_gae(batch).returns[0], wanted)
 
 
 def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_state() -> None:
@@ -122,12 +123,14 @@ def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_s
     ended = random_batch([2, 3], np.random.default_rng(0))
     cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
     last = [float(learner.critic(cut.states).detach()[row, steps, 0]) for row, steps in ((0, 2), (1, 3))]
-    more = learner.judge(cut).returns - learner.judge(ended).returns
+    more = learner.compute_gae(cut).returns - learner.compute_gae(ended).returns
     assert more[0, :2].tolist() == pytest.approx([0.25 * last[0], 0.5 * last[0]], abs=1e-6)
     assert more[1].tolist() == pytest.approx([0.125 * last[1], 0.25 * last[1], 0.5 * last[1]], abs=1e-6)
     one_cut = ended.terminated.clone()
     one_cut[1, 2, 0] = False  # one agent has ended, the other was cut off
-    assert torch.equal(learner.judge(replace(ended, terminated=one_cut)).returns[1], learner.judge(cut).returns[1])
+    assert torch.equal(
+        learner.compute_gae(replace(ended, terminated=one_cut)).returns[1], learner.compute_gae(cut).returns[1]
+    )
 
 
 class Endless(MatrixGame):
@@ -147,7 +150,8 @@ class Endless(MatrixGame):
 
 def test_the_critic_learns_what_an_endless_task_is_worth() -> None:
     config = replace(
-        MAPPO, episodes=480, envs=16, buffer_size=16, batch_size=16, gamma=0.5, critic_rate=0.02, gradient_clip=10.0,
+        MAPPO, episodes=480, envs=16, buffer_size=16, batch_size=16, gamma=0.5, critic_learning_rate=0.02,
+        max_grad_norm=10.0,
         validation_interval=480,
     )  # fmt: skip
     learner = train(partial(Endless, MATRIX_GAMES["additive"]), "mappo", config).learner
@@ -172,23 +176,23 @@ def test_mappo_learns_from_every_episode_once(
 ) -> None:
     sizes = {"envs": 8, "learning_starts": 0, **sizes}
     seen, rates = [], []
-    judge, slow_down = Mappo.judge, Mappo._slow_down
+    compute_gae, anneal = Mappo.compute_gae, Mappo._anneal_learning_rate
 
     def look(learner: Mappo, batch: Batch) -> Any:
         seen.append(batch.states[:, 0])
-        return judge(learner, batch)
+        return compute_gae(learner, batch)
 
     def look_at_rates(learner: Mappo, episodes: int) -> None:
-        slow_down(learner, episodes)
+        anneal(learner, episodes)
         rates.append([group["lr"] for group in learner._optimizer.param_groups])
 
-    monkeypatch.setattr(Mappo, "judge", look)
-    monkeypatch.setattr(Mappo, "_slow_down", look_at_rates)
-    config = replace(MAPPO, **sizes, epochs=2)
+    monkeypatch.setattr(Mappo, "compute_gae", look)
+    monkeypatch.setattr(Mappo, "_anneal_learning_rate", look_at_rates)
+    config = replace(MAPPO, **sizes, n_epochs=2)
     result = train(UnevenEnv, "mappo", config)
     assert [len(states) for states in seen] == learned
     assert len(torch.unique(torch.cat(seen), dim=0)) == sum(learned) >= sizes["episodes"]
-    assert rates[0] == [config.learning_rate, config.critic_rate] and min(rates[-1]) > 0
+    assert rates[0] == [config.learning_rate, config.critic_learning_rate] and min(rates[-1]) > 0
     assert result.learner.updates == sum(2 * -(-count // config.batch_size) for count in learned)
 
 
@@ -209,7 +213,7 @@ def test_one_step_is_enough_to_learn_from() -> None:
 
 def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path: Path) -> None:
     interface = interface_of(UnevenEnv())
-    train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=TEACHER)
+    train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
     for start, waits in ((str(tmp_path / BEST), True), ("", False)):
         config = replace(MAPPO, episodes=8, critic_starts=8, start=start)
         before = make_learner("mappo", interface, config).agents.state_dict()
@@ -222,12 +226,12 @@ def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path:
 def test_a_short_run_learns_after_its_last_wave(algorithm: str, episodes: int) -> None:
     kind = {"qmix": SMALL, "imitation": IMITATION}[algorithm]
     config = replace(kind, episodes=episodes, learning_starts=128)
-    assert train(UnevenEnv, algorithm, config, teacher=TEACHER).learner.updates == config.updates
+    assert train(UnevenEnv, algorithm, config, expert=EXPERT).learner.updates == config.gradient_steps
 
 
-def test_a_teacher_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> None:
-    teacher = partial(Constant, actions={"long": 2})
-    learner = train(UnevenEnv, "imitation", IMITATION, tmp_path, teacher=teacher).learner
+def test_an_expert_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> None:
+    expert = partial(Constant, actions={"long": 2})
+    learner = train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=expert).learner
     losses = [row["train"] for row in read_metrics(tmp_path) if "train" in row]
     assert all(np.isfinite(list(row.values())).all() for row in losses) and losses[-1]["short_loss"] == 0
     assert losses[-1]["long_loss"] < losses[1]["long_loss"]
@@ -253,7 +257,7 @@ def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
 
 def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     first = replace(IMITATION, **{"graph_pool": MAPPO.graph_pool})
-    train(UnevenEnv, "imitation", first, tmp_path, teacher=TEACHER)
+    train(UnevenEnv, "imitation", first, tmp_path, expert=EXPERT)
     interface = interface_of(UnevenEnv())
     started = make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / BEST)))
     kept = load(tmp_path / BEST, "value")["agents"]

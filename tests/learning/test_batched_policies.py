@@ -15,10 +15,11 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
-from chmarl_pb.learning.policies import batched as crowd
-from chmarl_pb.learning.policies.batched import Apart, crowd_of, play_side_by_side
-from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_minds
+from chmarl_pb.learning.policies import side_by_side
+from chmarl_pb.learning.policies.batched import IndependentPolicies, as_batched
+from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
+from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.runs import checkpoint
 from chmarl_pb.learning.runs.loop import BEST
 from chmarl_pb.policies.sources import register_loader
@@ -27,8 +28,9 @@ from chmarl_pb.tasks.splits import load_tasks
 torch.set_num_threads(1)  # these networks are too small for more
 SPLITS = ("val-seen", "val-unseen")
 TINY = Config(
-    episodes=8, envs=2, horizon=4, updates=4, batch_size=4, learning_starts=4, buffer_size=8, features=16, hidden=16,
-    learning_rate=1e-2, validation_interval=8,
+    episodes=8, envs=2, horizon=4, gradient_steps=4, batch_size=4, learning_starts=4, buffer_size=8, features=16,
+    hidden=16,
+        learning_rate=1e-2, validation_interval=8,
 )  # fmt: skip
 
 
@@ -40,7 +42,7 @@ def loaders() -> None:
 def assert_same(
     policy: str, observation: str = "scene_graph", splits: tuple[str, ...] = SPLITS, **options: Any
 ) -> None:
-    """Compare all that results keep of three tasks of each split, in waves of two."""
+    """Compare all that results keep of three tasks of each split, in rollouts of two."""
     for split in splits:
         given = {"tasks": load_tasks(split)[::41][:3], "max_steps": 6, **options}
         alone = chmarl_pb.evaluate(policy, split, observation, workers=1, **given)
@@ -78,9 +80,9 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
     config = CloningConfig(centralized=centralized, messages=False, features=16, hidden=16, temperature=temperature)
     env = chmarl_pb.parallel_env()
     torch.manual_seed(1)
-    minds = make_minds(env, config)
+    actors = make_actors(env, config)
     env.close()
-    content = {"config": asdict(config), "minds": minds.state_dict(), "frozen": ""}
+    content = {"config": asdict(config), "actors": actors.state_dict(), "frozen": ""}
     checkpoint.save(tmp_path / BEST, KIND, content)
     assert_same(str(tmp_path / BEST))
 
@@ -120,14 +122,14 @@ def test_stable_baselines3(
 def test_any_other_policy_plays_by_itself() -> None:
     assert_same("random")
     env = chmarl_pb.parallel_env()
-    assert isinstance(crowd_of([chmarl_pb.make_policy("search", env)]), Apart)
+    assert isinstance(as_batched([chmarl_pb.make_policy("search", env)]), IndependentPolicies)
     env.close()
 
 
 def test_environments_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     closed = []
-    close = crowd.HouseholdEnv.close
-    monkeypatch.setattr(crowd.HouseholdEnv, "close", lambda env: (closed.append(env), close(env)))
+    close = side_by_side.HouseholdEnv.close
+    monkeypatch.setattr(side_by_side.HouseholdEnv, "close", lambda env: (closed.append(env), close(env)))
     plays = partial(play_side_by_side, width=3)
     chmarl_pb.evaluate("random", "val-unseen", seeds=(0,), tasks=load_tasks("val-unseen")[:2], max_steps=2, plays=plays)
     assert len(closed) == 2  # no more environments than tasks

@@ -20,7 +20,7 @@ from chmarl_pb.learning.algorithms.demonstrations import read_demonstrations
 from chmarl_pb.learning.policies.cloned import NO_ACTION, CloningConfig
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
-from chmarl_pb.learning.runs.logger import Logbook, read_metrics
+from chmarl_pb.learning.runs.logger import Logger, read_metrics
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.stopping import in_pieces
 
@@ -43,7 +43,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def weights(folder: Path, name: str = "best.pt") -> dict[str, Any]:
-    return torch.load(folder / name, weights_only=True)["minds"]
+    return torch.load(folder / name, weights_only=True)["actors"]
 
 
 def test_batches_hold_whole_episodes(data: Path) -> None:
@@ -69,12 +69,12 @@ def test_an_interrupted_run_ends_with_the_same_numbers(
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     clone(config, whole, data)
 
-    def stop(logbook: Logbook, epochs: int) -> None:
+    def stop(logger: Logger, epochs: int) -> None:
         if epochs == 2:
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Logbook, "advance", stop)  # the epoch's row is written, the checkpoint is that of the first
+        patch.setattr(Logger, "advance", stop)  # the epoch's row is written, the checkpoint is that of the first
         clone(config, cut, data)
     clone(config, cut, data)
     for one, other in zip(weights(whole).values(), weights(cut).values(), strict=True):
@@ -124,7 +124,7 @@ def test_silent_clones_do_not_hear(data: Path, tmp_path: Path) -> None:
     for heard in (observations, said):
         policy.reset(0)
         policy.act(heard, infos)
-        logits.append(torch.cat([part.flatten() for part in policy._hidden]))
+        logits.append(torch.cat([part.flatten() for part in policy.batched._hidden]))
     env.close()
     assert torch.equal(*logits)
 

@@ -19,7 +19,7 @@ from chmarl_pb.learning.runs.logger import read_metrics
 from chmarl_pb.learning.runs.loop import BEST, LAST, Run
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.runs.validation import by_return
-from tests.helpers.small_runs import CONFIGS, SMALL, TEACHER
+from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.uneven_env import UnevenEnv
 
@@ -41,7 +41,7 @@ def test_a_run_may_be_interrupted_anywhere(
     algorithm: str, every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the middle of an episode, and of a validation, whose eight episodes take eight steps of all environments."""
-    run = partial(train, UnevenEnv, algorithm, CONFIGS[algorithm], validate=by_return(8), teacher=TEACHER)
+    run = partial(train, UnevenEnv, algorithm, CONFIGS[algorithm], validate=by_return(8), expert=EXPERT)
     run(tmp_path / "whole")
     _, times = in_pieces(lambda: run(tmp_path / "pieces"), every, monkeypatch)
     assert times > 2
@@ -72,16 +72,16 @@ def test_a_signal_saves_and_the_same_command_ends_with_the_same_numbers(number: 
     process.send_signal(number)
     out, told = process.communicate()
     episodes = load(folder / LAST)["episodes"]
-    goes_on = f"the same command goes on from {folder / LAST}: python -m tests.helpers.slow_run vdn {folder}"
+    not_done = f"the same command goes on from {folder / LAST}: python -m tests.helpers.slow_run vdn {folder}"
     assert process.returncode == 128 + number and not out
-    assert told == f"interrupted after {episodes} episodes; {goes_on}\n"
+    assert told == f"interrupted after {episodes} episodes; {not_done}\n"
     assert episodes >= 24
     train(UnevenEnv, "vdn", SMALL, folder)
     assert_same(tmp_path / "whole", folder)
 
 
 def test_a_killed_run_loses_no_more_than_is_allowed(tmp_path: Path) -> None:
-    """Here nothing but the present wave; checkpoints by time change no numbers."""
+    """Here nothing but the present rollout; checkpoints by time change no numbers."""
     train(UnevenEnv, "vdn", SMALL, tmp_path / "whole")
     folder = tmp_path / "cut"
     process = start("tests.helpers.slow_run", "vdn", str(folder), "0")
@@ -104,9 +104,9 @@ def test_a_second_signal_ends_at_once_and_leaves_files_whole(tmp_path: Path, mon
                 os.kill(os.getpid(), signal.SIGINT)
             raise AssertionError("the second signal did not end it")
 
-    def reported(run: Run, before: int, logbook: Any) -> None:
+    def reported(run: Run, before: int, logger: Any) -> None:
         run.save()
-        report(run, before, logbook)
+        report(run, before, logger)
 
     report = Run._report
     with monkeypatch.context() as patch, pytest.raises(Interrupted) as caught:

@@ -55,12 +55,12 @@ def test_features_take_the_place_of_pictures(envs: list[FeatureEnv]) -> None:
     assert env.step(STAY)[0].keys() == observations.keys()
 
 
-def test_teachers_find_the_environment_inside(envs: list[FeatureEnv]) -> None:
+def test_experts_find_the_environment_inside(envs: list[FeatureEnv]) -> None:
     env = envs[0]
-    teacher = make_policy("search", env)
+    expert = make_policy("search", env)
     observations, infos = env.reset(seed=1)
-    teacher.reset(1)
-    assert teacher.act(observations, infos).keys() == set(env.possible_agents) and env.unwrapped is env.env
+    expert.reset(1)
+    assert expert.act(observations, infos).keys() == set(env.possible_agents) and env.unwrapped is env.env
 
 
 def test_what_stays_is_encoded_once(envs: list[FeatureEnv]) -> None:

@@ -15,8 +15,9 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
+from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
-from chmarl_pb.learning.policies.learned import LearnedPolicy
+from chmarl_pb.learning.policies.learned import ValuePolicy
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
 from chmarl_pb.learning.runs.loop import BEST, LAST
@@ -25,7 +26,15 @@ from training.score import score
 
 torch.set_num_threads(1)  # these networks are too small for more
 TINY = Config(
-    episodes=4, envs=1, horizon=4, updates=1, batch_size=2, learning_starts=2, buffer_size=4, features=8, hidden=8
+    episodes=4,
+    envs=1,
+    horizon=4,
+    gradient_steps=1,
+    batch_size=2,
+    learning_starts=2,
+    buffer_size=4,
+    features=8,
+    hidden=8,
 )
 
 
@@ -62,7 +71,8 @@ def test_silenced_keys_change_nothing(folder: Path, env: HouseholdEnv) -> None:
     observations, infos = env.reset(seed=3)
     told = {name: {**seen, "messages": 1 - seen["messages"]} for name, seen in observations.items()}
     policy = load_policy(folder / BEST)(env)
-    assert isinstance(policy, LearnedPolicy) and policy.silenced == ("messages",) == silenced({"messages": False})
+    assert isinstance(policy, BatchOfOne) and isinstance(policy.batched, ValuePolicy)
+    assert policy.batched.silenced == ("messages",) == silenced({"messages": False})
     chosen = []
     for seen in (observations, told):
         policy.reset(0)
@@ -107,7 +117,7 @@ def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path
 def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:
     visual = chmarl_pb.parallel_env("visual", split="val-unseen", image_size=32)
     check_size(visual, {"image_size": 32}, Path("best.pt"))
-    check_size(env, {"image_size": 32}, Path("best.pt"))  # who sees graphs does not mind
+    check_size(env, {"image_size": 32}, Path("best.pt"))  # who sees graphs does not actor
     with pytest.raises(CheckpointError, match=r"best\.pt: was trained with pictures of 64 pixels, not 32"):
         check_size(visual, {"image_size": 64}, Path("best.pt"))
     visual.close()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, best_legal, mean_square, td_loss
+from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, best_action, mean_square, td_loss
 from chmarl_pb.learning.algorithms.mixers import Independent, QMixer, Sum
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
 from chmarl_pb.learning.algorithms.registry import make_learner
@@ -177,8 +177,8 @@ def test_wrong_shapes_are_refused() -> None:
 
 
 def test_illegal_actions_are_never_best() -> None:
-    legal = torch.tensor([[True, False, True]])
-    assert best_legal(torch.tensor([[0.0, 9.0, 1.0]]), legal).tolist() == [2]
+    action_mask = torch.tensor([[True, False, True]])
+    assert best_action(torch.tensor([[0.0, 9.0, 1.0]]), action_mask).tolist() == [2]
 
 
 class Fixed(QtranNetworks):

@@ -13,23 +13,24 @@ import torch
 from gymnasium.spaces import Discrete
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.dagger import ImitationConfig
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
-from chmarl_pb.learning.runs.checkpoint import FORMAT, CheckpointError, load, save
+from chmarl_pb.learning.runs.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import read_metrics
 from chmarl_pb.learning.runs.loop import BEST, LAST, Run
-from chmarl_pb.learning.runs.replay_buffer import Replay
-from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.spaces import interface_of, spaces_of
-from tests.helpers.small_runs import CONFIGS, SMALL, TEACHER, VALUE
+from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
 
+NEW = {"encoder", "mixer"}  # settings that earlier versions did not have
 torch.set_num_threads(1)  # these networks are too small for more
 
 
@@ -64,11 +65,11 @@ def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:
     collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(9), [1, 2, 3])
     second = collector.play(agents, epsilon_greedy(0.5), np.random.default_rng(3), [5, 6])
     assert [episode.actions for episode in first] == [episode.actions for episode in second]
-    assert [episode.gain for episode in first] == [episode.gain for episode in second]
+    assert [episode.episode_return for episode in first] == [episode.episode_return for episode in second]
 
 
 def test_replay_gives_back_what_it_got(collector: Collector) -> None:
-    replay = Replay(collector.interface, SMALL.horizon, 10, 1.0)
+    replay = ReplayBuffer(collector.interface, SMALL.horizon, 10, 1.0)
     episodes = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])
     for episode in episodes:
         replay.add(episode)
@@ -77,13 +78,13 @@ def test_replay_gives_back_what_it_got(collector: Collector) -> None:
     gains = sorted(batch.rewards.mul(batch.acted).sum(dim=(1, 2)).tolist())
     assert gains == pytest.approx(sorted(float(np.sum(episode.rewards)) for episode in episodes), rel=1e-5)
     assert batch.observations["short"]["time"].dtype == torch.int64
-    assert batch.legal["long"][0, 0].tolist() == [False, True, True]
+    assert batch.action_mask["long"][0, 0].tolist() == [False, True, True]
 
 
 def test_replay_forgets_the_oldest_and_leaves_no_trace_of_it() -> None:
     collector = Collector(partial(UnevenEnv, 5), 1)
     agents, rng = learner(collector).agents, np.random.default_rng(0)
-    replay = Replay(collector.interface, 5, 2, 1.0)
+    replay = ReplayBuffer(collector.interface, 5, 2, 1.0)
     for seed in range(2):
         replay.add(collector.play(agents, epsilon_greedy(1.0), rng, [seed])[0])
     short = Collector(partial(UnevenEnv, 3), 1)
@@ -95,18 +96,18 @@ def test_replay_forgets_the_oldest_and_leaves_no_trace_of_it() -> None:
 
 
 def test_replay_is_bounded(collector: Collector) -> None:
-    wide = Replay(collector.interface, 5, 10**6, memory_gib=0.001)
+    wide = ReplayBuffer(collector.interface, 5, 10**6, memory_gib=0.001)
     assert wide.capacity == int(0.001 * 2**30 / wide.episode_bytes) < 10**6
     with pytest.raises(ValueError, match="memory_gib"):
-        Replay(collector.interface, 5, 10, memory_gib=1e-9)
+        ReplayBuffer(collector.interface, 5, 10, memory_gib=1e-9)
     episode = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0])[0]
     with pytest.raises(ValueError, match="horizon=3"):
-        Replay(collector.interface, 3, 10, 1.0).add(episode)
+        ReplayBuffer(collector.interface, 3, 10, 1.0).add(episode)
 
 
 @pytest.mark.parametrize("algorithm", VALUE)
 def test_learns_an_additive_game(algorithm: str) -> None:
-    config = replace(SMALL, episodes=320, envs=16, horizon=1, updates=10, batch_size=32, learning_rate=1e-2)
+    config = replace(SMALL, episodes=320, envs=16, horizon=1, gradient_steps=10, batch_size=32, learning_rate=1e-2)
     result = train(partial(MatrixGame, MATRIX_GAMES["additive"]), algorithm, config)
     assert result.best_score == 6
 
@@ -114,18 +115,18 @@ def test_learns_an_additive_game(algorithm: str) -> None:
 @pytest.mark.parametrize("algorithm", CONFIGS)
 def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = CONFIGS[algorithm]
-    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", teacher=TEACHER)
-    advance, waves = Run.advance, iter(range(10))
+    whole = train(UnevenEnv, algorithm, config, tmp_path / "whole", expert=EXPERT)
+    advance, rollouts = Run.advance, iter(range(10))
 
-    def dies(run: Run, logbook: Any) -> None:
-        if next(waves) == 9:
+    def dies(run: Run, logger: Any) -> None:
+        if next(rollouts) == 9:
             raise KeyboardInterrupt
-        advance(run, logbook)
+        advance(run, logger)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(Run, "advance", dies)
-        train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
-    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", teacher=TEACHER)
+        train(UnevenEnv, algorithm, config, tmp_path / "killed", expert=EXPERT)
+    resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", expert=EXPERT)
     one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
     assert one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
     rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
@@ -142,10 +143,10 @@ def test_settings_that_cannot_be_are_refused(change: dict[str, int]) -> None:
 
 
 def test_zeros_are_settings_and_shares_have_bounds() -> None:
-    replace(SMALL, epsilon_end=0)
-    MappoConfig(entropy=0)
-    ImitationConfig(teacher_share=0)
-    for name, value in (("gamma", 5.0), ("learning_rate", float("nan")), ("gradient_clip", float("inf"))):
+    replace(SMALL, exploration_final_eps=0)
+    MappoConfig(ent_coef=0)
+    DAggerConfig(beta=0)
+    for name, value in (("gamma", 5.0), ("learning_rate", float("nan")), ("max_grad_norm", float("inf"))):
         with pytest.raises(ValueError, match=name):
             replace(SMALL, **{name: value})
     with pytest.raises(ValueError, match="batch_size=0"):
@@ -153,7 +154,7 @@ def test_zeros_are_settings_and_shares_have_bounds() -> None:
 
 
 def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:
-    with held(tmp_path), pytest.raises(CheckpointError, match="another process trains here"):
+    with run_lock(tmp_path), pytest.raises(CheckpointError, match="another process trains here"):
         train(UnevenEnv, "vdn", SMALL, tmp_path)
     assert not (tmp_path / LAST).exists()
     train(UnevenEnv, "vdn", SMALL, tmp_path)
@@ -249,6 +250,28 @@ def test_settings_in_checkpoints_are_plain(tmp_path: Path) -> None:
     content = load(tmp_path / BEST)
     assert json.loads(json.dumps(content["setting"])) == {"messages": False}
     assert content["config"]["hidden"] == SMALL.hidden
+
+
+def as_before(path: Path) -> None:
+    """Write a checkpoint's settings by the names of earlier versions, without those that have come since then."""
+    content, old = load(path), {new: name for name, new in RENAMED.items()}
+    config = {old.get(name, name): value for name, value in content["config"].items() if name not in NEW}
+    save(path, content.pop("kind"), content | {"config": config})
+
+
+@pytest.mark.parametrize("algorithm", ["qmix", "imitation", "mappo"])
+def test_runs_and_weights_of_earlier_versions_are_used(algorithm: str, tmp_path: Path) -> None:
+    config = CONFIGS[algorithm]
+    first = train(UnevenEnv, algorithm, config, tmp_path, expert=EXPERT)
+    for name in (BEST, LAST):
+        as_before(tmp_path / name)
+        stored = torch.load(tmp_path / name, weights_only=True)["config"]
+        assert "gradient_clip" in stored and not NEW & stored.keys()
+        assert type(config)(**load(tmp_path / name)["config"]) == config
+    again = train(
+        UnevenEnv, algorithm, config, tmp_path, expert=EXPERT
+    )  # goes on, which here means that it is finished
+    assert again.learner.updates == first.learner.updates
 
 
 def test_no_checkpoint_is_chosen_on_a_test_split() -> None:

@@ -20,14 +20,14 @@ COMMITTED = Path(__file__).parents[2] / "results" / "proofs.json"
     [
         ("non-monotonic", "qmix", 0, 12),
         ("two-step", "vdn", 7, 12),
-        pytest.param("non-monotonic", "vdn", 0, CONFIG.updates, marks=pytest.mark.slow),
-        pytest.param("non-monotonic", "iql", 0, CONFIG.updates, marks=pytest.mark.slow),
+        pytest.param("non-monotonic", "vdn", 0, CONFIG.gradient_steps, marks=pytest.mark.slow),
+        pytest.param("non-monotonic", "iql", 0, CONFIG.gradient_steps, marks=pytest.mark.slow),
     ],
 )
 def test_class_that_cannot_hold_the_game_misses_the_optimum(
     game: str, algorithm: str, gain: float, updates: int
 ) -> None:
-    proof = prove(game, algorithm, config=replace(CONFIG, updates=updates))
+    proof = prove(game, algorithm, config=replace(CONFIG, gradient_steps=updates))
     assert proof.error < TOLERANCE and proof.gain == gain < proof.best
 
 

@@ -16,7 +16,7 @@ from chmarl_pb.cli.train import parse as parse_train
 from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.learning.runs.logger import Logbook
+from chmarl_pb.learning.runs.logger import Logger
 from training import table
 from training.tables.page import NOT_RUN, write_page
 from training.tables.rows import TABLES, Row
@@ -263,10 +263,10 @@ def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
 
 
 def test_damaged_rows_and_states_are_noticed(tmp_path: Path) -> None:
-    logbook = Logbook(tmp_path, total=3, quiet=True)
+    logger = Logger(tmp_path, total=3, quiet=True)
     for episodes in (8, 16, 24):
-        logbook.write({"episodes": episodes, "train": {"success": 0.5}})
-    logbook.close()
+        logger.write({"episodes": episodes, "train": {"success": 0.5}})
+    logger.close()
     path = tmp_path / "metrics.jsonl"
     path.write_text(path.read_text().replace("16", "17"))
     with pytest.warns(RuntimeWarning, match=r"metrics\.jsonl: 1 of 3 rows"):

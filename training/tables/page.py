@@ -48,7 +48,7 @@ robots, or the humanoid beside a drone that follows the search policy. At the en
 nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)} do without most of
 what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and with pictures,
 since *reactive*, *instruction-blind* and *search* read which things are truly in view, with pictures too.
-*Made with*: what encodes the observations, who was imitated, and the length of the training. The teacher of our own
+*Made with*: what encodes the observations, who was imitated, and the length of the training. The expert of our own
 row is *search*, which reads the true `visible` while it teaches on pictures; the learner has a detector for them.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
@@ -176,7 +176,7 @@ def _made_with(same: Sequence[Record]) -> str:
     imitated = SEARCH if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
-    return ", ".join(filter(None, [encoder, f"teacher: {imitated}" if imitated else "", _budget(same[0])]))
+    return ", ".join(filter(None, [encoder, f"expert: {imitated}" if imitated else "", _budget(same[0])]))
 
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:

@@ -23,11 +23,12 @@ from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import FROZEN
-from chmarl_pb.learning.policies.cloned import KIND, ClonedPolicy, CloningConfig, make_minds, weights_of
+from chmarl_pb.learning.policies.batched import BatchOfOne
+from chmarl_pb.learning.policies.cloned import KIND, BCPolicy, CloningConfig, make_actors, weights_of
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
-from chmarl_pb.learning.runs.logger import Logbook
-from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.lock import run_lock
+from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import spread_tasks
 
@@ -63,12 +64,12 @@ def clone(
     signals = Signals()
     with torch_threads(threads):
         run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check)
-        with closing(run.examiner), held(folder):
+        with closing(run.examiner), run_lock(folder):
             run.restore()
-            with closing(Logbook(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logbook, signals:
+            with closing(Logger(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logger, signals:
                 try:
                     while run.epoch < config.epochs:
-                        run.next_epoch(logbook)
+                        run.next_epoch(logger)
                         signals.check()
                 except Asked:
                     run.save()
@@ -92,9 +93,9 @@ class _Run:
         self.examiner = Examiner(config)
         with torch.random.fork_rng():
             torch.manual_seed(config.seed)
-            self.minds = make_minds(self.examiner.env, config)
+            self.actors = make_actors(self.examiner.env, config)
         self.optimizer = torch.optim.AdamW(
-            self.minds.parameters(), config.learning_rate, weight_decay=config.weight_decay
+            self.actors.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
         batches = -(-len(data.lengths) // config.batch_size)
         self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimizer, config.epochs * batches)
@@ -107,7 +108,7 @@ class _Run:
         self.batch, self._total = 0, torch.zeros(len(AGENTS))
         self._stream = torch.Generator().manual_seed(self.config.seed * 100_003 + self.epoch).get_state()
 
-    def next_epoch(self, logbook: Logbook) -> None:
+    def next_epoch(self, logger: Logger) -> None:
         """Go through the data once, or through what is left of it, and do what is due after it.
 
         Raises:
@@ -119,26 +120,26 @@ class _Run:
         figures |= {f"{name}_loss": round(float(loss), 4) for name, loss in zip(AGENTS, losses, strict=True)}
         if epoch % self.config.validation_interval == 0 or epoch == self.config.epochs:
             self.save()  # examining takes its time
-            figures |= self.examiner.examine(self.minds, self._check)
+            figures |= self.examiner.examine(self.actors, self._check)
             if figures["score"] > self.best["score"]:
                 self.best = figures
                 self._save_best()
         self.epoch = epoch
         self._begin_epoch()
-        logbook.write(figures)
-        logbook.advance(self.epoch)
+        logger.write(figures)
+        logger.advance(self.epoch)
         self.save()
 
     def _learn(self) -> Tensor:
-        self.minds.train()
+        self.actors.train()
         with torch.random.fork_rng(devices=[]):
             torch.set_rng_state(self._stream)
             for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch), self.batch):
                 self._check()
-                losses = loss_of(self.minds, self.config, batch)
+                losses = loss_of(self.actors, self.config, batch)
                 self.optimizer.zero_grad()
                 losses.sum().backward()
-                nn.utils.clip_grad_norm_(self.minds.parameters(), 1.0)
+                nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
                 self.optimizer.step()
                 self.schedule.step()
                 self._total += losses.detach() * batch.mask.sum()
@@ -149,11 +150,11 @@ class _Run:
 
     def _save_best(self) -> None:
         facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
-        checkpoint.save(self.folder / BEST, KIND, {**facts, "minds": self.minds.state_dict()})
+        checkpoint.save(self.folder / BEST, KIND, {**facts, "actors": self.actors.state_dict()})
 
     def save(self) -> None:
         """Write the checkpoint that a run goes on from."""
-        parts = {"minds": self.minds, "optimizer": self.optimizer, "schedule": self.schedule}
+        parts = {"actors": self.actors, "optimizer": self.optimizer, "schedule": self.schedule}
         state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
         place = {"epoch": self.epoch, "batch": self.batch, "total": self._total, "stream": self._stream}
         checkpoint.save(self.folder / LAST, UNFINISHED, {**self._settings(), **place, "best": self.best, **state})
@@ -175,7 +176,7 @@ class _Run:
                     f"{path}: a run with other settings ({name}); use another folder, or remove it"
                 )
         with checkpoint.reading(path):
-            checkpoint.fill(self.minds, content["minds"], path)
+            checkpoint.fill(self.actors, content["actors"], path)
             self.optimizer.load_state_dict(content["optimizer"])
             self.schedule.load_state_dict(content["schedule"])
             self.epoch, self.best = content["epoch"], content["best"]
@@ -184,12 +185,12 @@ class _Run:
                 self.batch, self._total, self._stream = content["batch"], content["total"], content["stream"]
 
 
-def loss_of(minds: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
     """Return the cross-entropy of each robot's labels, (robots), means over the real steps."""
     losses = []
-    for group, mind in zip(config.groups, minds, strict=True):
+    for group, actor in zip(config.groups, actors, strict=True):
         columns = [AGENTS.index(name) for name in group]
-        logits, _ = mind(batch.observation, batch.last[..., columns])
+        logits, _ = actor(batch.observation, batch.last[..., columns])
         for column, values in zip(columns, logits, strict=True):
             losses.append(nn.functional.cross_entropy(values[batch.mask], batch.labels[..., column][batch.mask]))
     return torch.stack(losses)
@@ -206,9 +207,9 @@ class Examiner:
         self.config = config
         self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION}
 
-    def examine(self, minds: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
+    def examine(self, actors: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``; an error of ``check`` ends it."""
-        policy = ClonedPolicy(minds.eval(), self.config)
+        policy = BatchOfOne(BCPolicy(actors.eval(), self.config))
         figures: dict[str, float] = {}
         for split, tasks in self.tasks.items():
             episodes = []

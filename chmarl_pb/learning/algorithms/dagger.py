@@ -1,7 +1,7 @@
-"""Imitation of a teacher in the states that the learner itself comes to (DAgger, Ross et al. 2011).
+"""Imitation of an expert in the states that the learner itself comes to (DAgger, Ross et al. 2011).
 
-https://arxiv.org/abs/1011.0686. Cloning from stored episodes knows only states that the teacher comes to; here the
-teacher says what it would do while the learner acts more and more by itself, so it learns to get out of its own errors.
+https://arxiv.org/abs/1011.0686. Cloning from stored episodes knows only states that the expert comes to; here the
+expert says what it would do while the learner acts more and more by itself, so it learns to get out of its own errors.
 """
 
 from collections.abc import Iterator
@@ -18,39 +18,39 @@ from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import NO_LABEL, Choose
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
 
 
 @dataclass(frozen=True)
-class ImitationConfig(RunConfig):
+class DAggerConfig(RunConfig):
     """Imitation of an expert that is asked in every state the learner comes to (DAgger, Ross et al. 2011).
 
     Attributes:
-        updates: gradient steps after each wave.
-        teacher_share: of the actions that the teacher takes at first; it falls linearly to 0 in the first half.
+        gradient_steps: after each rollout.
+        beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
     """
 
     episodes: int = count(3_000)
     learning_rate: float = amount(1e-3)
     graph_pool: str = "gated"
-    updates: int = natural(4)
-    teacher_share: float = share(1.0)
+    gradient_steps: int = natural(4)
+    beta: float = share(1.0)
 
-    def share(self, episodes: int) -> float:
-        """Return the share of actions that the teacher takes after a number of episodes."""
-        return self.teacher_share * max(1 - 2 * episodes / self.episodes, 0.0)
+    def expert_share(self, episodes: int) -> float:
+        """Return the share of actions that the expert takes after a number of episodes."""
+        return self.beta * max(1 - 2 * episodes / self.episodes, 0.0)
 
 
 class DAgger:
-    """Learns each agent's actions from a teacher's.
+    """Learns each agent's actions from an expert's.
 
     Attributes:
         agents: agent -> its network; its values are logits of the actions.
         updates: gradient steps that were taken.
     """
 
-    def __init__(self, algorithm: str, interface: Interface, config: ImitationConfig):
+    def __init__(self, algorithm: str, interface: Interface, config: DAggerConfig):
         """Make networks whose first weights depend on ``config.seed`` alone."""
         self.algorithm, self.config, self.updates = algorithm, config, 0
         with torch.random.fork_rng(devices=[]):
@@ -59,23 +59,23 @@ class DAgger:
         self._optimizer = torch.optim.Adam(self.agents.parameters(), lr=config.learning_rate, fused=True)
 
     def choose(self, episodes: int) -> Choose:
-        """Return how to act after a number of episodes: a share of the actions is the teacher's, others are drawn."""
-        return taught(self.config.share(episodes))
+        """Return how to act after a number of episodes: a share of the actions is the expert's, others are drawn."""
+        return mixed(self.config.expert_share(episodes))
 
-    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
-        """Take the gradient steps that follow a wave of episodes."""
-        for _ in range(self.config.updates):
+    def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a rollout of episodes."""
+        for _ in range(self.config.gradient_steps):
             batch = replay.sample(self.config.batch_size, rng)
             yield batch, self.update(batch)
 
     def update(self, batch: Batch) -> dict[str, float]:
-        """Take one gradient step and return the loss and how often the agents agree with the teacher."""
+        """Take one gradient step and return the loss and how often the agents agree with the expert."""
         values = unroll(self.agents, batch).values
         losses = {name: imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()}
         loss = torch.stack(list(losses.values())).sum()
         self._optimizer.zero_grad()
         loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.gradient_clip)
+        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.max_grad_norm)
         self._optimizer.step()
         self.updates += 1
         metrics = {f"{name}_loss": float(part.detach()) for name, part in losses.items()}
@@ -100,26 +100,26 @@ class DAgger:
 
 def imitation_loss(logits: Tensor, labels: Tensor) -> Tensor:
     """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label; 0 without any."""
-    told = labels != NO_LABEL
-    if not told.any():
+    labelled = labels != NO_LABEL
+    if not labelled.any():
         return 0 * logits.sum()
-    return nn.functional.cross_entropy(logits[told], labels[told])
+    return nn.functional.cross_entropy(logits[labelled], labels[labelled])
 
 
-def taught(share: float) -> Choose:
-    """Return how to act: as the teacher says in a share of the steps, else by the networks' probabilities."""
+def mixed(expert_share: float) -> Choose:
+    """Return how to act: as the expert says in a share of the steps, else by the networks' probabilities."""
 
-    def choose(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        own = draw(values, legal, rng)
-        return np.where((rng.random(len(own)) < share) & (labels != NO_LABEL), labels, own)
+    def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        own = draw(values, action_mask, rng)
+        return np.where((rng.random(len(own)) < expert_share) & (labels != NO_LABEL), labels, own)
 
     return choose
 
 
-def draw(values: Tensor, legal: Tensor, rng: np.random.Generator) -> np.ndarray:
-    """Return legal actions (B), drawn with the probabilities softmax(values), by the Gumbel-max trick."""
+def draw(values: Tensor, action_mask: Tensor, rng: np.random.Generator) -> np.ndarray:
+    """Return allowed actions (B), drawn with the probabilities softmax(values), by the Gumbel-max trick."""
     noise = torch.from_numpy(rng.gumbel(size=tuple(values.shape)))
-    return (values + noise).masked_fill(~legal, -torch.inf).argmax(dim=-1).numpy()
+    return (values + noise).masked_fill(~action_mask, -torch.inf).argmax(dim=-1).numpy()
 
 
 def _labels(batch: Batch) -> dict[str, Tensor]:

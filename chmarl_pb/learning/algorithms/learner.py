@@ -9,7 +9,7 @@ from torch import nn
 
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.runs.collect import Choose
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 
 
 class Learner(Protocol):
@@ -28,8 +28,8 @@ class Learner(Protocol):
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes."""
 
-    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
-        """Take the gradient steps that follow a wave of episodes, and yield each with its figures."""
+    def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a rollout of episodes, and yield each with its figures."""
 
     def state(self) -> dict[str, Any]:
         """Return all that it needs to go on."""

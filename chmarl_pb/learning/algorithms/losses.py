@@ -1,6 +1,6 @@
 """Whole episodes as a batch, what the networks make of them, and the loss of IQL, VDN and QMIX.
 
-A batch has T steps and T + 1 observations. An agent counts at a step if it acts there; a truncated episode is
+A batch has T steps and T + 1 observations. An agent mask at a step if it acts there; a truncated episode is
 bootstrapped from its last observation, a terminated one is not.
 """
 
@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.mixers import Mixer
 from chmarl_pb.learning.networks.agents import NO_ACTION
-from chmarl_pb.learning.spaces import Tree, over
+from chmarl_pb.learning.spaces import Tree, tree_map
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,17 @@ class Batch:
     Attributes:
         observations: agent -> (B, T + 1, ...).
         actions: agent -> (B, T) int64.
-        legal: agent -> (B, T + 1, A) bool, the actions that it may take.
+        action_mask: agent -> (B, T + 1, A) bool, the actions that it may take.
         states: (B, T + 1, S).
         rewards: (B, T, N).
         acted: (B, T, N) bool, whether the agent took part in the step.
         terminated: (B, T, N) bool, whether the step ended the agent's task.
-        labels: agent -> (B, T) int64, what a teacher would have done, or -1.
+        labels: agent -> (B, T) int64, what an expert would have done, or -1.
     """
 
     observations: dict[str, Tree]
     actions: dict[str, Tensor]
-    legal: dict[str, Tensor]
+    action_mask: dict[str, Tensor]
     states: Tensor
     rewards: Tensor
     acted: Tensor
@@ -39,18 +39,18 @@ class Batch:
     labels: dict[str, Tensor] = field(default_factory=dict)
 
     @property
-    def goes_on(self) -> Tensor:
-        """(B, T, N) bool: whether the next observation's value counts for the agent."""
+    def not_done(self) -> Tensor:
+        """(B, T, N) bool: whether the next observation's value mask for the agent."""
         return self.acted & ~self.terminated
 
     @property
-    def counts_next(self) -> Tensor:
+    def next_mask(self) -> Tensor:
         """(B, T, N) bool: whose next values make up the team's next value.
 
         Of those who act in the next step; after an episode's last, of those who were cut off in it.
         """
         follows = nn.functional.pad(self.acted[:, 1:], (0, 0, 0, 1))
-        return torch.where(follows.any(dim=-1, keepdim=True), follows, self.goes_on)
+        return torch.where(follows.any(dim=-1, keepdim=True), follows, self.not_done)
 
     def rows(self, rows: Tensor) -> "Batch":
         """Return some of the episodes, by their numbers."""
@@ -59,16 +59,16 @@ class Batch:
             return part[rows]
 
         return Batch(
-            {name: over(pick, tree) for name, tree in self.observations.items()},
-            over(pick, self.actions), over(pick, self.legal), self.states[rows], self.rewards[rows], self.acted[rows],
-            self.terminated[rows], over(pick, self.labels),
+            {name: tree_map(pick, tree) for name, tree in self.observations.items()},
+            tree_map(pick, self.actions), tree_map(pick, self.action_mask), self.states[rows], self.rewards[rows],
+            self.acted[rows], self.terminated[rows], tree_map(pick, self.labels),
         )  # fmt: skip
 
     def team(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""
         acting = self.acted.sum(dim=-1, keepdim=True)
         reward = (self.rewards * self.acted).sum(dim=-1, keepdim=True) / acting.clamp(min=1)
-        return reward, self.counts_next.any(dim=-1, keepdim=True), acting > 0
+        return reward, self.next_mask.any(dim=-1, keepdim=True), acting > 0
 
 
 @dataclass(frozen=True)
@@ -77,30 +77,30 @@ class Unrolled:
 
     Attributes:
         values: agent -> (B, T + 1, A).
-        histories: agent -> (B, T + 1, H).
+        hidden_states: agent -> (B, T + 1, H).
     """
 
     values: dict[str, Tensor]
-    histories: dict[str, Tensor]
+    hidden_states: dict[str, Tensor]
 
 
 def unroll(agents: nn.ModuleDict, batch: Batch) -> Unrolled:
     """Return the values of all actions after each observation, each agent from its own history."""
-    values, histories = {}, {}
+    values, hidden_states = {}, {}
     for name, agent in agents.items():
         last = nn.functional.pad(batch.actions[name], (1, 0), value=NO_ACTION)
-        values[name], histories[name], _ = agent(batch.observations[name], last)
-    return Unrolled(values, histories)
+        values[name], hidden_states[name], _ = agent(batch.observations[name], last)
+    return Unrolled(values, hidden_states)
 
 
 def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
-    """Return agent -> its best legal action after each observation, (B, T + 1)."""
-    return {name: best_legal(value, batch.legal[name]) for name, value in values.items()}
+    """Return agent -> its best allowed action after each observation, (B, T + 1)."""
+    return {name: best_action(value, batch.action_mask[name]) for name, value in values.items()}
 
 
-def best_legal(values: Tensor, legal: Tensor) -> Tensor:
-    """Return the best action (...) of values (..., A) among the legal ones (..., A)."""
-    return values.masked_fill(~legal, -torch.inf).argmax(dim=-1)
+def best_action(values: Tensor, action_mask: Tensor) -> Tensor:
+    """Return the best action (...) of values (..., A) among those that a mask (..., A) allows."""
+    return values.masked_fill(~action_mask, -torch.inf).argmax(dim=-1)
 
 
 def chosen(values: dict[str, Tensor], actions: dict[str, Tensor]) -> Tensor:
@@ -120,26 +120,26 @@ def td_loss(
     for each agent, VDN and QMIX have them for the team.
     """
     best = {name: action[:, 1:] for name, action in greedy(online.values, batch).items()}
-    taken = chosen(before(online.values), batch.actions) * batch.acted
-    q = mixer(taken, batch.states[:, :-1])
+    q_taken = chosen(before(online.values), batch.actions) * batch.acted
+    q = mixer(q_taken, batch.states[:, :-1])
     with torch.no_grad():
-        counts_next = batch.goes_on if mixer.per_agent else batch.counts_next
-        q_next = target_mixer(chosen(after(target.values), best) * counts_next, batch.states[:, 1:])
-        reward, goes_on, counts = (batch.rewards, batch.goes_on, batch.acted) if mixer.per_agent else batch.team()
-        y = reward + gamma * goes_on * q_next
-    return {"loss": mean_square(q - y, counts), "q": mean(q.detach(), counts)}
+        next_mask = batch.not_done if mixer.per_agent else batch.next_mask
+        q_next = target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:])
+        reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if mixer.per_agent else batch.team()
+        y = reward + gamma * not_done * q_next
+    return {"loss": mean_square(q - y, mask), "q": mean(q.detach(), mask)}
 
 
-def mean_square(error: Tensor, counts: Tensor) -> Tensor:
+def mean_square(error: Tensor, mask: Tensor) -> Tensor:
     """Return the mean square of the errors that count; both (B, T, M)."""
-    if error.shape != counts.shape:
-        raise ValueError(f"errors {tuple(error.shape)} and mask {tuple(counts.shape)} differ in shape")
-    return mean(error.square(), counts)
+    if error.shape != mask.shape:
+        raise ValueError(f"errors {tuple(error.shape)} and mask {tuple(mask.shape)} differ in shape")
+    return mean(error.square(), mask)
 
 
-def mean(numbers: Tensor, counts: Tensor) -> Tensor:
+def mean(numbers: Tensor, mask: Tensor) -> Tensor:
     """Return the mean of the numbers that count; both (B, T, M)."""
-    return (numbers * counts).sum() / counts.sum()
+    return (numbers * mask).sum() / mask.sum()
 
 
 def before(values: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -77,28 +77,28 @@ def qtran_loss(
 
     An agent that does not act has no action (zeros instead of a one-hot) in Q_jt, and none of its values in Q'.
     """
-    reward, goes_on, counts = batch.team()
+    reward, not_done, mask = batch.team()
     best = greedy(online.values, batch)
     best_now = {name: action[:, :-1] for name, action in best.items()}
     best_next = {name: action[:, 1:] for name, action in best.items()}
-    histories, state = _listed(online.histories, slice(None, -1)), batch.states[:, :-1]
+    hidden, state = _listed(online.hidden_states, slice(None, -1)), batch.states[:, :-1]
 
-    q_joint = networks.q_joint(histories, _one_hot(online, batch.actions, batch.acted), state)
+    q_joint = networks.q_joint(hidden, _one_hot(online, batch.actions, batch.acted), state)
     with torch.no_grad():
-        after = _listed(target.histories, slice(1, None))
-        q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.counts_next), batch.states[:, 1:])
-        y = reward + gamma * goes_on * q_next
-        q_joint_best = networks.q_joint(histories, _one_hot(online, best_now, batch.acted), state)
-    v_joint = networks.v_joint(histories, state)
+        after = _listed(target.hidden_states, slice(1, None))
+        q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.next_mask), batch.states[:, 1:])
+        y = reward + gamma * not_done * q_next
+        q_joint_best = networks.q_joint(hidden, _one_hot(online, best_now, batch.acted), state)
+    v_joint = networks.v_joint(hidden, state)
 
     now = before(online.values)
     sum_best = (chosen(now, best_now) * batch.acted).sum(dim=-1, keepdim=True)
     sum_taken = (chosen(now, batch.actions) * batch.acted).sum(dim=-1, keepdim=True)
-    td = mean_square(q_joint - y, counts)
-    optimal = mean_square(sum_best - q_joint_best + v_joint, counts)
-    other = mean_square((sum_taken - q_joint.detach() + v_joint).clamp(max=0), counts)
+    td = mean_square(q_joint - y, mask)
+    optimal = mean_square(sum_best - q_joint_best + v_joint, mask)
+    other = mean_square((sum_taken - q_joint.detach() + v_joint).clamp(max=0), mask)
     parts = {"td": td.detach(), "opt": optimal.detach(), "nopt": other.detach()}
-    return {"loss": td + optimal + other, "q": mean(q_joint.detach(), counts), **parts}
+    return {"loss": td + optimal + other, "q": mean(q_joint.detach(), mask), **parts}
 
 
 def _listed(histories: dict[str, Tensor], steps: slice) -> list[Tensor]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from torch import Tensor
 
-from chmarl_pb.learning.algorithms.dagger import DAgger, ImitationConfig
+from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
@@ -39,7 +39,7 @@ ALGORITHMS: dict[str, Algorithm] = {
     "vdn": Algorithm(ValueLearner, Config),
     "qmix": Algorithm(ValueLearner, Config),
     "qtran": Algorithm(Qtran, Config),
-    "imitation": Algorithm(DAgger, ImitationConfig, expert="search", logits=True),
+    "imitation": Algorithm(DAgger, DAggerConfig, expert="search", logits=True),
     "mappo": Algorithm(Mappo, MappoConfig, logits=True),
 }
 

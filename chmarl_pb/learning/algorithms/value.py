@@ -17,7 +17,7 @@ from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import Choose, epsilon_greedy
-from chmarl_pb.learning.runs.replay_buffer import Replay
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
 
 
@@ -27,10 +27,10 @@ class Config(RunConfig):
 
     Attributes:
         mixer: a name in ``algorithms.mixers.MIXERS``, or ``module:name``; "" for that of the algorithm.
-        updates: gradient steps after each wave.
+        gradient_steps: after each rollout.
         gamma: discount of one step.
-        epsilon_start: share of random actions at first.
-        epsilon_end: share of random actions in the end.
+        exploration_initial_eps: share of random actions at first.
+        exploration_final_eps: share of random actions in the end.
         exploration_fraction: share of the episodes over which epsilon falls linearly.
         target_update_interval: gradient steps after which the target networks are copied anew.
         embedding: hidden units of the mixer.
@@ -38,10 +38,10 @@ class Config(RunConfig):
     """
 
     mixer: str = ""
-    updates: int = natural(4)
+    gradient_steps: int = natural(4)
     gamma: float = share(0.97)
-    epsilon_start: float = share(1.0)
-    epsilon_end: float = share(0.05)
+    exploration_initial_eps: float = share(1.0)
+    exploration_final_eps: float = share(0.05)
     exploration_fraction: float = share(0.4)
     target_update_interval: int = count(200)
     embedding: int = count(32)
@@ -50,7 +50,7 @@ class Config(RunConfig):
     def epsilon(self, episodes: int) -> float:
         """Return the share of random actions after a number of episodes."""
         progress = min(episodes / max(self.exploration_fraction * self.episodes, 1), 1.0)
-        return self.epsilon_start + progress * (self.epsilon_end - self.epsilon_start)
+        return self.exploration_initial_eps + progress * (self.exploration_final_eps - self.exploration_initial_eps)
 
 
 class ValueLearner:
@@ -88,9 +88,9 @@ class ValueLearner:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
         return epsilon_greedy(self.config.epsilon(episodes))
 
-    def learn(self, replay: Replay, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
-        """Take the gradient steps that follow a wave of episodes, and yield each batch with its figures."""
-        for _ in range(self.config.updates):
+    def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take the gradient steps that follow a rollout of episodes, and yield each batch with its figures."""
+        for _ in range(self.config.gradient_steps):
             batch = replay.sample(self.config.batch_size, rng)
             yield batch, self.update(batch)
 
@@ -99,7 +99,7 @@ class ValueLearner:
         metrics = self.loss(batch)
         self._optimizer.zero_grad()
         metrics["loss"].backward()
-        norm = nn.utils.clip_grad_norm_(self._weights, self.config.gradient_clip)
+        norm = nn.utils.clip_grad_norm_(self._weights, self.config.max_grad_norm)
         self._optimizer.step()
         self.updates += 1
         if self.updates % self.config.target_update_interval == 0:

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.encoders import ENCODERS
-from chmarl_pb.learning.spaces import Tree, over
+from chmarl_pb.learning.spaces import Tree, tree_map
 
 NO_ACTION = -1  # last action at the first step
 
@@ -65,7 +65,7 @@ class Player:
             episodes: (B) numbers of the episodes.
             observation: tensors with the leading dimension B.
         """
-        one_step = over(lambda part: part.unsqueeze(1), observation)
+        one_step = tree_map(lambda part: part.unsqueeze(1), observation)
         before = self._hidden[name][episodes].unsqueeze(0)
         values, _, after = self.agents[name](one_step, self._last[name][episodes].unsqueeze(1), before)
         self._hidden[name][episodes] = after[0]

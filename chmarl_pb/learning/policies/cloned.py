@@ -1,5 +1,6 @@
 """Cloned robots: their settings, their networks, and the policy that drives an environment by them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,14 @@ from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, sha
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
-from chmarl_pb.learning.networks.kept_features import feature_space, with_features
+from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
+from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size
 from chmarl_pb.learning.runs import checkpoint
 from chmarl_pb.learning.runs.threads import threads
-from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.learning.spaces import stack, tensors
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 KIND = "bc"  # of checkpoints
 IMAGE_SIZE = 128  # pixels of the pictures in data sets
@@ -88,7 +91,7 @@ class CloningConfig:
         return (AGENTS,) if self.centralized else tuple((name,) for name in AGENTS)
 
 
-class Mind(nn.Module):
+class BCActor(nn.Module):
     """One network that drives one robot or both: encoder, last actions -> GRU -> a head for each robot."""
 
     def __init__(self, space: spaces.Dict, actions: tuple[int, ...], config: CloningConfig):
@@ -121,19 +124,19 @@ class Mind(nn.Module):
         return [head(histories) for head in self.heads], hidden
 
 
-def make_minds(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
+def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
     """Return the networks of all robots of an environment, with random weights."""
     space = _joint_space(env)
     if config.uses_features:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     actions = {name: len(names) for name, names in env.action_names.items()}
-    minds = []
+    actors = []
     for group in config.groups:
         keys = [key for key in space.spaces if key.startswith(group) and not named(key, *config.left_out)]
-        minds.append(
-            Mind(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
+        actors.append(
+            BCActor(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )
-    return nn.ModuleList(minds)
+    return nn.ModuleList(actors)
 
 
 def _joint_space(env: HouseholdEnv) -> spaces.Dict:
@@ -143,41 +146,50 @@ def _joint_space(env: HouseholdEnv) -> spaces.Dict:
     )
 
 
-class ClonedPolicy:
-    """Drives both robots by cloned networks."""
+class BCPolicy:
+    """Drives both robots by cloned networks, in several episodes at once."""
 
-    def __init__(self, minds: nn.ModuleList, config: CloningConfig):
+    def __init__(self, actors: nn.ModuleList, config: CloningConfig):
         """Take the networks over; they must not be trained while an episode is played."""
-        self.minds, self.config = minds, config
+        self.actors, self.config = actors, config
 
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        self._hidden: list[Tensor | None] = [None] * len(self.minds)
-        self._last = dict.fromkeys(AGENTS, NO_ACTION)
-        self._rng = torch.Generator().manual_seed(seed or 0)
+    def reset(self, seeds: Sequence[int | None]) -> None:
+        """Begin one episode for each seed; each draws from a stream of its own."""
+        self._hidden = [torch.zeros(1, len(seeds), self.config.hidden) for _ in self.actors]
+        self._last = {name: torch.full((len(seeds),), NO_ACTION) for name in AGENTS}
+        self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
 
     @threads(1)
     @torch.no_grad()
-    def act(self, observations: Observations, infos: Infos) -> Actions:
+    def act(
+        self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
+    ) -> list[Actions]:
         """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
+        index = torch.tensor(episodes)
         if self.config.uses_features:
-            observations = with_features(observations, frozen_encoder(self.config.image_encoder))
-        parts = {f"{name}_{key}": part for name in AGENTS for key, part in observations[name].items()}
-        seen = {key: torch.from_numpy(part)[None, None] for key, part in parts.items()}
-        for number, (group, mind) in enumerate(zip(self.config.groups, self.minds, strict=True)):
-            last = torch.tensor([[[self._last[name] for name in group]]])
-            logits, self._hidden[number] = mind(seen, last, self._hidden[number])
-            self._last |= {name: self._choice(values[0, 0]) for name, values in zip(group, logits, strict=True)}
-        return dict(self._last)
+            observations = all_with_features(observations, frozen_encoder(self.config.image_encoder))
+        batch = stack(
+            [{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in observations]
+        )
+        steps = {key: part.unsqueeze(1) for key, part in tensors(batch).items()}
+        for number, (group, actor) in enumerate(zip(self.config.groups, self.actors, strict=True)):
+            last = torch.stack([self._last[name][index] for name in group], dim=-1).unsqueeze(1)
+            logits, after = actor(steps, last, self._hidden[number][:, index])
+            self._hidden[number][:, index] = after
+            for name, values in zip(group, logits, strict=True):
+                self._last[name][index] = self._choice(values[:, 0], episodes)
+        return [{name: int(self._last[name][number]) for name in AGENTS} for number in episodes]
 
-    def _choice(self, logits: Tensor) -> int:
+    def _choice(self, logits: Tensor, episodes: Sequence[int]) -> Tensor:
+        """Return the actions (B) from logits (B, A) in the episodes with these numbers."""
         if self.config.temperature == 0:
-            return int(logits.argmax())
-        probabilities = torch.softmax(logits / self.config.temperature, dim=0)
-        return int(torch.multinomial(probabilities, 1, generator=self._rng))
+            return logits.argmax(dim=1)
+        probabilities = torch.softmax(logits / self.config.temperature, dim=1)
+        draws = zip(probabilities, episodes, strict=True)
+        return torch.cat([torch.multinomial(row, 1, generator=self._streams[number]) for row, number in draws])
 
 
-class ClonedPolicies:
+class BCPolicies:
     """Makes the policies of a checkpoint of clones; can be sent to other processes."""
 
     def __init__(self, path: Path):
@@ -191,7 +203,7 @@ class ClonedPolicies:
             self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
         self.deterministic = self.config.temperature == 0
 
-    def __call__(self, env: HouseholdEnv) -> ClonedPolicy:
+    def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
 
         Raises:
@@ -200,13 +212,13 @@ class ClonedPolicies:
         with checkpoint.reading(self.path):
             return self._policy(env, checkpoint.load(self.path, KIND))
 
-    def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> ClonedPolicy:
+    def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, {"image_size": IMAGE_SIZE}, self.path)
         if self.config.uses_features:
             trained_with(self.config.image_encoder, content[FROZEN], self.path)
-        minds = make_minds(env, self.config)
-        checkpoint.fill(minds, content["minds"], self.path)
-        return ClonedPolicy(minds.requires_grad_(False).eval(), self.config)
+        actors = make_actors(env, self.config)
+        checkpoint.fill(actors, content["actors"], self.path)
+        return BatchOfOne(BCPolicy(actors.requires_grad_(False).eval(), self.config))
 
 
 def weights_of(config: CloningConfig) -> str:

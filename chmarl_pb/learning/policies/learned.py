@@ -1,5 +1,6 @@
 """Checkpoints as policies, for ``chmarl-pb evaluate --policy CHECKPOINT``: entry point ``chmarl_pb.checkpoints``."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,21 +9,22 @@ import torch
 from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning.algorithms.losses import best_legal
+from chmarl_pb.learning.algorithms.losses import best_action
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.config import FROZEN, RunConfig
 from chmarl_pb.learning.networks.agents import Player, make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
-from chmarl_pb.learning.networks.kept_features import FeatureEnv, with_features
+from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
+from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.runs.threads import threads
-from chmarl_pb.learning.spaces import over, spaces_of
+from chmarl_pb.learning.spaces import spaces_of, stack, tensors
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 
-class LearnedPolicy:
-    """Drives each agent by the best action of its own network."""
+class ValuePolicy:
+    """Drives each agent by the best action of its own network, in several episodes at once."""
 
     def __init__(self, agents: nn.ModuleDict, silenced: tuple[str, ...] = (), encoder: FrozenEncoder | None = None):
         """Take the networks over; they must not be trained while an episode is played.
@@ -30,30 +32,33 @@ class LearnedPolicy:
         Args:
             agents: agent -> its network.
             silenced: keys of observations that read as zeros, as they did in training.
-            encoder: what turns pictures into the features that the networks see; None: they see pictures.
+            encoder: what turns images into the features that the networks see; None: they see images.
         """
         self.agents, self.silenced, self.encoder = agents, silenced, encoder
-        self._only = torch.tensor([0])
 
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        self._player = Player(self.agents, 1)
+    def reset(self, seeds: Sequence[int | None]) -> None:
+        """Begin one episode for each seed."""
+        self._player = Player(self.agents, len(seeds))
 
     @threads(1)
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return each agent's best legal action."""
-        actions = {}
-        if self.encoder is not None:
-            observations = with_features(observations, self.encoder)
-        for name, seen in observations.items():
-            heard = seen | {key: np.zeros_like(seen[key]) for key in self.silenced} if self.silenced else seen
-            batch = over(lambda part: torch.from_numpy(np.asarray(part)[None]), heard)
-            values = self._player.values(name, self._only, batch)
-            mask = infos[name].get("action_mask", np.ones(values.shape[1]))
-            best = best_legal(values, torch.from_numpy(np.asarray(mask, dtype=bool)[None]))
-            self._player.remember(name, self._only, best)
-            actions[name] = int(best)
-        return actions
+    def act(
+        self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
+    ) -> list[Actions]:
+        """Return each agent's best action among those that its mask allows."""
+        seen = all_with_features(observations, self.encoder) if self.encoder else observations
+        index, chosen = torch.tensor(episodes), [Actions() for _ in episodes]
+        for name in self.agents:
+            batch = stack([robots[name] for robots in seen])
+            if self.silenced:
+                batch = batch | {key: np.zeros_like(batch[key]) for key in self.silenced}
+            values = self._player.values(name, index, tensors(batch))
+            everything = np.ones(values.shape[1])
+            mask = np.stack([info[name].get("action_mask", everything) for info in infos]).astype(bool)
+            best = best_action(values, torch.from_numpy(mask))
+            self._player.remember(name, index, best)
+            for actions, number in zip(chosen, best.tolist(), strict=True):
+                actions[name] = number
+        return chosen
 
 
 class ValuePolicies:
@@ -87,7 +92,7 @@ class ValuePolicies:
         agents = make_agents(observations, actions, config)
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
-        return LearnedPolicy(agents, silenced(content["setting"]), encoder)
+        return BatchOfOne(ValuePolicy(agents, silenced(content["setting"]), encoder))
 
     def _config(self, content: dict[str, Any]) -> RunConfig:
         try:

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from chmarl_pb.learning.policies.cloned import KIND, ClonedPolicies
+from chmarl_pb.learning.policies.cloned import KIND, BCPolicies
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.policies.policy import Factory
 
 #: Kind of a checkpoint -> what makes the policies of one.
-_LOADERS: dict[str, Callable[[Path], Factory]] = {"value": ValuePolicies, KIND: ClonedPolicies}
+_LOADERS: dict[str, Callable[[Path], Factory]] = {"value": ValuePolicies, KIND: BCPolicies}
 
 
 def load_policy(path: Path) -> Factory:

@@ -19,6 +19,15 @@ from chmarl_pb.learning.runs.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
 
+#: What earlier versions called the settings of learners that play -> their names since then.
+RENAMED = {
+    "clip": "clip_range", "critic_rate": "critic_learning_rate", "entropy": "ent_coef", "epochs": "n_epochs",
+    "epsilon_end": "exploration_final_eps", "epsilon_start": "exploration_initial_eps",
+    "gradient_clip": "max_grad_norm", "teacher_share": "beta", "updates": "gradient_steps",
+}  # fmt: skip
+#: The same of the parts of a checkpoint.
+RENAMED_PARTS = {"minds": "actors"}
+
 
 class CheckpointError(ChmarlError, ValueError):
     """A checkpoint is missing, damaged, of another format, or of another architecture."""
@@ -56,6 +65,14 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
         raise CheckpointError(f"{path}: its format is {found!r}, this version reads {FORMAT!r}; train it again")
     if kind not in (None, content.get("kind")) or "kind" not in content:
         raise CheckpointError(f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}")
+    return _with_present_names(content)
+
+
+def _with_present_names(content: dict[str, Any]) -> dict[str, Any]:
+    """Return what an earlier version may have written, by the names of today."""
+    content = {RENAMED_PARTS.get(name, name): part for name, part in content.items()}
+    if content["kind"] in ("value", "run") and isinstance(content.get("config"), dict):
+        content["config"] = {RENAMED.get(name, name): value for name, value in content["config"].items()}
     return content
 
 

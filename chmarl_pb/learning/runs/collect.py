@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import best_legal
+from chmarl_pb.learning.algorithms.losses import best_action
 from chmarl_pb.learning.networks.agents import Player
-from chmarl_pb.learning.networks.kept_features import reset_all, step_all
+from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
-from chmarl_pb.learning.spaces import Interface, interface_of, over, stack, tensors, zeros
-from chmarl_pb.policies.policy import Policy
+from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, tree_map, zeros
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 NO_LABEL = -1  # nobody has said what would have been right
 
@@ -20,18 +20,18 @@ NO_LABEL = -1  # nobody has said what would have been right
 class Choose(Protocol):
     """How actions are chosen from what the networks give for them."""
 
-    def __call__(self, values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def __call__(self, values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the actions (B).
 
         Args:
             values: (B, A) of the actions.
-            legal: (B, A) bool.
-            labels: (B) what the teacher would do, or ``NO_LABEL``.
+            action_mask: (B, A) bool.
+            labels: (B) what the expert would do, or ``NO_LABEL``.
             rng: for random choices.
         """
 
 
-class Teacher(Protocol):
+class Expert(Protocol):
     """Says in every state what to do, and goes on from what was done instead.
 
     Any :class:`chmarl_pb.policies.policy.Policy` can teach; one that keeps count of what it has done should be able to
@@ -48,8 +48,8 @@ class Teacher(Protocol):
         """Learn what the agents have done."""
 
 
-class Unheeding:
-    """A policy as a teacher that does not want to know what was done."""
+class PlainExpert:
+    """A policy as an expert that does not want to know what was done."""
 
     def __init__(self, policy: Policy):
         """Take a policy."""
@@ -59,25 +59,25 @@ class Unheeding:
         """Do nothing."""
 
 
-def as_teacher(policy: Any) -> Teacher:
-    """Return a policy as a teacher."""
-    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else Unheeding(policy)
+def as_expert(policy: Any) -> Expert:
+    """Return a policy as an expert."""
+    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)
 
 
 def epsilon_greedy(epsilon: float) -> Choose:
-    """Return the best legal actions, but for a share of random ones."""
+    """Return the best allowed actions, but for a share of random ones."""
 
-    def choose(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        best = best_legal(values, legal).numpy()
-        random = np.array([rng.choice(np.flatnonzero(row)) for row in legal.numpy()])
+    def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        best = best_action(values, action_mask).numpy()
+        random = np.array([rng.choice(np.flatnonzero(row)) for row in action_mask.numpy()])
         return np.where(rng.random(len(best)) < epsilon, random, best)
 
     return choose
 
 
-def greedy(values: Tensor, legal: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the best legal actions."""
-    return best_legal(values, legal).numpy()
+def greedy(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the best allowed actions."""
+    return best_action(values, action_mask).numpy()
 
 
 class Collector:
@@ -93,7 +93,7 @@ class Collector:
         self,
         env_fn: Callable[[], Any],
         count: int,
-        teacher: Callable[[Any], Teacher | Policy] | None = None,
+        expert: Callable[[Any], Expert | Policy] | None = None,
         horizon: int | None = None,
         check: Callable[[], None] = lambda: None,
     ):
@@ -102,13 +102,13 @@ class Collector:
         Args:
             env_fn: makes one.
             count: how many.
-            teacher: makes a teacher in each of them, if wanted.
+            expert: makes an expert in each of them, if wanted.
             horizon: most steps of an episode; None: any number.
             check: called before every joint step; may raise an error to end the episodes.
         """
         self._horizon, self._check = horizon, check
         self.envs = [env_fn() for _ in range(count)]
-        self._teachers = [as_teacher(teacher(env)) for env in self.envs] if teacher else []
+        self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
         self.interface: Interface = interface_of(self.envs[0])
         self.steps = 0
 
@@ -119,7 +119,7 @@ class Collector:
         rng: np.random.Generator,
         seeds: Sequence[int],
         options: Sequence[dict[str, Any] | None] | None = None,
-        taught: bool = False,
+        ask_experts: bool = False,
     ) -> list[Episode]:
         """Play one episode in each of the first environments.
 
@@ -129,32 +129,25 @@ class Collector:
             rng: of random choices.
             seeds: of the resets, one for each episode, at most as many as there are environments.
             options: of the resets.
-            taught: whether the teachers, if there are any, say what they would do.
+            ask_experts: whether the experts, if there are any, say what they would do.
 
         Raises:
             ValueError: an episode goes on after ``horizon`` steps.
         """
-        envs = self.envs[: len(seeds)]
-        starts = reset_all(envs, seeds, options or [None] * len(seeds))
-        episodes = [begin(self.interface, env, start) for env, start in zip(envs, starts, strict=True)]
-        player = Player(agents, len(episodes))
-        teachers = self._teachers[: len(episodes)] if taught else []
-        for teacher, seed in zip(teachers, seeds, strict=False):
-            teacher.reset(seed)
-        while running := [number for number, env in enumerate(self.envs[: len(episodes)]) if env.agents]:
-            self._check()
-            for number in running if teachers else ():
-                episode = episodes[number]
-                episode.labels.append(teachers[number].propose(episode.observations[-1], episode.info))
-            actions = self._choose(player, episodes, running, choose, rng)
-            for number in running if teachers else ():
-                teachers[number].note(actions[number])
-            steps = step_all([envs[number] for number in running], [actions[number] for number in running])
-            for number, step in zip(running, steps, strict=True):
-                advance(self.interface, episodes[number], envs[number], actions[number], step)
-                if len(episodes[number]) == self._horizon and envs[number].agents:
-                    raise ValueError(f"an episode goes on after horizon={self._horizon} steps; give a longer horizon")
-            self.steps += len(running)
+        envs, episodes = self.envs[: len(seeds)], [Episode() for _ in seeds]
+        experts = self._experts[: len(seeds)] if ask_experts else []
+        explorer = Explorer(self.interface, agents, choose, rng, experts, self._check)
+        for number, actions, result in play_together(envs, explorer, seeds, options or [None] * len(seeds)):
+            episode, env = episodes[number], envs[number]
+            if actions is None:
+                begin(self.interface, episode, env, result)
+                continue
+            if experts:
+                episode.labels.append(explorer.labels[number])
+            advance(self.interface, episode, env, actions, result)
+            self.steps += 1
+            if len(episode) == self._horizon and env.agents:
+                raise ValueError(f"an episode goes on after horizon={self._horizon} steps; give a longer horizon")
         return episodes
 
     def close(self) -> None:
@@ -162,31 +155,63 @@ class Collector:
         for env in self.envs:
             env.close()
 
-    def _choose(
-        self, player: Player, episodes: list[Episode], running: list[int], choose: Choose, rng: np.random.Generator
-    ) -> dict[int, dict[str, int]]:
-        """Return episode -> agent -> its action, for the agents that are there."""
-        chosen: dict[int, dict[str, int]] = {number: {} for number in running}
-        for name in self.interface.agents:
-            there = [number for number in running if name in self.envs[number].agents]
-            if not there:
+
+class Explorer:
+    """Agents in training, as a batched policy; their actions are chosen from what the networks give for them.
+
+    Attributes:
+        labels: episode -> what its expert would have done in the last step.
+    """
+
+    def __init__(
+        self,
+        interface: Interface,
+        agents: nn.ModuleDict,
+        choose: Choose,
+        rng: np.random.Generator,
+        experts: Sequence[Expert],
+        check: Callable[[], None],
+    ):
+        """Take the networks over; see :meth:`Collector.play` and :class:`Collector`."""
+        self._interface, self._agents, self._choose, self._rng = interface, agents, choose, rng
+        self._experts, self._check = experts, check
+        self.labels: dict[int, dict[str, int]] = {}
+
+    def reset(self, seeds: Sequence[int | None]) -> None:
+        """Begin one episode for each seed."""
+        self._player = Player(self._agents, len(seeds))
+        for expert, seed in zip(self._experts, seeds, strict=False):
+            expert.reset(seed)
+
+    def act(
+        self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
+    ) -> list[Actions]:
+        """Return agent -> its action in the episodes with these numbers, for the agents that are there."""
+        self._check()
+        if self._experts:
+            asked = zip(episodes, observations, infos, strict=True)
+            self.labels = {number: self._experts[number].propose(seen, info) for number, seen, info in asked}
+        chosen: list[Actions] = [{} for _ in episodes]
+        for name, count in self._interface.actions.items():
+            rows = [row for row, seen in enumerate(observations) if name in seen]
+            if not rows:
                 continue
-            index = torch.tensor(there)
-            seen = tensors(stack([episodes[number].observations[-1][name] for number in there]))
-            legal = np.stack([episodes[number].legal[-1][name] for number in there])
-            labels = np.array([episodes[number].label(name) for number in there])
-            actions = choose(player.values(name, index, seen), torch.from_numpy(legal), labels, rng)
-            player.remember(name, index, torch.from_numpy(actions))
-            for number, action in zip(there, actions, strict=True):
-                chosen[number][name] = int(action)
+            index = torch.tensor([episodes[row] for row in rows])
+            values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
+            mask = torch.from_numpy(np.stack([_action_mask(infos[row].get(name, {}), count) for row in rows]))
+            labels = np.array([self.labels.get(episodes[row], {}).get(name, NO_LABEL) for row in rows])
+            actions = self._choose(values, mask, labels, self._rng)
+            self._player.remember(name, index, torch.from_numpy(actions))
+            for row, action in zip(rows, actions, strict=True):
+                chosen[row][name] = int(action)
+        for number, actions_done in zip(episodes, chosen, strict=True) if self._experts else ():
+            self._experts[number].note(actions_done)
         return chosen
 
 
-def begin(interface: Interface, env: Any, start: tuple) -> Episode:
-    """Return the episode that begins with what an environment's reset has returned."""
-    episode = Episode()
+def begin(interface: Interface, episode: Episode, env: Any, start: tuple) -> None:
+    """Record the beginning of an episode: what an environment's reset has returned."""
     _look(interface, episode, env, *start)
-    return episode
 
 
 def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int], step: tuple) -> None:
@@ -203,15 +228,19 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str,
 def _look(
     interface: Interface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
 ) -> None:
-    seen = {name: over(np.array, observation) for name, observation in observations.items()}  # envs may reuse theirs
+    seen = {
+        name: tree_map(np.array, observation) for name, observation in observations.items()
+    }  # envs may reuse theirs
     nothing = {name: zeros(space) for name, space in interface.observations.items() if name not in seen}
     episode.observations.append({name: {**seen, **nothing}[name] for name in interface.agents})
     episode.states.append(interface.state(env, observations))
-    episode.legal.append({name: _legal(infos.get(name, {}), count) for name, count in interface.actions.items()})
+    episode.action_mask.append(
+        {name: _action_mask(infos.get(name, {}), count) for name, count in interface.actions.items()}
+    )
     episode.info = infos
 
 
-def _legal(info: dict[str, Any], count: int) -> np.ndarray:
+def _action_mask(info: dict[str, Any], count: int) -> np.ndarray:
     """Return which actions the environment allows: ``info["action_mask"]``, or all."""
     mask = np.asarray(info.get("action_mask", np.ones(count)), dtype=bool)
     return mask if mask.any() else np.ones(count, dtype=bool)

@@ -12,11 +12,11 @@ from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomic
 METRICS, BOARD = "metrics.jsonl", "tensorboard"
 
 
-class Logbook:
+class Logger:
     """Writes ``metrics.jsonl`` and TensorBoard events into a run's folder; without a folder it only shows progress."""
 
     def __init__(self, folder: Path | None, total: int, rows: int = 0, quiet: bool = False, unit: str = "episodes"):
-        """Open a logbook.
+        """Open a logger.
 
         Args:
             folder: of the run.

@@ -1,4 +1,4 @@
-"""The training loop: play a wave of episodes, learn from the replay buffer, now and then validate and save."""
+"""The training loop: play some episodes, learn from the replay buffer, now and then validate and save."""
 
 import json
 import time
@@ -17,11 +17,11 @@ from chmarl_pb.learning.algorithms.registry import check_first_weights, find_alg
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading, save
-from chmarl_pb.learning.runs.collect import Collector, Teacher
+from chmarl_pb.learning.runs.collect import Collector, Expert
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
-from chmarl_pb.learning.runs.logger import Logbook
-from chmarl_pb.learning.runs.replay_buffer import Episode, Replay
-from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.lock import run_lock
+from chmarl_pb.learning.runs.logger import Logger
+from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import Validate, by_return
 from chmarl_pb.learning.spaces import Interface
@@ -53,7 +53,7 @@ def train(
     validate: Validate | None = None,
     setting: dict[str, Any] | None = None,
     quiet: bool = True,
-    teacher: Callable[[Any], Teacher | Policy] | None = None,
+    expert: Callable[[Any], Expert | Policy] | None = None,
     threads: int = 1,
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
@@ -73,8 +73,8 @@ def train(
         validate: chooses the best weights; the mean return of greedy episodes if None.
         setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`.
         quiet: whether no progress is shown.
-        teacher: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
-            :class:`chmarl_pb.learning.runs.collect.Teacher`.
+        expert: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
+            :class:`chmarl_pb.learning.runs.collect.Expert`.
         threads: of torch, while this runs; networks as small as these are fastest with one.
 
     Raises:
@@ -83,24 +83,24 @@ def train(
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     row = find_algorithm(algorithm)
-    if row.expert and teacher is None:
+    if row.expert and expert is None:
         raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, {row.expert!r})")
     config = config or row.config()
     check_first_weights(config, setting or {})
     signals = Signals()
     with (
-        torch_threads(threads), held(folder),
-        closing(Collector(env_fn, config.envs, teacher, config.horizon, signals.check)) as collector,
+        torch_threads(threads), run_lock(folder),
+        closing(Collector(env_fn, config.envs, expert, config.horizon, signals.check)) as collector,
     ):  # fmt: skip
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
         last = None if folder is None else folder / LAST
         if last is not None and last.exists():
             with reading(last):
                 run.restore(load(last, "run"), last)
-        with closing(Logbook(folder, config.episodes, run.rows, quiet)) as logbook, signals:
+        with closing(Logger(folder, config.episodes, run.rows, quiet)) as logger, signals:
             try:
                 while not run.is_over:
-                    run.advance(logbook)
+                    run.advance(logger)
                     signals.check()
             except Asked:
                 run.save()
@@ -109,7 +109,7 @@ def train(
 
 
 class Run:
-    """A training run; all of it can be saved between two waves, and in one before its validation.
+    """A training run; all of it can be saved between two rollouts, and in one before its validation.
 
     Attributes:
         learner: networks and optimizer.
@@ -131,11 +131,11 @@ class Run:
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config)
-        self.replay = _make_replay(collector.interface, algorithm, config)
+        self.replay = _make_buffer(collector.interface, algorithm, config)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
-        self._unreported: int | None = None  # episodes before a wave that is learned from, until its row is written
+        self._unreported: int | None = None  # episodes before a rollout that is learned from, until its row is written
         self._saved = time.monotonic()
         self._window: dict[str, list[float]] = defaultdict(list)
         self._clock = {"rollout": 0.0, "updates": 0.0, "steps": 0, "transitions": 0, "gradients": 0}
@@ -145,11 +145,11 @@ class Run:
         """Whether all episodes are played, learned from and reported."""
         return self.episodes >= self.config.episodes and self._unreported is None
 
-    def advance(self, logbook: Logbook) -> None:
-        """Play a wave, learn from it, and do what is due after it; what was left of the last wave comes first.
+    def advance(self, logger: Logger) -> None:
+        """Play a rollout, learn from it, and do what is due after it; what was left of the last rollout comes first.
 
         Raises:
-            Asked: the run is to end; its state is that of before the wave, or of before its validation.
+            Asked: the run is to end; its state is that of before the rollout, or of before its validation.
         """
         if self._unreported is None:
             before = self.episodes
@@ -157,10 +157,10 @@ class Run:
             if self.episodes >= min(self.config.learning_starts, self.config.episodes):
                 self._learn()
             self._unreported = before
-        self._report(self._unreported, logbook)
+        self._report(self._unreported, logger)
 
-    def _report(self, before: int, logbook: Logbook) -> None:
-        """Validate, log and save, as it is due after a wave that began after some episodes."""
+    def _report(self, before: int, logger: Logger) -> None:
+        """Validate, log and save, as it is due after a rollout that began after some episodes."""
         row: dict[str, Any] = {}
         if self._due(before, self.config.validation_interval):
             self.save()  # validation takes its time
@@ -168,9 +168,9 @@ class Run:
         if self._due(before, self.config.log_interval):
             row = self._figures() | row
         if row:
-            logbook.write({"episodes": self.episodes, **row})
-            self.rows = logbook.rows
-        logbook.advance(self.episodes)
+            logger.write({"episodes": self.episodes, **row})
+            self.rows = logger.rows
+        logger.advance(self.episodes)
         self._unreported = None
         if self._due(before, self.config.checkpoint_interval) or time.monotonic() > self._saved + interrupts.EVERY:
             self.save()
@@ -201,8 +201,9 @@ class Run:
         Raises:
             CheckpointError: it is of other settings.
         """
-        for name, own in self._settings().items():
-            if state.get(name) != own:
+        config = asdict(type(self.config)(**state["config"])) if state["algorithm"] == self.learner.algorithm else {}
+        for name, own in self._settings().items():  # settings that are newer than the file have their defaults
+            if (config if name == "config" else state.get(name)) != own:
                 raise CheckpointError(f"{path}: its {name} {state.get(name)} differs from {own}; use another folder")
         self.learner.restore(state["learner"], path)
         if state["replay"] is not None:
@@ -219,13 +220,15 @@ class Run:
         seeds = self._streams["tasks"].integers(2**31, size=config.envs).tolist()
         choose = self.learner.choose(self.episodes)
         try:
-            played = self._collector.play(self.learner.agents, choose, self._streams["actions"], seeds, taught=True)
+            played = self._collector.play(
+                self.learner.agents, choose, self._streams["actions"], seeds, ask_experts=True
+            )
         except Asked:
-            for name, state in before.items():  # the wave is played again
+            for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
             raise
         for episode in played:
-            self._window["return"].append(episode.gain)
+            self._window["return"].append(episode.episode_return)
             self.replay.add(_scaled(episode, config.reward_scale))
             self._window["length"].append(len(episode))
             self._window["success"] += _success(episode)
@@ -279,13 +282,13 @@ class Run:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
 
 
-def _make_replay(interface: Interface, algorithm: str, config: RunConfig) -> Replay:
+def _make_buffer(interface: Interface, algorithm: str, config: RunConfig) -> ReplayBuffer:
     """Return a run's replay buffer.
 
     Raises:
         ValueError: memory does not hold what has to be learned from at once.
     """
-    replay = Replay(interface, config.horizon, config.kept, config.memory_gib)
+    replay = ReplayBuffer(interface, config.horizon, config.kept, config.memory_gib)
     if config.on_policy and replay.capacity < config.kept:
         raise ValueError(
             f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that "

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from chmarl_pb.learning.algorithms.losses import Batch
-from chmarl_pb.learning.spaces import Interface, Tree, over, stack, zeros
+from chmarl_pb.learning.spaces import Interface, Tree, stack, tree_map, zeros
 
 GIB = 2**30
 
@@ -19,8 +19,8 @@ class Episode:
     Attributes:
         observations: T + 1 times agent -> observation.
         actions: T times agent -> its action; 0 if it is gone.
-        labels: T times agent -> what a teacher would have done; empty if there is none.
-        legal: T + 1 times agent -> (A) bool.
+        labels: T times agent -> what an expert would have done; empty if there is none.
+        action_mask: T + 1 times agent -> (A) bool.
         states: T + 1 times (S).
         rewards: T times (N).
         acted: T times (N) bool.
@@ -31,7 +31,7 @@ class Episode:
     observations: list[dict[str, Tree]] = field(default_factory=list)
     actions: list[dict[str, int]] = field(default_factory=list)
     labels: list[dict[str, int]] = field(default_factory=list)
-    legal: list[dict[str, np.ndarray]] = field(default_factory=list)
+    action_mask: list[dict[str, np.ndarray]] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     rewards: list[np.ndarray] = field(default_factory=list)
     acted: list[np.ndarray] = field(default_factory=list)
@@ -43,17 +43,17 @@ class Episode:
         return len(self.actions)
 
     def label(self, name: str) -> int:
-        """Return what the teacher would do now in an agent's place, or -1."""
+        """Return what the expert would do now in an agent's place, or -1."""
         return self.labels[-1].get(name, -1) if self.labels else -1
 
     @property
-    def gain(self) -> float:
+    def episode_return(self) -> float:
         """The sum of the rewards, averaged over the agents that act."""
         acted, rewards = np.array(self.acted), np.array(self.rewards)
         return float(((rewards * acted).sum(axis=1) / acted.sum(axis=1).clip(min=1)).sum())
 
 
-class Replay:
+class ReplayBuffer:
     """Keeps the newest episodes and draws batches of them.
 
     Attributes:
@@ -99,11 +99,11 @@ class Replay:
         place, kept = self.added % self.capacity, self._kept
         for name in self._interface.agents:
             seen = stack([observation[name] for observation in episode.observations])
-            over(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
+            tree_map(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
             _write(kept["actions"][name], place, np.array([action[name] for action in episode.actions]))
             labels = [label.get(name, -1) for label in episode.labels] or [-1] * steps
             _write(kept["labels"][name], place, np.array(labels))
-            _write(kept["legal"][name], place, np.array([legal[name] for legal in episode.legal]))
+            _write(kept["action_mask"][name], place, np.array([mask[name] for mask in episode.action_mask]))
         for key in ("states", "rewards", "acted", "terminated"):
             _write(kept[key], place, np.array(getattr(episode, key)))
         kept["steps"][place] = steps
@@ -127,9 +127,9 @@ class Replay:
 
         kept = self._kept
         return Batch(
-            {name: over(lambda array: cut(array, steps + 1), tree) for name, tree in kept["observations"].items()},
+            {name: tree_map(lambda array: cut(array, steps + 1), tree) for name, tree in kept["observations"].items()},
             {name: cut(array, steps).long() for name, array in kept["actions"].items()},
-            {name: cut(array, steps + 1) for name, array in kept["legal"].items()},
+            {name: cut(array, steps + 1) for name, array in kept["action_mask"].items()},
             cut(kept["states"], steps + 1), cut(kept["rewards"], steps), cut(kept["acted"], steps),
             cut(kept["terminated"], steps), {name: cut(array, steps).long() for name, array in kept["labels"].items()},
         )  # fmt: skip
@@ -152,7 +152,7 @@ class Replay:
             "observations": {name: zeros(space, capacity, steps + 1) for name, space in io.observations.items()},
             "actions": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
             "labels": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
-            "legal": {name: np.ones((capacity, steps + 1, count), bool) for name, count in io.actions.items()},
+            "action_mask": {name: np.ones((capacity, steps + 1, count), bool) for name, count in io.actions.items()},
             "states": np.zeros((capacity, steps + 1, io.state_size), np.float32),
             "rewards": np.zeros((capacity, steps, agents), np.float32),
             "acted": np.zeros((capacity, steps, agents), bool),

@@ -25,7 +25,7 @@ def by_return(episodes: int = 32) -> Validate:
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
         played = play_greedily(collector, agents, seeds)
-        return {"score": float(np.mean([episode.gain for episode in played]))}
+        return {"score": float(np.mean([episode.episode_return for episode in played]))}
 
     return validate
 
@@ -64,12 +64,12 @@ def play_greedily(
     seeds: Sequence[int],
     options: Sequence[dict[str, Any]] | None = None,
 ) -> list[Episode]:
-    """Play one episode for each seed without exploration, in waves."""
+    """Play one episode for each seed without exploration, in rollouts."""
     rng, width = np.random.default_rng(0), len(collector.envs)  # draws nothing
     played: list[Episode] = []
     for first in range(0, len(seeds), width):
-        wave = slice(first, first + width)
-        played += collector.play(agents, greedy, rng, seeds[wave], options[wave] if options else None)
+        rollout = slice(first, first + width)
+        played += collector.play(agents, greedy, rng, seeds[rollout], options[rollout] if options else None)
     return played
 
 

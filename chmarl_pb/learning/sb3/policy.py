@@ -21,6 +21,7 @@ from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, PREFIXES, named
+from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from chmarl_pb.learning.runs.seal import seal
@@ -80,7 +81,8 @@ class Sb3Policies:
         fill(network, weights, self.path)
         network.set_training_mode(False)
         encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
-        return Sb3Policy(network.requires_grad_(False), env, config.sampled, silenced(asdict(config)), encoder)
+        network.requires_grad_(False)
+        return BatchOfOne(Sb3Policy(network, env, config.sampled, silenced(asdict(config)), encoder))
 
 
 def policy_of(model: BaseAlgorithm) -> "ModelPolicies":
@@ -117,14 +119,13 @@ class ModelPolicies:
         if missing := [key for key in _keys_of(self._network) if key not in given]:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
         self._network.set_training_mode(False)
-        return Sb3Policy(self._network, env, not self.deterministic)
+        return BatchOfOne(Sb3Policy(self._network, env, not self.deterministic))
 
 
 class Sb3Policy:
-    """Drives both robots by one network, or the humanoid by the network and the drone by the search policy.
+    """Drives the robots of several episodes; each episode draws its actions from a stream of its own.
 
-    Attributes:
-        crowd: plays so in several episodes at once.
+    One network drives both robots, or the humanoid alone while the drone follows the search policy.
     """
 
     def __init__(
@@ -144,38 +145,15 @@ class Sb3Policy:
             silenced: names of the keys that read as zeros, as they did in training.
             encoder: what turns pictures into the features that the network sees; None: it sees pictures.
         """
-        self.crowd = Sb3Crowd(network, env, sampled, silenced, encoder)
-
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        self.crowd.reset([seed or 0])
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return drawn actions, or the most valuable ones of DQN."""
-        return self.crowd.act([0], [observations], [infos])[0]
-
-
-class Sb3Crowd:
-    """Drives the robots of several episodes; each episode draws its actions from a stream of its own."""
-
-    def __init__(
-        self,
-        network: BasePolicy,
-        env: HouseholdEnv,
-        sampled: bool,
-        silenced: tuple[str, ...],
-        encoder: FrozenEncoder | None,
-    ):
-        """Take a network over; see :class:`Sb3Policy`."""
         self._network: Any = network  # its kinds have no common type
         self._sampled, self._silenced, self._encoder = sampled, silenced, encoder
         self._names, self._rooms = env.action_names, env.rooms
         self._keys = _keys_of(network)
         self._alone = not any(key.startswith(PREFIXES[1:]) for key in self._keys)
 
-    def reset(self, seeds: Sequence[int]) -> None:
+    def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
-        self._streams = [torch.Generator().manual_seed(seed) for seed in seeds]
+        self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
         self._drones = [DroneSearch(self._names["drone"], self._rooms) for _ in seeds]
         if self._recurrent:
             layers, _, units = self._network.lstm_hidden_state_shape
@@ -183,19 +161,21 @@ class Sb3Crowd:
 
     @threads(1)
     @torch.no_grad()
-    def act(self, places: Sequence[int], seen: Sequence[Observations], told: Sequence[Infos]) -> list[Actions]:
+    def act(
+        self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
+    ) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""
-        parts = [one["humanoid"] if self._alone else joined(one) for one in seen]
+        parts = [one["humanoid"] if self._alone else joined(one) for one in observations]
         batch = stack([{key: part[key] for key in self._keys} for part in parts])
         batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
         if self._encoder is not None:
             batch = encoded(batch, self._encoder)
-        numbers = self._numbers(places, self._network.obs_to_tensor(batch)[0]).tolist()
+        numbers = self._numbers(episodes, self._network.obs_to_tensor(batch)[0]).tolist()
         pairs: Iterable[Sequence[int]] = numbers
         if self._alone:
             drones = [
-                self._drones[place].act(self._heard(one["drone"]), info["drone"])
-                for place, one, info in zip(places, seen, told, strict=True)
+                self._drones[number].act(self._heard(one["drone"]), info["drone"])
+                for number, one, info in zip(episodes, observations, infos, strict=True)
             ]
             pairs = zip(numbers, drones, strict=True)
         elif isinstance(self._network.action_space, spaces.Discrete):
@@ -210,21 +190,21 @@ class Sb3Crowd:
     def _recurrent(self) -> bool:
         return hasattr(self._network, "lstm_hidden_state_shape")
 
-    def _numbers(self, places: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
+    def _numbers(self, episodes: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
         """Return (B) numbers of actions, or (B, 2) for both robots."""
         if not self._sampled:
             return self._network._predict(batch, deterministic=True)
         if self._recurrent:
-            before = tuple(part[:, places] for part in self._memory)
-            found, after = self._network.get_distribution(batch, before, torch.zeros(len(places)))
+            before = tuple(part[:, episodes] for part in self._memory)
+            found, after = self._network.get_distribution(batch, before, torch.zeros(len(episodes)))
             for memory, part in zip(self._memory, after, strict=True):
-                memory[:, places] = part
+                memory[:, episodes] = part
         else:
             found = self._network.get_distribution(batch)
         robots = found.distribution if isinstance(found.distribution, list) else [found.distribution]
         drawn = [
-            [torch.multinomial(robot.probs[row], 1, generator=self._streams[place]) for robot in robots]
-            for row, place in enumerate(places)
+            [torch.multinomial(robot.probs[row], 1, generator=self._streams[number]) for robot in robots]
+            for row, number in enumerate(episodes)
         ]
         return torch.tensor(drawn).squeeze(1)
 
@@ -274,7 +254,7 @@ def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
                 raise CheckpointError(
                     f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
                     "they are loaded; to evaluate one that you trust, load it in a module:callable and return "
-                    "training.sb3.policy_of(model)(env)"
+                    "chmarl_pb.learning.sb3.policy_of(model)(env)"
                 )
             with reading(path):
                 config = Config(**{**BEFORE_PRESETS, **json.loads(archive.read(_SETTINGS))})

@@ -19,7 +19,7 @@ from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
-from chmarl_pb.learning.runs.run_lock import held
+from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
@@ -61,7 +61,7 @@ def run(
     signals = Signals()
     with ExitStack() as stack:
         stack.enter_context(torch_threads(threads))
-        stack.enter_context(held(folder))
+        stack.enter_context(run_lock(folder))
         title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
         bar = stack.enter_context(Bar(title, config.steps, quiet))
         journal = Journal(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options))

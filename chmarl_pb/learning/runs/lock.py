@@ -10,7 +10,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError
 
 
 @contextmanager
-def held(folder: Path | None) -> Iterator[None]:
+def run_lock(folder: Path | None) -> Iterator[None]:
     """Hold a run's folder, which is made if it is missing, as long as the block runs; None: there is none to hold.
 
     Raises:

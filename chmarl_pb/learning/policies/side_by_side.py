@@ -1,0 +1,49 @@
+"""Play an evaluation's episodes side by side in one process, as ``plays`` of :func:`chmarl_pb.evaluate`."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb.envs.parallel import AGENTS
+from chmarl_pb.envs.rollout import Episode, core_of_parallel
+from chmarl_pb.evaluation.metrics import Played, played
+from chmarl_pb.evaluation.play import Job, Setup, episode_seed
+from chmarl_pb.learning.policies.batched import BatchedPolicy, as_batched, play_together
+from chmarl_pb.policies.policy import Actions
+from chmarl_pb.policies.sources import find_policy
+
+WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
+
+
+def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> Iterator[Played]:
+    """Yield the played episodes, in no certain order.
+
+    Args:
+        setup: policy and options.
+        jobs: what to play.
+        width: number of environments.
+    """
+    envs = [setup.make_env() for _ in range(min(width, len(jobs)))]
+    try:
+        if envs:
+            policy = as_batched([find_policy(setup.policy).make(env) for env in envs])
+        for first in range(0, len(jobs), width):
+            yield from _play(policy, envs, jobs[first : first + width])
+    finally:
+        for env in envs:
+            env.close()
+
+
+def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> Iterator[Played]:
+    """Yield one episode of each job."""
+    seeds, options = [episode_seed(*job) for job in jobs], [{"task": task} for task, _ in jobs]
+    chosen: list[list[Actions]] = [[] for _ in jobs]
+    for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options):
+        if actions is None:
+            continue
+        chosen[number].append({name: int(actions[name]) for name in AGENTS})
+        if not envs[number].agents:
+            (task, seed), core = jobs[number], core_of_parallel(envs[number])
+            end = core.outcome.success, core.outcome.potential, core.steps
+            yield played(Episode(task, (), tuple(chosen[number]), np.zeros(0), (result[4],), *end), seed)
