@@ -52,8 +52,8 @@ def parallel_env(observation: str = "scene_graph", **options: Any) -> "Household
     """Return the PettingZoo ParallelEnv of the agents "humanoid" and "drone".
 
     Args:
-        observation: "scene_graph" or "visual".
-        **options: split, home, messages, feedback, max_steps, image_size, execution, render_mode, goal;
+        observation: "scene_graph", "visual", "depth", "segmentation", "text", a sensor, or a tuple of them.
+        **options: split, home, task, messages, feedback, max_steps, image_size, execution, render_mode, goal;
             see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:

@@ -7,6 +7,7 @@ import re
 import sys
 
 import chmarl_pb
+from chmarl_pb.tasks.language import parse_instruction
 
 
 def answer(text, tried):
@@ -16,9 +17,7 @@ def answer(text, tried):
     """
     actions = re.search(r"Actions: (.*)\.", text)[1].split(", ")
     rooms = [action for action in actions if action.startswith("goto_")]
-    item, target = re.search(
-        r"Task: .*?\b(?:the|a|an|some) ([\w ]+?) (?:on|onto)\b.* (?:the|a|an) ([\w ]+)\.", text
-    ).groups()
+    item, target = (name.replace("_", " ") for name in parse_instruction(text.splitlines()[0].removeprefix("Task: ")))
     holding = "You hold" in text
     wanted, verb = (target, "place") if holding else (item, "pick")
     seen = " ".join(line for line in text.splitlines() if line.startswith("You see"))
@@ -27,10 +26,10 @@ def answer(text, tried):
     told = re.search(rf"^{'Where' if holding else 'What'} .* has been seen in the ([\w ]+)", text, re.MULTILINE)
     if told and f"in the {told[1]}." not in text.splitlines()[1]:
         return f"goto_{told[1].split(' and ')[0]}"
-    around = [action for action in tried if action == "turn_left"]
-    if "turn_left" in actions and len(around) % 12 != 11:
+    turns = tried.count("turn_left")
+    if "turn_left" in actions and turns % 12 < 11:
         return "turn_left"
-    return rooms[len(tried) % len(rooms)] if "turn_left" not in actions else rooms[len(around) // 11 % len(rooms)]
+    return rooms[len(tried) // 12 % len(rooms)] if "turn_left" in actions else rooms[len(tried) % len(rooms)]
 
 
 class TextPolicy:

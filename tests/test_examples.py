@@ -74,6 +74,11 @@ def test_text_policy(capsys: pytest.CaptureFixture[str]) -> None:
     assert "You are the humanoid, in the " in shown and "\n> " in shown and "after" in shown
 
 
+def test_tidy_task(capsys: pytest.CaptureFixture[str]) -> None:
+    example("tidy_task").main()
+    assert "success after" in capsys.readouterr().out
+
+
 def test_my_policy(capsys: pytest.CaptureFixture[str]) -> None:
     example("my_policy").main(tasks=2)
     assert "MyPolicy" in capsys.readouterr().out

@@ -42,8 +42,9 @@ class Observer:
         for sensor in self._sensors:
             _add(parts, sensor.spaces(), type(sensor).__name__)
         tokens = language.vocabulary_size() - 1
+        self._words = language.INSTRUCTION_LENGTH * options.kind.objects
         own: dict[str, spaces.Space] = {
-            "instruction": spaces.Box(0, tokens, (language.INSTRUCTION_LENGTH,), np.int16),
+            "instruction": spaces.Box(0, tokens, (self._words,), np.int16),
             "feedback": spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16),
             "messages": options.channel.space(rooms),
             "self": spaces.Box(-1, 1, (len(rooms) + 4,), np.float32),
@@ -53,6 +54,10 @@ class Observer:
         _add(parts, own, "the environment")
         self.space = spaces.Dict(parts)
         self._parts = parts
+
+    def tokens(self, instruction: str) -> np.ndarray:
+        """Return an instruction as token ids."""
+        return language.tokenize(instruction, self._words)
 
     def observe(
         self, stage: Stage, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None

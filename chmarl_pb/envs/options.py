@@ -13,6 +13,7 @@ from chmarl_pb.policies.sources import name_of
 from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
+from chmarl_pb.tasks.kinds import KINDS, TaskKind
 from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
 
@@ -36,6 +37,7 @@ class Options:
         observation: "scene_graph", "visual", "depth", "segmentation" or "text", a :class:`Sensor`, or a tuple of them;
             names may also be joined, as "scene_graph+depth".
         split: split of the benchmark that tasks are drawn from.
+        task: kind of the tasks: "rearrange", the benchmark's; "tidy"; or a :class:`TaskKind`.
         home: name or path of a home to play in instead of the split's homes.
         messages: whether the robots' messages are observed; if not, they read as zeros. Or a :class:`Channel`.
         feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False. Or an
@@ -57,6 +59,7 @@ class Options:
     execution: str = "instant"
     render_mode: str | None = None
     goal: bool = False
+    task: str | TaskKind = "rearrange"
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -72,6 +75,9 @@ class Options:
         _one_of("messages", self.messages, (True, False), Channel)
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
+        _one_of("task", self.task, tuple(KINDS), TaskKind)
+        if self.goal and self.kind.objects != 1:
+            raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
         _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
 
@@ -107,6 +113,11 @@ class Options:
         if not self.feedback:
             return None
         return SpokenAdviser(CRITICS[self.feedback if isinstance(self.feedback, str) else STYLES[0]])
+
+    @property
+    def kind(self) -> TaskKind:
+        """The kind of the tasks."""
+        return KINDS[self.task] if isinstance(self.task, str) else self.task
 
     @property
     def homes(self) -> tuple[str, ...]:

@@ -18,11 +18,12 @@ from chmarl_pb.robots.motion import Motion
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import Messages
-from chmarl_pb.tasks.outcome import Outcome, judge, reward
+from chmarl_pb.tasks.outcome import Outcome, reward
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.source import TaskSource
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.targets import target_of
+from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import World
 
 AGENTS = ("humanoid", "drone")
@@ -69,12 +70,12 @@ class HouseholdEnv(ParallelEnv):
             open_display()
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self._tasks = TaskSource(self.options.split, self.options.home)
+        self._tasks = TaskSource(self.options.split, self.options.home, self.options.kind)
         self._stages: dict[str, Stage] = {}
         self.stage = self._enter(self.options.homes[0])
         self.rooms, self.action_names = self.stage.rooms, self.stage.actions
         self._observer = Observer(self.options, self.rooms)
-        self._channel, self._adviser = self.options.channel, self.options.adviser
+        self._channel, self._adviser, self._kind = self.options.channel, self.options.adviser, self.options.kind
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
         self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
         self.action_spaces = {name: self.action_space(name) for name in AGENTS}
@@ -125,16 +126,16 @@ class HouseholdEnv(ParallelEnv):
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
-        self.setting: Setting = self.stage.begin(self.task)
+        self.setting: Setting = self.stage.begin(self.task, self._kind)
         self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
-        self.instruction = language.instruction(self.task)
-        self._instruction_tokens = language.tokenize(self.instruction, language.INSTRUCTION_LENGTH)
+        self.instruction = self._kind.instruction(self.task)
+        self._instruction_tokens = self._observer.tokens(self.instruction)
         self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
         self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
         if self._adviser:
-            self._adviser.begin(self.stage, self.task, self.setting.goal)
+            self._adviser.begin(self.stage, self.task, self.setting.goals)
         return self._observe({}, dict.fromkeys(AGENTS, True))
 
     def step(self, actions: dict[str, int]) -> Results:
@@ -224,7 +225,7 @@ class HouseholdEnv(ParallelEnv):
         self._stages = {}
         self.agents = []
 
-    def _choose_task(self, options: dict[str, Any]) -> Task:
+    def _choose_task(self, options: dict[str, Any]) -> AnyTask:
         if not isinstance(options, dict):
             raise OptionError(f"reset(options={options!r}) is not a dict; give one, e.g. {{'task': 'test-unseen-007'}}")
         unknown = sorted(set(options) - {"task"})
@@ -258,19 +259,22 @@ class HouseholdEnv(ParallelEnv):
 
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
         seen = self.outcome.seen["humanoid"]
+        goal = target_of(self.setting.goals, self.outcome.state, "humanoid", seen)
         return {
-            "humanoid": self.stage.humanoid.plan(names["humanoid"], self.setting.goal, seen),
+            "humanoid": self.stage.humanoid.plan(names["humanoid"], goal, seen),
             "drone": self.stage.drone.plan(names["drone"]),
         }
 
     def _look(self) -> Outcome:
         stage, state = self.stage, self.world.state
         seen = {name: stage.sight.visible(name) for name in AGENTS}
-        return judge(state, self.setting.goal, seen, stage.room_names[state.robots["humanoid"].room])
+        return self._kind.judge(state, self.setting, seen, stage.room_names[state.robots["humanoid"].room])
 
     def _say(self, messages: Messages) -> Messages:
         """Return what has been said when the robots have told each other of the outcome."""
-        return self._channel.update(messages, self.outcome, self.setting.goal, self.rooms, self._rng)
+        for goal, part in zip(self.setting.goals, self.outcome.parts or (self.outcome,), strict=True):
+            messages = self._channel.update(messages, part, goal, self.rooms, self._rng)
+        return messages
 
     def _observe(
         self, feedback: dict[str, str], succeeded: dict[str, bool]

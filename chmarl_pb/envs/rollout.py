@@ -10,7 +10,7 @@ from pettingzoo import AECEnv
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.policy import Infos, Observations, Policy
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 #: Called after the reset and after each step with the innermost environment, which it may read but not change.
 OnStep = Callable[[HouseholdEnv], Any]
@@ -31,7 +31,7 @@ class Episode:
         steps: joint steps of the home; T, unless a wrapper repeats or skips actions.
     """
 
-    task: Task
+    task: AnyTask
     observations: tuple[Observations, ...]
     actions: tuple[dict[str, int], ...]
     rewards: np.ndarray
@@ -49,7 +49,7 @@ def rollout(
     env: Any,
     policy: Policy,
     seed: int | None = None,
-    task: Task | str | None = None,
+    task: AnyTask | str | None = None,
     on_step: OnStep | None = None,
 ) -> Episode:
     """Play one episode.

@@ -8,6 +8,7 @@ from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.targets import target_of
 
 _NEAREST_TARGETS = 3
 
@@ -22,9 +23,11 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
 
     In order: x, y, cosine and sine of the heading of the humanoid and of the drone; x, y, z of X; x,
     y, z of the three targets nearest to the humanoid (zeros where there are fewer); messages; holding,
-    success, potential / 10, share of the steps that are gone; one-hot classes of X and Y. Positions
+    success, potential / 10, share of the steps that are gone; one-hot classes of X and Y. With
+    several objects, X is the one that Pick and Place are about, and potential is the mean. Positions
     are relative to the home's middle, over half its larger side.
     """
+    goal = target_of(setting.goals, outcome.state, "humanoid", outcome.seen["humanoid"])
     low, high = stage.home.bounds
     middle, scale = (low + high) / 2, float((high - low).max()) / 2
 
@@ -37,17 +40,17 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
         angle = heading_angle(robot.heading)
         parts += [*point(*robot.base[0])[:2], np.cos(angle), np.sin(angle)]
     x, y, _ = outcome.state.robots["humanoid"].base[0]
-    parts += point(*stage.world.grip(setting.goal.item))
-    centres = np.array([stage.home.receptacles[name].centre for name in setting.goal.receptacles])
+    parts += point(*stage.world.grip(goal.item))
+    centres = np.array([stage.home.receptacles[name].centre for name in goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]
     for number in nearest:
-        name = setting.goal.receptacles[number]
+        name = goal.receptacles[number]
         top = max(solid.top for solid in stage.home.receptacles[name].solids)
         parts += point(*centres[number], top)
     parts += [0.0] * (3 * (_NEAREST_TARGETS - len(nearest)))
     parts += messages.ravel().tolist()
-    parts += [outcome.held is not None, outcome.success, outcome.potential / 10, elapsed]
-    classes = [catalog.class_of(name) for name in (setting.goal.item, setting.goal.receptacles[0])]
+    parts += [outcome.held is not None, outcome.success, outcome.potential / (10 * len(setting.goals)), elapsed]
+    classes = [catalog.class_of(name) for name in (goal.item, goal.receptacles[0])]
     for known, wanted in zip((catalog.GRASPABLES, catalog.RECEPTACLES), classes, strict=True):
         parts += [name == wanted for name in known]
     return np.array(parts, dtype=np.float32)

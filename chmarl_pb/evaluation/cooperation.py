@@ -16,7 +16,7 @@ from typing import NamedTuple
 from chmarl_pb.evaluation.metrics import Played, path_weighted
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 FOLDER = Path(__file__).parent / "references"
 ALONE, SILENT, SEARCH = "search-alone", "search-silent", "search"
@@ -43,7 +43,7 @@ class Reference:
     """
 
     max_steps: int
-    lengths: dict[Task, Lengths]
+    lengths: dict[AnyTask, Lengths]
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Coope
     )  # fmt: skip
 
 
-def reference_scores(split: str, max_steps: int, tasks: Iterable[Task] | None = None) -> dict[str, Score]:
+def reference_scores(split: str, max_steps: int, tasks: Iterable[AnyTask] | None = None) -> dict[str, Score]:
     """Return built-in policy -> what it scores; empty if there is no reference.
 
     Args:
@@ -159,13 +159,13 @@ def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[P
     return f'{json.dumps(head, indent=1)[:-2]},\n "lengths": {{\n  {joined}\n }}\n}}\n'
 
 
-def _home_hashes(tasks: Sequence[Task]) -> dict[str, str]:
+def _home_hashes(tasks: Sequence[AnyTask]) -> dict[str, str]:
     return {home: home_hash(home) for home in sorted({task.home for task in tasks})}
 
 
-def _lengths(episodes: Sequence[Played]) -> dict[Task, list[int | None]]:
+def _lengths(episodes: Sequence[Played]) -> dict[AnyTask, list[int | None]]:
     """Return task -> joint steps for each seed, None for a failure."""
-    lengths: dict[Task, list[int | None]] = defaultdict(list)
+    lengths: dict[AnyTask, list[int | None]] = defaultdict(list)
     for episode in sorted(episodes, key=lambda episode: episode.seed):
         lengths[episode.task].append(episode.steps if episode.success else None)
     return dict(lengths)
@@ -176,7 +176,7 @@ def _cut(lengths: Sequence[int | None], max_steps: int) -> list[int | None]:
     return [None if steps is None or steps > max_steps else steps for steps in lengths]
 
 
-def _score(task: Task, lengths: Sequence[int | None]) -> float:
+def _score(task: AnyTask, lengths: Sequence[int | None]) -> float:
     return fmean(path_weighted(steps is not None, steps or 0, task.optimal_steps) for steps in lengths)
 
 

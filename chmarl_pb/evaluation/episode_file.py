@@ -8,7 +8,7 @@ from typing import Any
 import chmarl_pb
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.envs.rollout import OnStep, rollout
-from chmarl_pb.errors import ResultError
+from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.files import write_atomically
@@ -68,7 +68,17 @@ def record_episode(
         seed: of the policy.
         task: the task to play, or its id.
         on_step: watches, see :func:`chmarl_pb.envs.rollout.rollout`.
+
+    Raises:
+        OptionError: the environment was given objects, or plays another kind of task.
     """
+    options = {option: getattr(env.options, option) for option in _OPTIONS}
+    options["observation"] = env.options.observation_name
+    plain = ":" not in options["observation"] and all(isinstance(value, str | int) for value in options.values())
+    if not plain or env.options.task != "rearrange":
+        raise OptionError(
+            "episode files hold the benchmark's own tasks, sensors, channels and advisers; record others yourself"
+        )
     states: list[str] = []
 
     def note(env: HouseholdEnv) -> None:
@@ -76,10 +86,10 @@ def record_episode(
         on_step(env)
 
     episode = rollout(env, policy, seed, task, note)
-    options = {option: getattr(env.options, option) for option in _OPTIONS}
     actions = tuple(tuple(chosen[robot] for robot in AGENTS) for chosen in episode.actions)
     home = home_hash(episode.task.home)
     rewards = tuple(episode.rewards.tolist())
+    assert isinstance(episode.task, Task)  # as the options say
     return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home)
 
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
@@ -29,7 +29,7 @@ class Played:
         actions: the numbers of both robots' actions in every step.
     """
 
-    task: Task
+    task: AnyTask
     seed: int
     steps: int
     success: bool
@@ -37,7 +37,7 @@ class Played:
     actions: tuple[tuple[int, ...], ...] = ()
 
     @property
-    def job(self) -> tuple[Task, int]:
+    def job(self) -> tuple[AnyTask, int]:
         """What was played: the task and the seed."""
         return self.task, self.seed
 
@@ -122,7 +122,7 @@ def summarize(episodes: Sequence[Played], intervals: bool = True) -> Summary:
     )  # fmt: skip
 
 
-def summarize_by(episodes: Sequence[Played], key: Callable[[Task], str]) -> dict[str, Summary]:
+def summarize_by(episodes: Sequence[Played], key: Callable[[AnyTask], str]) -> dict[str, Summary]:
     """Return the metrics of groups of episodes, without intervals.
 
     Args:
@@ -155,7 +155,7 @@ def bootstrap_interval(episodes: Sequence[Played], value: Callable[[Played], flo
 
 def _strata(episodes: Iterable[Played], value: Callable[[Played], float]) -> list[list[float]]:
     """Return the tasks' values home by home; all in one if some home has a single task."""
-    tasks: dict[Task, list[float]] = defaultdict(list)
+    tasks: dict[AnyTask, list[float]] = defaultdict(list)
     for episode in episodes:
         tasks[episode.task].append(value(episode))
     homes: dict[str, list[float]] = defaultdict(list)

@@ -17,9 +17,9 @@ from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import find_policy, imported
 from chmarl_pb.processes import in_processes
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
-Job = tuple[Task, int]
+Job = tuple[AnyTask, int]
 
 #: Takes the keyword arguments of :func:`chmarl_pb.parallel_env` and returns that environment in wrappers of its own.
 EnvFn = Callable[..., Any]
@@ -83,7 +83,7 @@ class Player:
         self.env.close()
 
 
-def episode_seed(task: Task, seed: int) -> int:
+def episode_seed(task: AnyTask, seed: int) -> int:
     """Return the seed of an episode: another one for every task, so that tasks are independent."""
     return int(np.random.SeedSequence([seed, task.seed]).generate_state(1)[0])
 

@@ -24,7 +24,7 @@ from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
 from chmarl_pb.processes import check_workers
 from chmarl_pb.tasks.splits import SPLITS, find_task
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
 
@@ -41,7 +41,7 @@ def evaluate(
     observation: str = "scene_graph",
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
-    tasks: Sequence[Task | str] | None = None,
+    tasks: Sequence[AnyTask | str] | None = None,
     out: Path | str | None = None,
     label: str | None = None,
     reuse: bool = False,
@@ -86,6 +86,8 @@ def evaluate(
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     source = find_policy(policy)
+    if tasks is None and not setup.options.kind.tasks(split):
+        raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
     chosen = _chosen(split, tasks)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
     check_workers(workers)
@@ -117,9 +119,9 @@ def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | 
     return kept if kept.settings == settings else None
 
 
-def _chosen(split: str, tasks: Sequence[Task | str] | None) -> list[Task]:
+def _chosen(split: str, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
     if tasks is None:
-        return evaluated_tasks(split)
+        return [*evaluated_tasks(split)]
     chosen = [find_task(task) if isinstance(task, str) else task for task in tasks]
     if len(set(chosen)) < len(chosen) or not chosen:
         raise TaskError("tasks: name at least one task, and none twice")
@@ -158,7 +160,7 @@ def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | No
     return episodes
 
 
-def _settings(source: Source, setup: Setup, tasks: Sequence[Task], seeds: Sequence[int]) -> dict[str, Any]:
+def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Sequence[int]) -> dict[str, Any]:
     """Return what fixes the numbers."""
     options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
     values = options.recorded()

@@ -14,7 +14,7 @@ from types import ModuleType
 import chmarl_pb
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
 
@@ -32,7 +32,7 @@ def home_hash(home: str) -> str:
     return content_hash(load_home(home))
 
 
-def tasks_hash(tasks: Iterable[Task]) -> str:
+def tasks_hash(tasks: Iterable[AnyTask]) -> str:
     """Return the sha256 of tasks, in their order."""
     return sha256_of(json.dumps(asdict(task), sort_keys=True).encode() for task in tasks)
 

@@ -17,6 +17,7 @@ from chmarl_pb.evaluation.tables import title_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.policies.replay import ReplayPolicy
+from chmarl_pb.tasks.task import Task
 
 _SCALE = 45.0  # pixels in a metre
 _MARGIN = 0.3  # metres around the floors
@@ -66,7 +67,7 @@ def _card(report: Report, episode: Played, folder: Path) -> str:
     title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
     head = f"<summary>{escape(title)}</summary>"
     home = episode.task.home
-    if report.changed:
+    if report.changed or not isinstance(episode.task, Task):
         return f"<details>{head}<p>Played in a changed environment: {escape(report.changed)}.</p></details>"
     if report.settings["homes_sha256"].get(home) != home_hash(home):
         return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"

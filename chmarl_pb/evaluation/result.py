@@ -14,7 +14,7 @@ from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_b
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"
 
@@ -57,6 +57,7 @@ class Report:
         """Names of the environment and of the objects that are not the benchmark's own; empty if there are none."""
         options = (self.settings["observation"], *self.settings["options"].values())
         names = [self.settings["env"]["name"]] if "env" in self.settings else []
+        names += [f"task {name}" for name in (self.settings["options"].get("task"),) if name]
         return ", ".join([*names, *(value for value in options if isinstance(value, str) and ":" in value)])
 
     @cached_property
@@ -160,7 +161,7 @@ def episode_row(episode: Played) -> dict[str, Any]:
 def episode_of(row: dict[str, Any]) -> Played:
     """Return the episode of a row that ``episode_row`` made."""
     actions = tuple(tuple(pair) for pair in row["actions"])
-    return replace(Played(**row), task=Task(**row["task"]), actions=actions)
+    return replace(Played(**row), task=task_of(row["task"]), actions=actions)
 
 
 def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:
@@ -173,7 +174,7 @@ def _means(summary: Summary) -> dict[str, Any]:
     return {"episodes": figures.pop("episodes")} | {name: figure["mean"] for name, figure in figures.items()}
 
 
-def in_order(episodes: Sequence[Played], tasks: Sequence[Task]) -> tuple[Played, ...]:
+def in_order(episodes: Sequence[Played], tasks: Sequence[AnyTask]) -> tuple[Played, ...]:
     """Return episodes seed by seed, in the order of the tasks."""
     place = {task: number for number, task in enumerate(tasks)}
     return tuple(sorted(episodes, key=lambda episode: (episode.seed, place[episode.task])))

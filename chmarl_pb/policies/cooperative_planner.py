@@ -15,17 +15,25 @@ from chmarl_pb.navigation.lattice import DRONE_HEIGHT
 from chmarl_pb.policies.policy import Actions, Infos, Observations, PolicyEnv
 from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.planner import Oracle, breadth_first
+from chmarl_pb.tasks.targets import is_done
 
 _HumanoidState = tuple[int, str | None]  # pose on the lattice, what is held
 
 
 class CooperativePlanner:
-    """Plans one episode for both robots."""
+    """Plans for both robots how to reach one goal."""
 
-    def __init__(self, oracle: Oracle, goal: Goal):
-        """Plan for the episode that a world has just been set up for."""
-        self.oracle, self.goal = oracle, goal
+    def __init__(self, oracle: Oracle, goal: Goal, goals: tuple[Goal, ...]):
+        """Plan from where a world is now.
+
+        Args:
+            oracle: plans for the humanoid.
+            goal: what both robots work for.
+            goals: all goals of the task.
+        """
+        self.oracle, self.goal, self.goals = oracle, goal, goals
         self._found: set[str] = set()
         self._target = goal.receptacles[0]
         self._ways: dict[_HumanoidState, list[str]] = {}
@@ -52,7 +60,7 @@ class CooperativePlanner:
 
     def _plan_way(self, state: _HumanoidState) -> None:
         """Plan, and remember what is left to do in every state on the way."""
-        way = self.oracle.plan(self.goal)
+        way = self.oracle.plan(self.goal, self.goals)
         moving = [name for name in self.oracle.humanoid.actions if name not in ("pick", "place", "stay")]
         moves = self.oracle.space.lattice.moves
         for number, action in enumerate(way):
@@ -134,9 +142,21 @@ class PlannerPolicy:
 
     def reset(self, seed: int | None) -> None:
         """Plan the episode that has just begun."""
-        self._planner = CooperativePlanner(self.env.stage.oracle, self.env.setting.goal)
+        goals = self.env.setting.goals
+        self._order = goals if len(goals) == 1 else plan_all(self.env.stage.oracle, goals).goals
+        self._planner: CooperativePlanner | None = None
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return the planner's action of each robot in the present state."""
+        goal = self._next_goal()
+        if self._planner is None or self._planner.goal != goal:
+            self._planner = CooperativePlanner(self.env.stage.oracle, goal, self.env.setting.goals)
         chosen = self._planner.choose({name: info["visible"] for name, info in infos.items()})
         return {name: self.env.action_names[name].index(action) for name, action in chosen.items()}
+
+    def _next_goal(self) -> Goal:
+        """Return the goal of what the humanoid holds, or the first in the planned order that is left."""
+        state = self.env.stage.world.state
+        held = [goal for goal in self._order if goal.item in state.held]
+        left = [goal for goal in self._order if not is_done(goal, state)]
+        return (held or left or self._order)[0]

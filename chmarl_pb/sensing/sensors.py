@@ -61,7 +61,7 @@ class View(NamedTuple):
         """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
         buffer = self.sight.picture(self.robot, size).depth
         near, far = CAMERAS[self.robot].near, CAMERAS[self.robot].far
-        return (near * far / (far - (far - near) * buffer)).astype(np.float32)
+        return (near * far / (far - (far - near) * buffer)).clip(near, far).astype(np.float32)
 
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""

@@ -7,9 +7,13 @@ from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.feedback import better_action, within_sight
+from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Stage
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.targets import target_of
+from chmarl_pb.tasks.tidy_task import AnyTask
+
+Goals = tuple[Goal, ...]
 
 
 @runtime_checkable
@@ -19,8 +23,8 @@ class Adviser(Protocol):
     Each environment works with a copy of the object, which must be picklable; it may keep what it needs of an episode.
     """
 
-    def begin(self, stage: Stage, task: Task, goal: Goal) -> None:
-        """Watch an episode that begins on a stage."""
+    def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:
+        """Watch an episode that begins on a stage, where goals are to be reached."""
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
         """Take note of the robots' actions, by name, that are about to be taken after an outcome."""
@@ -42,15 +46,17 @@ class Critic(Protocol):
 class MissedChance:
     """The paper's critic: notices a Pick or Place that would have worked and was not taken."""
 
-    def __init__(self, stage: Stage, goal: Goal):
+    def __init__(self, stage: Stage, goals: Goals):
         """Watch an episode that begins on a stage."""
-        self._humanoid, self._goal = stage.humanoid, goal
+        self._humanoid, self._goals = stage.humanoid, goals
         self._missed: str | None = None
 
     def before(self, action: str, outcome: Outcome) -> None:
         """Ask whether Pick or Place would work now, unless that is what the humanoid does."""
-        missed = within_sight(self._goal, outcome)
-        if missed == action or (missed and self._humanoid.plan(missed, self._goal, outcome.seen["humanoid"]) is None):
+        seen = outcome.seen["humanoid"]
+        goal = target_of(self._goals, outcome.state, "humanoid", seen)
+        missed = within_sight(goal, outcome)
+        if missed == action or (missed and self._humanoid.plan(missed, goal, seen) is None):
             missed = None
         self._missed = missed
 
@@ -62,9 +68,9 @@ class MissedChance:
 class Detour:
     """The planner's critic: notices every action that does not shorten the optimal plan; plans anew only after such."""
 
-    def __init__(self, stage: Stage, goal: Goal):
+    def __init__(self, stage: Stage, goals: Goals):
         """Plan an episode that begins on a stage."""
-        self._oracle, self._goal = stage.oracle, goal
+        self._oracle, self._goals = stage.oracle, goals
         self._plan = self._optimal()
         self._action = ""
 
@@ -83,7 +89,7 @@ class Detour:
 
     def _optimal(self) -> list[str] | None:
         try:
-            return self._oracle.plan(self._goal)
+            return plan_all(self._oracle, self._goals).actions
         except TaskError:
             return None
 
@@ -91,17 +97,19 @@ class Detour:
 class SpokenAdviser:
     """Says in plain English what a critic knows."""
 
-    def __init__(self, critic: Callable[[Stage, Goal], Critic]):
+    def __init__(self, critic: Callable[[Stage, Goals], Critic]):
         """Ask a critic of this kind in every episode."""
         self.critic = critic
 
-    def begin(self, stage: Stage, task: Task, goal: Goal) -> None:
+    def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:
         """Watch an episode that begins on a stage."""
-        self._task, self._item, self._critic = task, goal.item, self.critic(stage, goal)
+        self._task, self._goals, self._critic = task, goals, self.critic(stage, goals)
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
         """Take note of the humanoid's action, and of what it holds."""
-        self._action, self._holding = actions["humanoid"], outcome.held == self._item
+        goal = target_of(self._goals, outcome.state, "humanoid", outcome.seen["humanoid"])
+        self._action, self._holding = actions["humanoid"], outcome.held == goal.item
+        self._move = self._task.moves[self._goals.index(goal)]
         self._critic.before(self._action, outcome)
 
     def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
@@ -110,9 +118,9 @@ class SpokenAdviser:
         if better is None:
             return {}
         advice = language.Advice(self._action, succeeded["humanoid"], better, self._holding)
-        return {"humanoid": language.say(self._task, step, advice)}
+        return {"humanoid": language.say(self._move, step, advice)}
 
 
 #: Style of feedback -> the critic behind it.
-CRITICS: dict[str, Callable[[Stage, Goal], Critic]] = {"paper": MissedChance, "planner": Detour}
+CRITICS: dict[str, Callable[[Stage, Goals], Critic]] = {"paper": MissedChance, "planner": Detour}
 STYLES = tuple(CRITICS)

@@ -17,6 +17,7 @@ class Outcome:
         item_room: room in which X is.
         potential: phi of this state.
         success: X stands on a target receptacle.
+        parts: of a task of several goals, the facts of each; else empty.
     """
 
     state: WorldState
@@ -24,6 +25,7 @@ class Outcome:
     item_room: str
     potential: float
     success: bool
+    parts: tuple["Outcome", ...] = ()
 
     @property
     def held(self) -> str | None:

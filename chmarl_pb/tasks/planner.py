@@ -8,7 +8,7 @@ plan: only the humanoid's view counts for Pick and Place. What it does meanwhile
 :mod:`chmarl_pb.policies.cooperative_planner`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -19,6 +19,7 @@ from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.sensing.vision import Sight
+from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
 Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
@@ -33,8 +34,12 @@ class Oracle:
         self.outlook = Outlook(self.space)
         self.humanoid, self.drone = humanoid, drone
 
-    def plan(self, goal: Goal) -> list[str]:
-        """Return the humanoid's shortest list of actions to success from the present state.
+    def plan(self, goal: Goal, goals: Sequence[Goal] = ()) -> list[str]:
+        """Return the humanoid's shortest list of actions that reach a goal from the present state.
+
+        Args:
+            goal: the goal.
+            goals: all goals of the task, of which Pick takes the nearest object; this one alone if empty.
 
         Raises:
             TaskError: the object cannot be picked, or cannot be placed on any target.
@@ -47,7 +52,9 @@ class Oracle:
         motion_end = self.space.stand(self.world.grip(goal.item))
         if motion_end is None:
             raise TaskError(f"{goal.item} on {support.receptacle} cannot be reached; choose another place or seed")
-        to_pick = self._search(self.humanoid.pose, self._sees_item(goal), f"{goal.item} on {support.receptacle}")
+        to_pick = self._search(
+            self.humanoid.pose, self._sees_item(goal, goals or (goal,)), f"{goal.item} on {support.receptacle}"
+        )
         with self._holding(goal.item, motion_end):
             return [*to_pick, "pick", *self._to_place(goal, motion_end)]
 
@@ -89,9 +96,13 @@ class Oracle:
             raise TaskError(f"{self.space.home.name}: the humanoid cannot see {what} from any pose")
         return [moving[number] for number in found]
 
-    def _sees_item(self, goal: Goal) -> Seer:
-        ball = self.centre(goal.item), self.radius(goal.item)
-        return self._seer([ball], lambda: self.humanoid.plan("pick", goal, self.sight.visible("humanoid")) is not None)
+    def _sees_item(self, goal: Goal, goals: Sequence[Goal]) -> Seer:
+        def works() -> bool:
+            seen = self.sight.visible("humanoid")
+            meant = target_of(goals, self.world.state, "humanoid", seen) == goal
+            return meant and self.humanoid.plan("pick", goal, seen) is not None
+
+        return self._seer([(self.centre(goal.item), self.radius(goal.item))], works)
 
     def _sees_target(self, goal: Goal) -> Seer:
         balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
@@ -111,6 +122,23 @@ class Oracle:
             return found
 
         return sees
+
+    @contextmanager
+    def acting(self, actions: Sequence[str], goal: Goal) -> Iterator[None]:
+        """Let the humanoid carry out actions for a goal, with physics, for a while.
+
+        Raises:
+            TaskError: one of them fails.
+        """
+        before = self.world.state
+        try:
+            for action in actions:
+                motion = self.humanoid.plan(action, goal, self.sight.visible("humanoid"))
+                if motion is None or not self.humanoid.finish(motion):
+                    raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")
+            yield
+        finally:
+            self.world.state = before
 
     @contextmanager
     def _standing(self, pose: int) -> Iterator[None]:

@@ -22,10 +22,25 @@ def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str 
     Raises:
         TaskError: the home has receptacles of less than two classes.
     """
-    classes = sorted({thing.class_name for thing in space.home.receptacles.values()})
-    if len(classes) < 2:
-        raise TaskError(f"{space.home.path}: a task needs receptacles of at least two classes; add furniture")
+    classes = receptacle_classes(space, 2)
     source, target = rng.choice(classes, size=2, replace=False)
     graspable = rng.choice(list(catalog.GRASPABLES))
-    seed = int(rng.integers(_SEEDS))
+    seed = sample_seed(rng)
     return Task(task_id or f"{space.home.name}-{seed}", home, str(graspable), str(source), str(target), seed)
+
+
+def receptacle_classes(space: Space, least: int) -> list[str]:
+    """Return the classes of a home's receptacles, sorted.
+
+    Raises:
+        TaskError: there are fewer than ``least``.
+    """
+    classes = sorted({thing.class_name for thing in space.home.receptacles.values()})
+    if len(classes) < least:
+        raise TaskError(f"{space.home.path}: a task needs receptacles of at least {least} classes; add furniture")
+    return classes
+
+
+def sample_seed(rng: np.random.Generator) -> int:
+    """Draw the seed of a task."""
+    return int(rng.integers(_SEEDS))

@@ -12,6 +12,7 @@ from chmarl_pb.navigation.free_space import Space, grip_point
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Objects, World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
@@ -26,16 +27,21 @@ class Setting:
     """What a task's seed has fixed beside the places of the objects.
 
     Attributes:
-        goal: what Pick and Place act on.
+        goals: what Pick and Place act on, one goal for each object, in the order of the instruction.
         states: name of a static thing or an object -> its symbolic state.
         humanoid: pose that the humanoid starts from.
         drone: position that the drone starts from.
     """
 
-    goal: Goal
+    goals: tuple[Goal, ...]
     states: dict[str, str]
     humanoid: int
     drone: int
+
+    @property
+    def goal(self) -> Goal:
+        """The first goal, which in most tasks is the only one."""
+        return self.goals[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,40 +61,47 @@ class Layout:
     drone: int
 
 
-_layouts: WeakKeyDictionary[Space, dict[Task, Layout]] = WeakKeyDictionary()
+_layouts: WeakKeyDictionary[Space, dict[AnyTask, Layout]] = WeakKeyDictionary()
 
 
-def set_up(world: World, space: Space, task: Task) -> Setting:
-    """Clear a world and lay out a task in it: X on its source, the distractors, the states, the starts.
+def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Setting:
+    """Clear a world and lay out a task in it: each X on its source, the distractors, the states, the starts.
+
+    Args:
+        world: the world.
+        space: of its home.
+        task: the task; its seed alone draws what the moves leave open.
+        moves: the objects to be moved.
 
     Raises:
         TaskError: X does not fit on the source, or the home cannot hold the objects.
     """
-    goal = Goal(task.item, receptacles_of(space.home, task.target))
+    goals = tuple(Goal(move.item, receptacles_of(space.home, move.target)) for move in moves)
     kept = _layouts.setdefault(space, {})
     layout = kept.get(task)
     if layout is None:
-        layout = _lay_out(world, space, task)
+        layout = _lay_out(world, space, task, moves)
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
         kept[task] = layout
     world.arrange(layout.objects)
     names = (*(thing.name for thing in space.home.things), *world.objects)
-    return Setting(goal, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
+    return Setting(goals, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
 
 
-def _lay_out(world: World, space: Space, task: Task) -> Layout:
+def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Layout:
     """Draw a task's layout, with the objects put into the world one by one."""
     # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
     things, starts, moods = (np.random.default_rng([task.seed, stream]) for stream in _STREAMS)
     world.clear()
-    sources = list(receptacles_of(space.home, task.source))
-    things.shuffle(sources)
-    if not any(put_somewhere(world, space, task.item, source, things) for source in sources):
-        raise TaskError(
-            f"task {task.id!r}: no {task.source} of {space.home.name} has a reachable place for a {task.graspable}"
-        )
-    _dress(world, space, task, things)
+    for move in moves:
+        sources = list(receptacles_of(space.home, move.source))
+        things.shuffle(sources)
+        if not any(put_somewhere(world, space, move.item, source, things) for source in sources):
+            raise TaskError(
+                f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
+            )
+    _dress(world, space, task, [move.item for move in moves], things)
     states = _states(space.home, world.objects, moods)
     humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
     drone = int(starts.integers(len(space.drone_lattice.points)))
@@ -120,11 +133,11 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
-def _dress(world: World, space: Space, task: Task, rng: np.random.Generator) -> None:
+def _dress(world: World, space: Space, task: AnyTask, items: list[str], rng: np.random.Generator) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly."""
     receptacles = np.array(list(space.home.receptacles))
     placed = 0
-    for item in rng.permutation(_OBJECTS[_OBJECTS != task.item]).tolist():
+    for item in rng.permutation(_OBJECTS[~np.isin(_OBJECTS, items)]).tolist():
         order = rng.permutation(receptacles)[:6].tolist()
         placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:

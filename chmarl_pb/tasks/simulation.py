@@ -8,9 +8,11 @@ from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.sensing.vision import Sight
+from chmarl_pb.tasks.kinds import KINDS, TaskKind
+from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.planner import Oracle
-from chmarl_pb.tasks.setting import Setting, set_up
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
 
 
@@ -62,24 +64,24 @@ class Stage(Uncopied):
         """Robot -> names of its actions, in the order of their numbers."""
         return {name: robot.actions for name, robot in self.robots.items()}
 
-    def begin(self, task: Task) -> Setting:
-        """Lay out a task and put the robots at their starts.
+    def begin(self, task: AnyTask, kind: TaskKind = KINDS["rearrange"]) -> Setting:
+        """Lay out a task of a kind and put the robots at their starts.
 
         Raises:
             TaskError: the home cannot hold the task.
         """
-        setting = set_up(self.world, self.space, task)
+        setting = kind.set_up(self.world, self.space, task)
         self.humanoid.spawn(setting.humanoid)
         self.drone.spawn(setting.drone)
         return setting
 
-    def solve(self, task: Task) -> list[str]:
+    def solve(self, task: AnyTask, kind: TaskKind = KINDS["rearrange"]) -> list[str]:
         """Begin a task and return the planner's actions of the humanoid.
 
         Raises:
             TaskError: the task cannot be solved.
         """
-        return self.oracle.plan(self.begin(task).goal)
+        return plan_all(self.oracle, self.begin(task, kind).goals).actions
 
     def close(self) -> None:
         """Disconnect from physics."""

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.errors import TaskError
-from chmarl_pb.tasks.sampling import sample_task
+from chmarl_pb.tasks.kinds import KINDS, TaskKind
 from chmarl_pb.tasks.simulation import Stage
-from chmarl_pb.tasks.splits import find_task, load_tasks
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.splits import SPLIT_HOMES, find_task
+from chmarl_pb.tasks.tidy_task import AnyTask
 
 _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
 
@@ -18,29 +18,30 @@ _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
 class TaskSource:
     """Draws tasks of a split; for a home outside the split, solvable tasks made up for that home."""
 
-    def __init__(self, split: str, home: str | Path | None):
+    def __init__(self, split: str, home: str | Path | None, kind: TaskKind):
         """Remember where to draw from.
 
         Args:
             split: name of a split.
             home: name or path of the only home to play in, or None for all of the split.
+            kind: of the tasks.
         """
-        self._home = None if home is None else str(home)
-        self._tasks = [task for task in load_tasks(split) if self._home in (None, task.home)]
+        self._kind, self._homes = kind, SPLIT_HOMES[split] if home is None else (str(home),)
+        self._tasks = [task for task in kind.tasks(split) if home is None or task.home == str(home)]
 
-    def named(self, task: Task | str) -> Task:
+    def named(self, task: AnyTask | str) -> AnyTask:
         """Return a task given by itself or by its id.
 
         Raises:
             TaskError: there is no such task.
         """
-        if isinstance(task, Task):
+        if isinstance(task, AnyTask):
             return task
         if not isinstance(task, str):
             raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
         return find_task(task)
 
-    def draw(self, rng: np.random.Generator, stage_of: Callable[[str], Stage]) -> Task:
+    def draw(self, rng: np.random.Generator, stage_of: Callable[[str], Stage]) -> AnyTask:
         """Draw a task.
 
         Args:
@@ -52,11 +53,17 @@ class TaskSource:
         """
         if self._tasks:
             return self._tasks[rng.integers(len(self._tasks))]
-        assert self._home is not None
-        return draw_solvable(stage_of(self._home), self._home, rng)
+        home = self._homes[rng.integers(len(self._homes))] if len(self._homes) > 1 else self._homes[0]
+        return draw_solvable(stage_of(home), home, rng, kind=self._kind)
 
 
-def draw_solvable(stage: Stage, home: str, rng: np.random.Generator, task_id: str | None = None) -> Task:
+def draw_solvable(
+    stage: Stage,
+    home: str,
+    rng: np.random.Generator,
+    task_id: str | None = None,
+    kind: TaskKind = KINDS["rearrange"],
+) -> AnyTask:
     """Draw a task for a home until the planner solves one, and return it with its L*.
 
     Args:
@@ -64,15 +71,16 @@ def draw_solvable(stage: Stage, home: str, rng: np.random.Generator, task_id: st
         home: the home's name or path, as the task is to name it.
         rng: source of randomness.
         task_id: the task's id; made of the home's name and the task's seed if None.
+        kind: of the task.
 
     Raises:
         TaskError: no drawn task can be solved.
     """
     reason = ""
     for _ in range(_DRAWS):
-        task = sample_task(stage.space, home, rng, task_id)
+        task = kind.sample(stage.space, home, rng, task_id)
         try:
-            return replace(task, optimal_steps=len(stage.solve(task)))
+            return replace(task, optimal_steps=len(stage.solve(task, kind)))
         except TaskError as error:
             reason = str(error)
     raise TaskError(f"{stage.home.path}: none of {_DRAWS} drawn tasks can be solved; the last: {reason}")

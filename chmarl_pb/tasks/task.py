@@ -48,3 +48,8 @@ class Task:
     def item(self) -> str:
         """Name of the object X in the world."""
         return f"{self.graspable}_1"
+
+    @property
+    def moves(self) -> tuple["Task", ...]:
+        """What is to be brought where: this alone; a task of tidying up has several moves."""
+        return (self,)

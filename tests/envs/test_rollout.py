@@ -1,5 +1,7 @@
 """The one loop: on wrapped environments as on plain ones, watched, and honest about what wrappers do."""
 
+import doctest
+from importlib import import_module
 from typing import Any
 
 import pytest
@@ -92,3 +94,9 @@ def test_other_interfaces_are_refused(make: Any) -> None:
     with pytest.raises(OptionError, match="not a ParallelEnv"):
         rollout(env, policy=None)  # type: ignore[arg-type]
     getattr(env, "close", lambda: None)()
+
+
+@pytest.mark.parametrize("name", ["chmarl_pb.envs.rollout", "chmarl_pb.evaluation.protocol"])
+def test_examples_of_docstrings(name: str) -> None:
+    done = doctest.testmod(import_module(name), extraglobs={"chmarl_pb": chmarl_pb})
+    assert done.attempted and not done.failed

@@ -16,6 +16,7 @@ from chmarl_pb.tasks.language import templates
 from chmarl_pb.tasks.language.feedback import templates_for
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import Grip, WorldState
 from tests.helpers.feedback_reader import ACTIONS, MOVES, pattern_of, read
 
 
@@ -72,7 +73,8 @@ def test_within_sight() -> None:
     goal = Goal("mug_1", ("kitchen/desk_1", "bedroom/desk_1"))
 
     def outcome(held: str | None, *seen: str) -> Outcome:
-        return Outcome({"humanoid": seen, "drone": ("mug_1",)}, held, {}, "kitchen", 0.0, False)
+        state = WorldState(grips={"humanoid": Grip(held, 0.0)} if held else {})
+        return Outcome(state, {"humanoid": seen, "drone": ("mug_1",)}, "kitchen", 0.0, False)
 
     assert within_sight(goal, outcome(None, "mug_1")) == "pick"
     assert within_sight(goal, outcome("mug_1", "mug_1", "bedroom/desk_1")) == "place"

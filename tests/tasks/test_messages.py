@@ -7,6 +7,7 @@ from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import WorldState
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 GOAL = Goal("mug_1", ("bedroom/desk_1", "livingroom/desk_1", "hallway/desk_1"))
@@ -14,7 +15,7 @@ RNG = np.random.default_rng(0)
 
 
 def outcome(humanoid: tuple[str, ...] = (), drone: tuple[str, ...] = (), room: str = "kitchen") -> Outcome:
-    return Outcome({"humanoid": humanoid, "drone": drone}, None, {}, room, 0.0, False)
+    return Outcome(WorldState(), {"humanoid": humanoid, "drone": drone}, room, 0.0, False)
 
 
 def bits(*outcomes: Outcome) -> list[list[int]]:

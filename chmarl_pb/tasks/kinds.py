@@ -1,0 +1,152 @@
+"""Kinds of tasks: what an episode is about. The paper's is ``rearrange``; ``tidy`` brings several objects away.
+
+A :class:`chmarl_pb.tasks.task.Task` is one row of data, as the splits have them; a ``TaskKind`` draws such rows, lays
+them out, says what they ask for and judges what has become of them.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.navigation.free_space import Space
+from chmarl_pb.tasks import language
+from chmarl_pb.tasks.outcome import Outcome, judge
+from chmarl_pb.tasks.sampling import receptacle_classes, sample_seed, sample_task
+from chmarl_pb.tasks.setting import Setting, set_up
+from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.tidy_task import FEWEST, MOST, AnyTask, TidyTask
+from chmarl_pb.world import World, WorldState
+
+
+@runtime_checkable
+class TaskKind(Protocol):
+    """A kind of tasks, e.g. ``task=MyKind()``. It must be picklable and keep nothing of an episode."""
+
+    @property
+    def objects(self) -> int:
+        """The most objects that an instruction names."""
+
+    def tasks(self, split: str) -> list[AnyTask]:
+        """Return the fixed tasks of a split; if there are none, tasks are drawn for the split's homes."""
+
+    def sample(self, space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> AnyTask:
+        """Draw a task for a home; whether it can be solved is not asked. Raise ``TaskError`` if none fits."""
+
+    def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
+        """Lay a task out in a world; the goals of the setting are the subgoals that the planner reaches."""
+
+    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]], room: str) -> Outcome:
+        """Return the facts of a state: its potential, whose differences are the rewards, and whether it is success.
+
+        Args:
+            state: of the world.
+            setting: of the episode.
+            seen: robot -> names of the things that it sees.
+            room: of the robot that can grasp.
+        """
+
+    def instruction(self, task: AnyTask) -> str:
+        """Return what a task asks for, in plain English."""
+
+
+@dataclass(frozen=True)
+class Rearrange:
+    """The paper's kind: one object X is to be brought to a receptacle Y."""
+
+    objects: ClassVar[int] = 1
+
+    def tasks(self, split: str) -> list[AnyTask]:
+        """Return the benchmark's tasks."""
+        return [*load_tasks(split)]
+
+    def sample(self, space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> AnyTask:
+        """Draw the classes of X, of its source and of Y, uniformly."""
+        return sample_task(space, home, rng, task_id)
+
+    def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
+        """Put X on its source, other objects somewhere, and draw states and starts."""
+        if not isinstance(task, Task):
+            raise TaskError(f"task {task.id!r} is a {type(task).__name__}; play it in parallel_env(task='tidy')")
+        return set_up(world, space, task, (task,))
+
+    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]], room: str) -> Outcome:
+        """Return the paper's potential."""
+        return judge(state, setting.goal, seen, room)
+
+    def instruction(self, task: AnyTask) -> str:
+        """Return one sentence."""
+        assert isinstance(task, Task)
+        return language.instruction(task)
+
+
+@dataclass(frozen=True)
+class Tidy:
+    """Several objects, each to be brought to a receptacle of another class.
+
+    The potential is the sum of the paper's over the objects; success is when all stand where they belong.
+
+    Attributes:
+        fewest: objects in a task.
+        most: objects in a task.
+    """
+
+    fewest: int = FEWEST
+    most: int = MOST
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            OptionError: they are not from 2 to 5, in this order.
+        """
+        if not FEWEST <= self.fewest <= self.most <= MOST:
+            raise OptionError(f"{self}: use {FEWEST} to {MOST} objects, the fewest first")
+
+    @property
+    def objects(self) -> int:
+        """The most objects that an instruction names."""
+        return self.most
+
+    def tasks(self, split: str) -> list[AnyTask]:
+        """Return none: tasks are drawn."""
+        return []
+
+    def sample(self, space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> AnyTask:
+        """Draw the number of objects, then the classes of objects, targets and sources, uniformly."""
+        count = int(rng.integers(self.fewest, self.most + 1))
+        classes = receptacle_classes(space, max(count, 2))
+        items = rng.choice(list(catalog.GRASPABLES), size=count, replace=False)
+        targets = rng.choice(classes, size=count, replace=False)
+        sources = [rng.choice([name for name in classes if name != target]) for target in targets]
+        seed = sample_seed(rng)
+        name = task_id or f"{space.home.name}-tidy-{seed}"
+        moves = tuple(
+            Task(f"{name}.{number}", home, str(item), str(source), str(target), seed + number)
+            for number, (item, source, target) in enumerate(zip(items, sources, targets, strict=True))
+        )
+        return TidyTask(name, home, moves, seed)
+
+    def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
+        """Put every object on its source, other objects somewhere, and draw states and starts."""
+        if not isinstance(task, TidyTask):
+            raise TaskError(f"task {task.id!r} is of one object; play it in parallel_env(task='rearrange')")
+        return set_up(world, space, task, task.moves)
+
+    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]], room: str) -> Outcome:
+        """Return the sum of the potentials."""
+        parts = tuple(judge(state, goal, seen, room) for goal in setting.goals)
+        phi, success = sum(part.potential for part in parts), all(part.success for part in parts)
+        return Outcome(state, seen, parts[0].item_room, phi, success, parts)
+
+    def instruction(self, task: AnyTask) -> str:
+        """Return one sentence for each object."""
+        assert isinstance(task, TidyTask)
+        return " ".join(map(language.instruction, task.moves))
+
+
+#: Name -> kind.
+KINDS: dict[str, TaskKind] = {"rearrange": Rearrange(), "tidy": Tidy()}
