@@ -93,7 +93,7 @@ def first_visits(size: str, count: str) -> dict[str, float]:
         for pose in rng.permutation(poses[robot])[: int(count)].tolist():
             getattr(env.stage, robot).spawn(pose)
             start = time.perf_counter()
-            env.stage.sight.picture(robot, int(size))
+            env.stage.renderer.picture(robot, int(size))
             middle = time.perf_counter()
             plain_picture(env, robot, int(size))
             ours, plain, views = ours + middle - start, plain + time.perf_counter() - middle, views + 1

@@ -14,8 +14,8 @@ from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.rendering.home_views import home_views
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.robots.execution import TICKS_PER_FRAME
-from chmarl_pb.sensing.vision import SIGHT_SIZE
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import TIME_STEP
@@ -40,7 +40,7 @@ class Effort:
     warm_up: int = 100_000
 
 
-def steps(effort: Effort, observation: str, size: int = SIGHT_SIZE, split: str = SPLIT) -> Samples:
+def steps(effort: Effort, observation: str, size: int = VISIBILITY_SIZE, split: str = SPLIT) -> Samples:
     """Yield joint steps a second of a random policy, resets included, when the views of the home are warm.
 
     Played are a split's tasks in its first home, in a random order, over and over. A tenth of them is also played to
@@ -129,7 +129,7 @@ def scouted_poses(count: int, split: str = SPLIT) -> tuple[tuple[str, int], ...]
 def warm_up(env: HouseholdEnv, poses: Iterable[tuple[str, int]]) -> None:
     """Draw the empty home as it is seen from camera poses, in the sizes that an environment needs."""
     views = home_views(env.world.home)
-    for size in {SIGHT_SIZE, env.options.image_size}:
+    for size in {VISIBILITY_SIZE, env.options.image_size}:
         for robot, pose in poses:
             views.look(robot, pose, size)
 

@@ -10,6 +10,7 @@ import numpy as np
 from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.sources import name_of
+from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
@@ -46,6 +47,7 @@ class Options:
         image_size: width and height of camera images in pixels.
         execution: "instant" or "simulated".
         render_mode: None, "rgb_array" or "human".
+        renderer: "fast", or "tiny" for plain TinyRenderer: the same pictures, far slower.
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
     """
 
@@ -60,6 +62,7 @@ class Options:
     render_mode: str | None = None
     goal: bool = False
     task: str | TaskKind = "rearrange"
+    renderer: str = "fast"
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -72,6 +75,7 @@ class Options:
         _one_of("split", self.split, SPLITS)
         _one_of("execution", self.execution, EXECUTIONS)
         _one_of("render_mode", self.render_mode, RENDER_MODES)
+        _one_of("renderer", self.renderer, tuple(RENDERERS))
         _one_of("messages", self.messages, (True, False), Channel)
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))

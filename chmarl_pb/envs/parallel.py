@@ -127,7 +127,6 @@ class HouseholdEnv(ParallelEnv):
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
         self.setting: Setting = self.stage.begin(self.task, self._kind)
-        self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
         self.instruction = self._kind.instruction(self.task)
@@ -154,7 +153,6 @@ class HouseholdEnv(ParallelEnv):
         succeeded, self.snapshots = execute(
             self.world, self.stage.robots, self._plan(names), self.options.execution == "simulated"
         )
-        self.world.sync()
         previous, self.outcome = self.outcome, self._look()
         self.messages = self._say(self.messages)
         gained = reward(previous, self.outcome)
@@ -210,7 +208,7 @@ class HouseholdEnv(ParallelEnv):
             raise OptionError("render() needs render_mode='rgb_array' or 'human'; give it when making the environment")
         if not hasattr(self, "outcome"):
             raise NotResetError("render() before reset(); call reset() first")
-        picture = side_by_side(self.stage.sight, max(self.options.image_size, 256))
+        picture = side_by_side(self.stage.renderer, max(self.options.image_size, 256))
         if self.render_mode == "rgb_array":
             return picture
         show(picture, self.instruction)
@@ -238,7 +236,7 @@ class HouseholdEnv(ParallelEnv):
     def _enter(self, home: str) -> Stage:
         """Return the stage of a home, loaded at its first use."""
         if home not in self._stages:
-            stage = Stage(home)
+            stage = Stage(home, self.options.renderer)
             first = next(iter(self._stages.values()), stage)
             if stage.rooms != first.rooms:
                 stage.close()
@@ -267,7 +265,7 @@ class HouseholdEnv(ParallelEnv):
 
     def _look(self) -> Outcome:
         stage, state = self.stage, self.world.state
-        seen = {name: stage.sight.visible(name) for name in AGENTS}
+        seen = {name: stage.renderer.visible(name) for name in AGENTS}
         return self._kind.judge(state, self.setting, seen, stage.room_names[state.robots["humanoid"].room])
 
     def _say(self, messages: Messages) -> Messages:
@@ -285,7 +283,7 @@ class HouseholdEnv(ParallelEnv):
         for name in AGENTS:
             told = feedback.get(name, "")
             view = View(
-                name, self.action_names[name], state, stage.room_names[state.robots[name].room], stage.sight,
+                name, self.action_names[name], state, stage.room_names[state.robots[name].room], stage.renderer,
                 stage.graphs, outcome.seen[name], self.setting.states, self.rooms, self.instruction, told,
                 self._channel.hear(self.messages, name, self._rng), succeeded[name], self._rng,
             )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.extras import needs
-from chmarl_pb.sensing.vision import Sight
+from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.world import quiet
 
 _LABELS = {"humanoid": "humanoid", "drone": "drone"}
@@ -24,11 +24,11 @@ _BY_OPENGL = ("x11", "offscreen")
 _windows: list[Any] = []  # the surface of the one window that this process has opened, if it has
 
 
-def side_by_side(sight: Sight, size: int) -> np.ndarray:
+def side_by_side(renderer: Renderer, size: int) -> np.ndarray:
     """Return the pictures of both robots next to each other, (size, 2 size, 3) uint8."""
     pictures = []
     for robot, label in _LABELS.items():
-        picture = sight.colours(robot, size)
+        picture = renderer.image(robot, size)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 3, cv2.LINE_AA)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
         pictures.append(picture)

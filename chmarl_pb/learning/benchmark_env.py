@@ -10,7 +10,7 @@ from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
-from chmarl_pb.sensing.vision import SIGHT_SIZE
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 
 Observation = Literal["scene_graph", "visual"]
 
@@ -20,7 +20,7 @@ def benchmark(
     messages: bool = True,
     feedback: bool = True,
     image_encoder: str = "resnet18",
-    image_size: int = SIGHT_SIZE,
+    image_size: int = VISIBILITY_SIZE,
     **options: Any,
 ) -> tuple[Callable[[], Any], dict[str, Any]]:
     """Return what makes the ParallelEnv of the training tasks, and the setting of policies that are trained in it.

@@ -186,7 +186,7 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
     return Picture(colour, depth, links)
 
 
-def colours_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> NDArray[np.uint8]:
+def image_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Return the colours (size, size, 3) of what :func:`draw_over` draws."""
     size = len(home.picture.depth)
     rgb = np.empty((size, size, 3), np.uint8)

@@ -62,7 +62,7 @@ class SceneGraphs:
         Args:
             space: what the home offers.
             links: names of the parts of the home.
-            names: every name that can be visible, see :class:`chmarl_pb.sensing.vision.Sight`.
+            names: every name that can be visible, see :class:`chmarl_pb.rendering.renderer.Renderer`.
         """
         self._space = space
         self._rooms = list(space.home.rooms)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.rendering.camera_poses import CAMERAS
+from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph, SceneGraphs
-from chmarl_pb.sensing.vision import Sight
 from chmarl_pb.world import WorldState
 
 
@@ -22,7 +22,7 @@ class View(NamedTuple):
         actions: names of its actions, in the order of their numbers.
         state: of the world; it is the truth, so a fair sensor reads no more of it than the robot's own part.
         room: name of the room that it is in.
-        sight: pictures from the robots' cameras.
+        renderer: draws what the robots' cameras show.
         graphs: scene graphs of what robots see.
         seen: names of the things in this robot's view.
         states: name of a thing -> its symbolic state.
@@ -38,7 +38,7 @@ class View(NamedTuple):
     actions: tuple[str, ...]
     state: WorldState
     room: str
-    sight: Sight
+    renderer: Renderer
     graphs: SceneGraphs
     seen: tuple[str, ...]
     states: Mapping[str, str]
@@ -55,18 +55,18 @@ class View(NamedTuple):
 
     def image(self, size: int) -> NDArray[np.uint8]:
         """Return what the robot's camera shows, (size, size, 3)."""
-        return self.sight.colours(self.robot, size)
+        return self.renderer.image(self.robot, size)
 
     def depth(self, size: int) -> NDArray[np.float32]:
         """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
-        buffer = self.sight.picture(self.robot, size).depth
+        buffer = self.renderer.picture(self.robot, size).depth
         near, far = CAMERAS[self.robot].near, CAMERAS[self.robot].far
         return (near * far / (far - (far - near) * buffer)).clip(near, far).astype(np.float32)
 
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
-        picture = self.sight.picture(self.robot, size)
-        ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.sight.names]
+        picture = self.renderer.picture(self.robot, size)
+        ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.renderer.names]
         return np.array([*ids, 0], dtype=np.int16)[picture.segmentation]  # -1, which is nothing, takes the last
 
 

@@ -9,8 +9,8 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.rendering.home_views import HomeViews, home_views
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.rendering.view_store import ViewFile, ViewStore, view_store
-from chmarl_pb.sensing.vision import SIGHT_SIZE
 
 MB = 2**20
 _AT_ONCE = 64  # views that a process draws before it answers
@@ -58,7 +58,7 @@ class Filling:
         for home in dict.fromkeys(homes):
             views = HomeViews(load_home(home))
             for robot in CAMERAS:
-                for pixels in sorted({SIGHT_SIZE, size}):
+                for pixels in sorted({VISIBILITY_SIZE, size}):
                     self._files[home, robot, pixels] = _file_of(store, views, robot, pixels)
         self.bytes = sum(file.length for file in self._files.values())
         self._check_room(store)

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import TaskError
+from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.humanoid import Humanoid
-from chmarl_pb.sensing.vision import Sight
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
@@ -28,9 +28,9 @@ Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 class Oracle:
     """Plans for one world, from whatever state it is in."""
 
-    def __init__(self, humanoid: Humanoid, drone: Drone, sight: Sight):
+    def __init__(self, humanoid: Humanoid, drone: Drone, renderer: Renderer):
         """Plan for these robots of a world, looking with their eyes."""
-        self.world, self.space, self.sight = humanoid.world, humanoid.space, sight
+        self.world, self.space, self.renderer = humanoid.world, humanoid.space, renderer
         self.outlook = Outlook(self.space)
         self.humanoid, self.drone = humanoid, drone
 
@@ -63,7 +63,7 @@ class Oracle:
         before = self.world.state
         (self.humanoid if robot == self.humanoid.name else self.drone).spawn(pose)
         try:
-            return self.sight.visible(robot)
+            return self.renderer.visible(robot)
         finally:
             self.world.state = before
 
@@ -98,7 +98,7 @@ class Oracle:
 
     def _sees_item(self, goal: Goal, goals: Sequence[Goal]) -> Seer:
         def works() -> bool:
-            seen = self.sight.visible("humanoid")
+            seen = self.renderer.visible("humanoid")
             meant = target_of(goals, self.world.state, "humanoid", seen) == goal
             return meant and self.humanoid.plan("pick", goal, seen) is not None
 
@@ -106,7 +106,11 @@ class Oracle:
 
     def _sees_target(self, goal: Goal) -> Seer:
         balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
-        return self._seer(balls, lambda: self.humanoid.plan("place", goal, self.sight.visible("humanoid")) is not None)
+        return self._seer(balls, lambda: self._works("place", goal))
+
+    def _works(self, action: str, goal: Goal) -> bool:
+        """Return whether an action of the humanoid works where it stands now."""
+        return self.humanoid.plan(action, goal, self.renderer.visible(self.humanoid.name)) is not None
 
     def _seer(self, balls: list[tuple[NDArray[np.float64], float]], works: Callable[[], bool]) -> Seer:
         """Return a test of poses: the action works when the humanoid stands there."""
@@ -133,7 +137,7 @@ class Oracle:
         before = self.world.state
         try:
             for action in actions:
-                motion = self.humanoid.plan(action, goal, self.sight.visible("humanoid"))
+                motion = self.humanoid.plan(action, goal, self.renderer.visible("humanoid"))
                 if motion is None or not self.humanoid.finish(motion):
                     raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")
             yield

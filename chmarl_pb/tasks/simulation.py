@@ -1,13 +1,13 @@
-"""A stage: one home with its world, its robots and their eyes, kept for all episodes played in it."""
+"""A stage: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import limits
 from chmarl_pb.navigation.free_space import space_of
+from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.sensing.scene_graph import SceneGraphs
-from chmarl_pb.sensing.vision import Sight
 from chmarl_pb.tasks.kinds import KINDS, TaskKind
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.planner import Oracle
@@ -25,13 +25,17 @@ class Stage(Uncopied):
         humanoid: the humanoid.
         drone: the drone.
         robots: name -> robot.
-        sight: what they see.
+        renderer: draws what they see.
         graphs: the scene graphs of what they see.
         oracle: the privileged planner of this world.
     """
 
-    def __init__(self, home: str):
-        """Load a home by name or path.
+    def __init__(self, home: str, renderer: str = "fast"):
+        """Load a home.
+
+        Args:
+            home: its name or path.
+            renderer: one of :data:`chmarl_pb.rendering.registry.RENDERERS`.
 
         Raises:
             HomeError: the home cannot be used.
@@ -52,9 +56,9 @@ class Stage(Uncopied):
             self.humanoid = Humanoid(self.world, self.space)
             self.drone = Drone(self.world, self.space)
             self.robots: dict[str, Humanoid | Drone] = {"humanoid": self.humanoid, "drone": self.drone}
-            self.sight = Sight(self.world)
-            self.graphs = SceneGraphs(self.space, self.world.links, self.sight.names)
-            self.oracle = Oracle(self.humanoid, self.drone, self.sight)
+            self.renderer = RENDERERS[renderer](self.world)
+            self.graphs = SceneGraphs(self.space, self.world.links, self.renderer.names)
+            self.oracle = Oracle(self.humanoid, self.drone, self.renderer)
         except BaseException:
             self.close()
             raise

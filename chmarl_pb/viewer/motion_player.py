@@ -1,7 +1,7 @@
 """Draws moments between lattice poses: the cameras follow the bodies through a driven motion.
 
 A scene holds the poses of all that moves. At the end of a step its picture equals
-:meth:`chmarl_pb.sensing.vision.Sight.picture`, pixel by pixel.
+:meth:`chmarl_pb.rendering.renderer.Renderer.picture`, pixel by pixel.
 """
 
 from dataclasses import dataclass

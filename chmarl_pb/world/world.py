@@ -18,13 +18,13 @@ class World(Uncopied):
     """One home with its objects and robots.
 
     Every method that changes something replaces ``state``. PyBullet's bodies stay where they were until
-    :meth:`sync`; the environment calls it at the end of every reset and step, so whoever reads poses from
-    ``client`` between steps finds every body where it is in the state.
+    :meth:`sync`, which the package calls before physics is needed: most steps do without. Call it before you read
+    poses from ``client``; ``state`` has them at any time.
 
     Attributes:
         home: the home.
         physics: what PyBullet holds.
-        client: PyBullet client id.
+        client: PyBullet client id; its bodies are where they were at the last :meth:`sync`.
         state: where everything is; assign an earlier state to return to it.
     """
 

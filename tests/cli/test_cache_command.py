@@ -27,7 +27,7 @@ def test_the_command_shows_and_clears(folder: Path, home: Home, capsys: pytest.C
 @pytest.fixture
 def seen_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the views in which visibility is decided be small, to be drawn fast."""
-    monkeypatch.setattr(fill, "SIGHT_SIZE", SIZE)
+    monkeypatch.setattr(fill, "VISIBILITY_SIZE", SIZE)
 
 
 def fill_command(home: Home, *more: str) -> int:

@@ -56,6 +56,7 @@ def play(env: HouseholdEnv, seed: int, steps: int = 25) -> str:
 def everything(env: HouseholdEnv) -> str:
     """Return a hash of the world, with PyBullet's own poses."""
     client, world = env.world.client, env.world
+    world.sync()
     poses = {n: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for n, b in world.bodies.items()}
     robots = {name: robot.pose for name, robot in world.robots.items()}
     arm = env.stage.humanoid.arm.configuration()

@@ -1,4 +1,4 @@
-"""What a robot sees, drawn in two parts and merged, equals a full TinyRenderer picture of the world, bit for bit."""
+"""The fast renderer gives the pictures of plain TinyRenderer, bit by bit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,12 +11,13 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.lattice import HEADINGS
-from chmarl_pb.rendering.camera import Picture, render, view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.camera_poses import eye
 from chmarl_pb.rendering.meshes import _read_obj
-from chmarl_pb.sensing.vision import SIGHT_SIZE, VISIBLE_PIXELS
+from chmarl_pb.rendering.registry import RENDERERS
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, Renderer
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.task import Task
+from tests.helpers.playing import play
 from tests.helpers.small_homes import SMALL_HOME, home_text
 
 ROBOTS = ("humanoid", "drone")
@@ -29,30 +30,18 @@ CYLINDER = """<link name="livingroom/tv_stand_1">
   <origin xyz="1.5 0.5 0.2" rpy="0 0 0.3"/></joint>"""
 
 
-def full_picture(stage: Stage, robot: str, size: int) -> Picture:
-    """Draw everything in the world's own client at once; the segmentation in numbers of ``sight.names``."""
-    pose = stage.world.robots[robot].pose
-    view = view_matrix(eye(stage.space, robot, pose))
-    stage.world.sync()
-    drawn = render(stage.world.client, CAMERAS[robot], view, size)
-    # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: odd pictures
-    # of a client are equal, and this one of a single pixel makes the next one odd again.
-    render(stage.world.client, CAMERAS[robot], view, 1)
-    body, link = drawn.segmentation & 0xFFFFFF, (drawn.segmentation >> 24) - 1
-    names = np.where(drawn.segmentation < 0, -1, link)
-    for name, number in stage.world.bodies.items():
-        if name != "home":
-            names[(drawn.segmentation >= 0) & (body == number)] = stage.sight.numbers[name]
-    return Picture(drawn.colour, drawn.depth, names)
-
-
 def assert_same(stage: Stage, robot: str, size: int) -> None:
-    full = full_picture(stage, robot, size)
-    merged = stage.sight.picture(robot, size)
-    np.testing.assert_array_equal(merged.segmentation, full.segmentation)
-    np.testing.assert_array_equal(merged.depth, full.depth)
-    np.testing.assert_array_equal(merged.rgb, full.rgb)
-    np.testing.assert_array_equal(stage.sight.colours(robot, size), full.rgb)
+    """Both renderers give the same, bit by bit."""
+    plain, fast = plain_of(stage).picture(robot, size), stage.renderer.picture(robot, size)
+    np.testing.assert_array_equal(fast.segmentation, plain.segmentation)
+    np.testing.assert_array_equal(fast.depth, plain.depth)
+    np.testing.assert_array_equal(fast.rgb, plain.rgb)
+    np.testing.assert_array_equal(stage.renderer.image(robot, size), plain.rgb)
+
+
+def plain_of(stage: Stage) -> Renderer:
+    """The readable renderer of the same world."""
+    return RENDERERS["tiny"](stage.world)
 
 
 def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
@@ -98,7 +87,7 @@ def test_views_with_a_held_object_and_the_other_robot(stage: Stage, tasks: list[
     met = 0
     for _ in range(4 if size < 200 else 2):
         meet(stage, rng)
-        met += "humanoid" in stage.sight.visible("drone")
+        met += "humanoid" in stage.renderer.visible("drone")
         for robot in ROBOTS:
             assert_same(stage, robot, size)
     assert met
@@ -107,7 +96,7 @@ def test_views_with_a_held_object_and_the_other_robot(stage: Stage, tasks: list[
 def test_the_world_after_a_release_is_drawn_with_the_arm_at_rest(stage: Stage, tasks: list[Task]) -> None:
     task, rng = begin(stage, tasks), np.random.default_rng(3)
     take(stage, task.item)
-    stage.sight.visible("drone")
+    stage.renderer.visible("drone")
     begin(stage, tasks, 1)
     meet(stage, rng)
     assert_same(stage, "drone", 128)
@@ -132,15 +121,7 @@ def test_visible_is_the_pixel_rule_of_the_full_picture(stage: Stage, tasks: list
     for _ in range(10):
         meet(stage, rng)
         for robot in ROBOTS:
-            numbers, counts = np.unique(full_picture(stage, robot, SIGHT_SIZE).segmentation, return_counts=True)
-            pixels = {stage.sight.names[n]: count for n, count in zip(numbers, counts, strict=True) if n >= 0}
-            expected = {
-                name
-                for name, count in pixels.items()
-                if count >= VISIBLE_PIXELS and catalog.class_of(name) in catalog.CLASSES and name != robot
-            }
-            seen = stage.sight.visible(robot)
-            assert set(seen) == expected and len(seen) == len(expected)
+            assert stage.renderer.visible(robot) == plain_of(stage).visible(robot)
 
 
 def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]) -> None:
@@ -149,14 +130,14 @@ def test_counted_pixels_are_those_of_the_picture(stage: Stage, tasks: list[Task]
     for _ in range(10):
         meet(stage, rng)
         for robot in ROBOTS:
-            segmentation = stage.sight.picture(robot, SIGHT_SIZE).segmentation
-            counts = np.bincount(segmentation.ravel() + 1, minlength=len(stage.sight.names) + 1)[1:]
-            np.testing.assert_array_equal(stage.sight.pixels(robot), counts)
+            segmentation = stage.renderer.picture(robot, VISIBILITY_SIZE).segmentation
+            counts = np.bincount(segmentation.ravel() + 1, minlength=len(stage.renderer.names) + 1)[1:]
+            np.testing.assert_array_equal(stage.renderer.pixels(robot), counts)
 
 
 def test_visible_is_what_the_counts_of_all_pixels_say(stage: Stage, tasks: list[Task]) -> None:
     """Most bodies are not drawn to the end to find out whether they are visible."""
-    rng, sight = np.random.default_rng(9), stage.sight
+    rng, renderer = np.random.default_rng(9), stage.renderer
     for number in range(3):
         begin(stage, tasks, number)
         for step in range(120):
@@ -166,9 +147,9 @@ def test_visible_is_what_the_counts_of_all_pixels_say(stage: Stage, tasks: list[
                 stage.humanoid.hold(item)
             (meet if step % 2 else wander)(stage, rng)
             for robot in ROBOTS:
-                counts = dict(zip(sight.names, sight.pixels(robot).tolist(), strict=True))
-                enough = [name for name in sight.names if counts[name] >= VISIBLE_PIXELS and name != robot]
-                assert sight.visible(robot) == tuple(n for n in enough if catalog.class_of(n) in catalog.CLASSES)
+                counts = dict(zip(renderer.names, renderer.pixels(robot).tolist(), strict=True))
+                enough = [name for name in renderer.names if counts[name] >= VISIBLE_PIXELS and name != robot]
+                assert renderer.visible(robot) == tuple(n for n in enough if catalog.class_of(n) in catalog.CLASSES)
 
 
 def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> None:
@@ -220,8 +201,17 @@ def test_a_home_of_more_links_than_pybullet_tells_of_is_drawn_by_tinyrenderer(
     stage = Stage(str(write_home(home_text({**SMALL_HOME, **posts}))))
     wander(stage, np.random.default_rng(10))
     # Colours only: PyBullet's segmentation numbers no more than 127 links.
-    np.testing.assert_array_equal(stage.sight.colours("drone", 128), full_picture(stage, "drone", 128).rgb)
+    np.testing.assert_array_equal(stage.renderer.image("drone", 128), plain_of(stage).image("drone", 128))
     stage.close()
+
+
+def test_episodes_are_the_same_with_both_renderers() -> None:
+    ends = []
+    for renderer in RENDERERS:
+        env = HouseholdEnv("visual", split="val-unseen", image_size=32, renderer=renderer)
+        ends.append(play(env, 5, steps=6))
+        env.close()
+    assert ends[0] == ends[1]
 
 
 @pytest.mark.parametrize("execution", ["instant", "simulated"])
@@ -231,7 +221,7 @@ def test_observed_pictures_are_full_pictures_in_both_executions(execution: str) 
     plan, rng = env.stage.oracle.plan(env.setting.goal), np.random.default_rng(9)
     for action in plan:
         for robot in ROBOTS:
-            np.testing.assert_array_equal(observations[robot]["image"], full_picture(env.stage, robot, 64).rgb)
+            np.testing.assert_array_equal(observations[robot]["image"], plain_of(env.stage).image(robot, 64))
         drone = int(rng.integers(len(env.action_names["drone"])))
         observations, *_ = env.step({"humanoid": env.action_names["humanoid"].index(action), "drone": drone})
     assert env.outcome.success

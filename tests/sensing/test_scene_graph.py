@@ -17,7 +17,7 @@ def begun(stage: Stage, tasks: list[Task]) -> tuple[Stage, Setting]:
 
 def everything(stage: Stage) -> tuple[str, ...]:
     """Return the names of all nodes that there can be, but the drone."""
-    return tuple(name for name in stage.sight.names if name in set(nodes(stage)) - {"drone"})
+    return tuple(name for name in stage.renderer.names if name in set(nodes(stage)) - {"drone"})
 
 
 def nodes(stage: Stage) -> list[str]:
@@ -119,7 +119,7 @@ def test_near_is_short_and_symmetric_enough(begun: tuple[Stage, Setting]) -> Non
 
 def test_only_what_is_seen_is_told(begun: tuple[Stage, Setting]) -> None:
     stage, setting = begun
-    seen = stage.sight.visible("drone")
+    seen = stage.renderer.visible("drone")
     graph = graph_of(stage, setting, seen)
     rooms = set(graph.names) - set(seen)
     assert graph.names[: len(seen)] == seen and rooms <= set(stage.home.rooms)

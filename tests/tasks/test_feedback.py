@@ -73,8 +73,8 @@ def test_within_sight() -> None:
     goal = Goal("mug_1", ("kitchen/desk_1", "bedroom/desk_1"))
 
     def outcome(held: str | None, *seen: str) -> Outcome:
-        state = WorldState(grips={"humanoid": Grip(held, 0.0)} if held else {})
-        return Outcome(state, {"humanoid": seen, "drone": ("mug_1",)}, "kitchen", 0.0, False)
+        grips = {} if held is None else {"humanoid": Grip(held, 0.0)}
+        return Outcome(WorldState(grips=grips), {"humanoid": seen, "drone": ("mug_1",)}, "kitchen", 0.0, False)
 
     assert within_sight(goal, outcome(None, "mug_1")) == "pick"
     assert within_sight(goal, outcome("mug_1", "mug_1", "bedroom/desk_1")) == "place"

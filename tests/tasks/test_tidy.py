@@ -202,7 +202,7 @@ def test_no_order_is_shorter(stage_of: Callable[[str], Stage], task: TidyTask) -
                 break
             length += len(way)
             for action in way:
-                motion = stage.humanoid.plan(action, goal, stage.sight.visible("humanoid"))
+                motion = stage.humanoid.plan(action, goal, stage.renderer.visible("humanoid"))
                 assert motion is not None and stage.humanoid.finish(motion)
             assert is_done(goal, stage.world.state)
         if not failed:

@@ -115,7 +115,7 @@ def test_pictures_at_rest_are_those_of_the_cameras(recording):
         while env.agents:
             observations, _, _, _, infos = env.step(policy.act(observations, infos))
             for name in AGENTS:
-                seen = env.stage.sight.picture(name, 160).rgb
+                seen = env.stage.renderer.picture(name, 160).rgb
                 assert np.array_equal(replay.picture(name, scene_of(env.world), 160), seen)
     finally:
         env.close()

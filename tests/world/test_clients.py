@@ -99,7 +99,7 @@ def test_a_world_outlives_its_environment() -> None:
     assert connected() == before
 
 
-@pytest.mark.parametrize("where", ["home", "object", "robot", "eyes"])
+@pytest.mark.parametrize("where", ["home", "object", "robot", "renderer"])
 def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*arguments: Any, **options: Any) -> Any:
         raise KeyboardInterrupt
@@ -108,7 +108,7 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
         "home": (physics_module, "loaded_home"),
         "object": (physics_module, "load_graspable"),
         "robot": (sys.modules["chmarl_pb.robots.humanoid"], "load_humanoid"),
-        "eyes": (sys.modules["chmarl_pb.tasks.simulation"], "Sight"),
+        "renderer": (sys.modules["chmarl_pb.rendering.fast"], "home_views"),
     }[where]
     monkeypatch.setattr(*place, fail)
     before = connected()

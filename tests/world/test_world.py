@@ -269,7 +269,7 @@ def test_bodies_are_where_they_belong_after_a_sync_and_only_then(world: World) -
         places.append(position)
 
 
-def test_kept_client_sees_every_robot_in_its_place_after_each_step() -> None:
+def test_the_client_has_every_robot_in_its_place_after_a_sync() -> None:
     env = HouseholdEnv(split="val-unseen")
     try:
         env.reset(seed=0)
@@ -277,6 +277,7 @@ def test_kept_client_sees_every_robot_in_its_place_after_each_step() -> None:
         client = world.client
         for action in ("goto_kitchen", "goto_bedroom", "goto_bathroom"):
             env.step({name: env.action_names[name].index(action) for name in env.agents})
+            world.sync()
             for name, robot in world.robots.items():
                 position, _ = pybullet.getBasePositionAndOrientation(world.bodies[name], physicsClientId=client)
                 assert np.allclose(position[:2], robot.base[0][:2], atol=1e-4)

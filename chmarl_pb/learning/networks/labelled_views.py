@@ -18,7 +18,7 @@ from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
-from chmarl_pb.sensing.vision import SIGHT_SIZE, VISIBLE_PIXELS
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import load_tasks
 
@@ -36,8 +36,8 @@ class Views:
     """Pictures with labels; V is their number, C that of ``LABELS``.
 
     Attributes:
-        images: (V, SIGHT_SIZE, SIGHT_SIZE, 3) uint8.
-        labels: (V, SIGHT_SIZE, SIGHT_SIZE) uint8 number of the class in each pixel; C for none.
+        images: (V, VISIBILITY_SIZE, VISIBILITY_SIZE, 3) uint8.
+        labels: (V, VISIBILITY_SIZE, VISIBILITY_SIZE) uint8 number of the class in each pixel; C for none.
         cells: (V, C, GRID, GRID) bool: whether the class has ``VISIBLE_PIXELS`` pixels in the cell.
         present: (V, C) bool: whether it has as many in the picture.
         centres: (V, C, 2) float16: mean column and row of its pixels in [-1, 1]; 0 if it is not present.
@@ -134,13 +134,13 @@ def layout_views(job: Job) -> Views:
     task = load_tasks(job.split)[job.task]
     stage = _stage(task.home)
     stage.begin(task)
-    classes = np.array([_label(name) for name in stage.sight.names])
+    classes = np.array([_label(name) for name in stage.renderer.names])
     rows = []
     for _ in range(LAYOUT_VIEWS // len(_ROBOTS)):
         stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.points) * HEADINGS)))
         stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
         for robot in _ROBOTS:
-            picture = stage.sight.picture(robot, SIGHT_SIZE)
+            picture = stage.renderer.picture(robot, VISIBILITY_SIZE)
             # The last entry stands for no thing and for no label.
             labels = np.append(classes, len(LABELS))[picture.segmentation]
             rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))
