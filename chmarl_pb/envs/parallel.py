@@ -127,6 +127,7 @@ class HouseholdEnv(ParallelEnv):
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.stage = self._enter(self.task.home)
         self.setting: Setting = self.stage.begin(self.task, self._kind)
+        self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
         self.instruction = self._kind.instruction(self.task)
@@ -153,6 +154,7 @@ class HouseholdEnv(ParallelEnv):
         succeeded, self.snapshots = execute(
             self.world, self.stage.robots, self._plan(names), self.options.execution == "simulated"
         )
+        self.world.sync()  # who reads poses from world.client finds every body where it is in the state
         previous, self.outcome = self.outcome, self._look()
         self.messages = self._say(self.messages)
         gained = reward(previous, self.outcome)

@@ -18,8 +18,8 @@ class World(Uncopied):
     """One home with its objects and robots.
 
     Every method that changes something replaces ``state``. PyBullet's bodies stay where they were until
-    :meth:`sync`, which the package calls before physics is needed: most steps do without. Call it before you read
-    poses from ``client``; ``state`` has them at any time.
+    :meth:`sync`; the environment calls it in every reset and step, so whoever reads poses from
+    ``client`` between steps finds every body where it is in the state.
 
     Attributes:
         home: the home.
