@@ -29,6 +29,7 @@ class Command:
         observation: what the robots observe; None: scene_graph.
         humanoid_only: whether the drone follows the search policy.
         workers: processes; None: one for each core.
+        device: of torch, e.g. cuda.
         out: folder of the run; None: out/sb3/NAME, after its settings.
     """
 
@@ -37,6 +38,7 @@ class Command:
     observation: Observation | None = None
     humanoid_only: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     workers: int | None = None
+    device: str = "cpu"
     out: Path | None = None
 
     def __post_init__(self) -> None:
@@ -51,10 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str]) -> int:
-    config, folder, workers = parse(arguments)
+    config, folder, workers, device = parse(arguments)
     if config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys:
         config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
-    run(config, folder, workers, quiet=False)
+    run(config, folder, workers, quiet=False, device=device)
     best = json.loads((folder / RESULT).read_text())["best"]
     print(
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
@@ -64,11 +66,11 @@ def _main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None]:
-    """Return the settings that a command names, the folder of the run, and the number of processes."""
+def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str]:
+    """Return the settings that a command names, the folder of the run, the number of processes, and the device."""
     command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=__doc__.split("``: ")[1])
     config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
-    return config, command.out or Path("out/sb3") / _name(config), command.workers
+    return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device
 
 
 def _env_id(observation: str | None, humanoid_only: bool) -> str:

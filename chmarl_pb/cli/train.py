@@ -57,10 +57,12 @@ class Place:
     Attributes:
         out: folder of the run; None: out/train/NAME, after its settings.
         threads: of torch.
+        device: of torch, e.g. cuda.
     """
 
     out: Path | None = None
     threads: int = count(1)
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits."""
@@ -177,7 +179,7 @@ class Clone:
 
     def run(self, folder: Path) -> None:
         """Train in a folder."""
-        clone(self.config, folder, self.data, quiet=False, threads=self.place.threads)
+        clone(self.config, folder, self.data, False, self.place.threads, self.place.device)
 
 
 #: Algorithm -> the command that trains it, with its defaults.
@@ -233,7 +235,7 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
     )
     expert = ALGORITHMS[algorithm].expert
     imitated = partial(make_policy, expert) if expert else None
-    train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads)
+    train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads, place.device)
 
 
 def _name(algo: str, setting: Any, seed: int) -> str:

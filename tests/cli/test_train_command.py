@@ -67,6 +67,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         (["--algo", "iql", "--envs", "0"], "envs=0: must be at least 1"),
         (["--algo", "bc", "--batch-size", "0"], "batch_size=0: must be at least 1"),
         (["--algo", "qmix", "--threads", "0"], "threads=0: must be at least 1"),
+        (["--algo", "qmix", "--device", "abacus"], "device='abacus'"),
         (["--algo", "vdn", "--mixer", "magic"], "mixer='magic' is not known"),
         (["--algo", "vdn", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
         (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),

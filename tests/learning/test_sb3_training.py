@@ -239,7 +239,7 @@ def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
 
 def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
     arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
-    config, out, _ = parse(arguments)
+    config, out, *_ = parse(arguments)
     assert (config.env_id, config.messages, config.feedback, config.seed) == (HUMANOID, False, True, 4)
     assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-goal-seed4")
     assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id

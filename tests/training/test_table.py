@@ -113,7 +113,7 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             told = (setting.observation, setting.messages, setting.feedback, command.config.seed, command.place.out)
             assert told == (row.observation, row.messages, row.feedback, 3, run.folder)
         if row.module == "training.sb3":
-            config, out, workers = parse_sb3(arguments)
+            config, out, workers, _ = parse_sb3(arguments)
             assert (config.observation, config.messages, config.feedback, config.seed) == (
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip

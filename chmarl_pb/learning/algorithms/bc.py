@@ -26,6 +26,7 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import KIND, BCPolicy, CloningConfig, make_actors, weights_of
 from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
@@ -38,7 +39,12 @@ VALIDATION = ("val-seen", "val-unseen")
 
 
 def clone(
-    config: CloningConfig, folder: Path, data: Path | None = None, quiet: bool = True, threads: int = 1
+    config: CloningConfig,
+    folder: Path,
+    data: Path | None = None,
+    quiet: bool = True,
+    threads: int = 1,
+    device: str = "cpu",
 ) -> dict[str, Any]:
     """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
 
@@ -51,6 +57,7 @@ def clone(
         data: folder of Minari data sets; None: Minari's own.
         quiet: whether no progress is shown.
         threads: of torch, while this runs; networks as small as these are fastest with one.
+        device: of torch, that the networks learn on; an interrupted run may go on on another.
 
     Returns:
         The figures of the best epoch.
@@ -61,9 +68,9 @@ def clone(
         CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
     """
     recipe = Recipe(observation=config.observation, noise=config.noise)
-    signals = Signals()
+    signals, where = Signals(), find_device(device)
     with torch_threads(threads):
-        run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check)
+        run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check, where)
         with closing(run.examiner), run_lock(folder):
             run.restore()
             with closing(Logger(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logger, signals:
@@ -87,13 +94,16 @@ class _Run:
         examiner: measures.
     """
 
-    def __init__(self, config: CloningConfig, data: Demonstrations, folder: Path, check: Callable[[], None]):
+    def __init__(
+        self, config: CloningConfig, data: Demonstrations, folder: Path, check: Callable[[], None], device: torch.device
+    ):
         """Make networks and optimizer; ``check`` is called where the run can end."""
-        self.config, self.data, self.folder, self._check = config, data, folder, check
+        self.config, self.data, self.folder = config, data, folder
+        self._check, self._device = check, device
         self.examiner = Examiner(config)
         with torch.random.fork_rng():
             torch.manual_seed(config.seed)
-            self.actors = make_actors(self.examiner.env, config)
+            self.actors = make_actors(self.examiner.env, config).to(device)
         self.optimizer = torch.optim.AdamW(
             self.actors.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
@@ -136,13 +146,13 @@ class _Run:
             torch.set_rng_state(self._stream)
             for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch), self.batch):
                 self._check()
-                losses = loss_of(self.actors, self.config, batch)
+                losses = loss_of(self.actors, self.config, batch.to(self._device))
                 self.optimizer.zero_grad()
                 losses.sum().backward()
                 nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
                 self.optimizer.step()
                 self.schedule.step()
-                self._total += losses.detach() * batch.mask.sum()
+                self._total += losses.detach().cpu() * batch.mask.sum()
                 self.batch, self._stream = self.batch + 1, torch.get_rng_state()
                 if time.monotonic() > self._saved + interrupts.EVERY:
                     self.save()

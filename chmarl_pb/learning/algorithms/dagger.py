@@ -58,6 +58,10 @@ class DAgger:
             self.agents = make_agents(interface.observations, interface.actions, config)
         self._optimizer = torch.optim.Adam(self.agents.parameters(), lr=config.learning_rate, fused=True)
 
+    def to(self, device: torch.device) -> None:
+        """Move the networks to a device, before the first gradient step."""
+        self.agents.to(device)
+
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: a share of the actions is the expert's, others are drawn."""
         return mixed(self.config.expert_share(episodes))

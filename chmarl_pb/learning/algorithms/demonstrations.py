@@ -34,6 +34,11 @@ class Batch:
     labels: Tensor
     mask: Tensor
 
+    def to(self, device: torch.device) -> "Batch":
+        """Return the batch on a device."""
+        observation = {key: part.to(device) for key, part in self.observation.items()}
+        return Batch(observation, self.last.to(device), self.labels.to(device), self.mask.to(device))
+
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import torch
 from torch import nn
 
 from chmarl_pb.learning.algorithms.losses import Batch
@@ -24,6 +25,9 @@ class Learner(Protocol):
     algorithm: str
     agents: nn.ModuleDict
     updates: int
+
+    def to(self, device: torch.device) -> None:
+        """Move the networks to a device, before the first gradient step."""
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes."""

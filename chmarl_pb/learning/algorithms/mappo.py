@@ -121,6 +121,10 @@ class Mappo:
         groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
         self._optimizer = torch.optim.Adam(groups, eps=1e-5, fused=True)
 
+    def to(self, device: torch.device) -> None:
+        """Move the networks to a device, before the first gradient step."""
+        self._networks.to(device)
+
     def choose(self, episodes: int) -> Choose:
         """Return how to act: by the networks' probabilities."""
         return lambda values, action_mask, labels, rng: draw(values, action_mask, rng)
@@ -154,7 +158,7 @@ class Mappo:
         reward, not_done, mask = (part.squeeze(-1) for part in batch.team())
         values = self.critic(batch.states).squeeze(-1)
         values, following = values[:, :-1] * mask, values[:, 1:] * not_done
-        advantages, ahead = torch.zeros_like(values), torch.zeros(len(values))
+        advantages, ahead = torch.zeros_like(values), values.new_zeros(len(values))
         for step in reversed(range(values.shape[1])):
             error = reward[:, step] + self.config.gamma * following[:, step] - values[:, step]
             ahead = (error + self.config.gamma * self.config.gae_lambda * ahead) * mask[:, step]

@@ -84,6 +84,11 @@ class ValueLearner:
         make = look_up("mixer", self.config.mixer or self.algorithm, MIXERS)
         return make(len(interface.agents), interface.state_size, self.config.embedding)
 
+    def to(self, device: torch.device) -> None:
+        """Move the networks to a device, before the first gradient step."""
+        self.networks.to(device)
+        self._targets.to(device)
+
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
         return epsilon_greedy(self.config.epsilon(episodes))

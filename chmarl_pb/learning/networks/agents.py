@@ -47,14 +47,20 @@ def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], 
     return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
 
 
+def device_of(networks: nn.Module) -> torch.device:
+    """Return the device that the weights of networks are on; the CPU if they have none."""
+    return next((weight.device for weight in networks.parameters()), torch.device("cpu"))
+
+
 class Player:
     """Lets agents act in several episodes side by side, step by step; remembers their histories."""
 
     def __init__(self, agents: nn.ModuleDict, episodes: int):
         """Begin a number of episodes."""
-        self.agents = agents
-        self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
-        self._last = {name: torch.full((episodes,), NO_ACTION) for name in agents}
+        self.agents, self._device = agents, device_of(agents)
+        with self._device:
+            self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
+            self._last = {name: torch.full((episodes,), NO_ACTION) for name in agents}
 
     @torch.no_grad()
     def values(self, name: str, episodes: Tensor, observation: Tree) -> Tensor:
@@ -65,12 +71,12 @@ class Player:
             episodes: (B) numbers of the episodes.
             observation: tensors with the leading dimension B.
         """
-        one_step = tree_map(lambda part: part.unsqueeze(1), observation)
+        one_step = tree_map(lambda part: part.unsqueeze(1).to(self._device), observation)
         before = self._hidden[name][episodes].unsqueeze(0)
         values, _, after = self.agents[name](one_step, self._last[name][episodes].unsqueeze(1), before)
         self._hidden[name][episodes] = after[0]
-        return values[:, 0]
+        return values[:, 0].cpu()
 
     def remember(self, name: str, episodes: Tensor, actions: Tensor) -> None:
         """Note the actions (B) that an agent takes in some of the episodes."""
-        self._last[name][episodes] = actions
+        self._last[name][episodes] = actions.to(self._device)

@@ -53,7 +53,8 @@ class PretrainedEncoder(FeatureEncoder):
     def forward(self, images: Tensor) -> Tensor:
         """Return (B, 512) from uint8 pictures (B, *shape)."""
         pictures = flattened(images, self.shape)
-        return super().forward(self.resnet(pictures.permute(0, 2, 3, 1) if self.channels_first else pictures))
+        features = self.resnet((pictures.permute(0, 2, 3, 1) if self.channels_first else pictures).cpu())
+        return super().forward(features.to(images.device))
 
     def get_extra_state(self) -> str:
         """Return the fingerprint of the frozen weights."""

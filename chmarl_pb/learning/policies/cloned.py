@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
 from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, share
 from chmarl_pb.learning.networks import build_encoder
-from chmarl_pb.learning.networks.agents import NO_ACTION
+from chmarl_pb.learning.networks.agents import NO_ACTION, device_of
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
@@ -155,7 +155,8 @@ class BCPolicy:
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed; each draws from a stream of its own."""
-        self._hidden = [torch.zeros(1, len(seeds), self.config.hidden) for _ in self.actors]
+        self._device = device_of(self.actors)
+        self._hidden = [torch.zeros(1, len(seeds), self.config.hidden, device=self._device) for _ in self.actors]
         self._last = {name: torch.full((len(seeds),), NO_ACTION) for name in AGENTS}
         self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
 
@@ -171,13 +172,13 @@ class BCPolicy:
         batch = stack(
             [{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in observations]
         )
-        steps = {key: part.unsqueeze(1) for key, part in tensors(batch).items()}
+        steps = {key: part.unsqueeze(1).to(self._device) for key, part in tensors(batch).items()}
         for number, (group, actor) in enumerate(zip(self.config.groups, self.actors, strict=True)):
             last = torch.stack([self._last[name][index] for name in group], dim=-1).unsqueeze(1)
-            logits, after = actor(steps, last, self._hidden[number][:, index])
+            logits, after = actor(steps, last.to(self._device), self._hidden[number][:, index])
             self._hidden[number][:, index] = after
             for name, values in zip(group, logits, strict=True):
-                self._last[name][index] = self._choice(values[:, 0], episodes)
+                self._last[name][index] = self._choice(values[:, 0].cpu(), episodes)
         return [{name: int(self._last[name][number]) for name in AGENTS} for number in episodes]
 
     def _choice(self, logits: Tensor, episodes: Sequence[int]) -> Tensor:

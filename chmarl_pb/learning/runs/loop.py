@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from torch import nn
 
 from chmarl_pb.learning.algorithms.learner import Learner
@@ -18,6 +19,7 @@ from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading, save
 from chmarl_pb.learning.runs.collect import Collector, Expert
+from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
@@ -55,6 +57,7 @@ def train(
     quiet: bool = True,
     expert: Callable[[Any], Expert | Policy] | None = None,
     threads: int = 1,
+    device: str = "cpu",
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
 
@@ -76,10 +79,11 @@ def train(
         expert: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
             :class:`chmarl_pb.learning.runs.collect.Expert`.
         threads: of torch, while this runs; networks as small as these are fastest with one.
+        device: of torch, that the networks learn and act on; an interrupted run may go on on another.
 
     Raises:
         Interrupted: a signal asked the run to end.
-        ValueError: the algorithm or the environment is of another kind, or there is nobody to imitate.
+        ValueError: the algorithm or the environment is of another kind, there is nobody to imitate, or no such device.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     row = find_algorithm(algorithm)
@@ -87,12 +91,13 @@ def train(
         raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, {row.expert!r})")
     config = config or row.config()
     check_first_weights(config, setting or {})
+    where = find_device(device)
     signals = Signals()
     with (
         torch_threads(threads), run_lock(folder),
         closing(Collector(env_fn, config.envs, expert, config.horizon, signals.check)) as collector,
     ):  # fmt: skip
-        run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {})
+        run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {}, where)
         last = None if folder is None else folder / LAST
         if last is not None and last.exists():
             with reading(last):
@@ -126,12 +131,14 @@ class Run:
         folder: Path | None,
         validate: Validate,
         setting: dict[str, Any],
+        device: torch.device | None = None,
     ):
         """Begin a run."""
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config)
-        self.replay = _make_buffer(collector.interface, algorithm, config)
+        self.learner.to(device or torch.device("cpu"))
+        self.replay = _make_buffer(collector.interface, algorithm, config, device)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
@@ -282,13 +289,13 @@ class Run:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
 
 
-def _make_buffer(interface: Interface, algorithm: str, config: RunConfig) -> ReplayBuffer:
+def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:
     """Return a run's replay buffer.
 
     Raises:
         ValueError: memory does not hold what has to be learned from at once.
     """
-    replay = ReplayBuffer(interface, config.horizon, config.kept, config.memory_gib)
+    replay = ReplayBuffer(interface, config.horizon, config.kept, config.memory_gib, device)
     if config.on_policy and replay.capacity < config.kept:
         raise ValueError(
             f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that "

@@ -61,7 +61,9 @@ class ReplayBuffer:
         added: episodes that were added in all.
     """
 
-    def __init__(self, interface: Interface, horizon: int, capacity: int, memory_gib: float):
+    def __init__(
+        self, interface: Interface, horizon: int, capacity: int, memory_gib: float, device: torch.device | None = None
+    ):
         """Reserve memory; pages that are never written take none.
 
         Args:
@@ -69,11 +71,12 @@ class ReplayBuffer:
             horizon: most steps of an episode.
             capacity: most episodes.
             memory_gib: bound of the memory; shortens ``capacity``.
+            device: that batches are moved to; the buffer itself stays in main memory.
 
         Raises:
             ValueError: not even one episode fits.
         """
-        self.horizon, self._interface = horizon, interface
+        self.horizon, self._interface, self._device = horizon, interface, device
         self.episode_bytes = sum(array.nbytes for array in leaves(self._arrays(1)))
         self.capacity = min(capacity, int(memory_gib * GIB / self.episode_bytes))
         if self.capacity < 1:
@@ -123,7 +126,7 @@ class ReplayBuffer:
         steps = int(self._kept["steps"][chosen].max())
 
         def cut(array: np.ndarray, length: int) -> Any:
-            return torch.from_numpy(array[chosen, :length])
+            return torch.from_numpy(array[chosen, :length]).to(self._device)
 
         kept = self._kept
         return Batch(

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -18,6 +19,7 @@ import chmarl_pb
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.threads import threads as torch_threads
@@ -35,7 +37,12 @@ _VALIDATION_ENVS = 2
 
 
 def run(
-    config: Config, folder: Path, workers: int | None = None, quiet: bool = True, threads: int = 1
+    config: Config,
+    folder: Path,
+    workers: int | None = None,
+    quiet: bool = True,
+    threads: int = 1,
+    device: str = "cpu",
 ) -> BaseAlgorithm:
     """Train a model, or go on with an interrupted run from its last checkpoint; it ends with the same numbers.
 
@@ -48,6 +55,7 @@ def run(
         workers: processes of the environments; see :func:`chmarl_pb.sb3_vec_env`.
         quiet: whether no progress is shown.
         threads: of torch, while this runs; networks as small as these are fastest with one.
+        device: of torch, that the networks learn on.
 
     Returns:
         The model with the last weights.
@@ -56,7 +64,7 @@ def run(
         Interrupted: a signal asked the run to end.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
-    tasks = validation_tasks(config.tasks)
+    where, tasks = find_device(device), validation_tasks(config.tasks)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     signals = Signals()
     with ExitStack() as stack:
@@ -71,7 +79,7 @@ def run(
         stack.callback(validation_env.close)
         best = _Best(config, folder)
         validation = Validation(validation_env, len(tasks), config.sampled, folder, best, bar.say, signals.check)
-        return _learn(config, folder, env, journal, validation, signals, bar)
+        return _learn(config, folder, env, journal, validation, signals, bar, where)
 
 
 def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
@@ -86,12 +94,19 @@ def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
 
 
 def _learn(
-    config: Config, folder: Path, env: VecEnv, journal: Journal, validation: Validation, signals: Signals, bar: Bar
+    config: Config,
+    folder: Path,
+    env: VecEnv,
+    journal: Journal,
+    validation: Validation,
+    signals: Signals,
+    bar: Bar,
+    device: torch.device,
 ) -> BaseAlgorithm:
     algorithm, start = ALGORITHMS[config.algo], time.perf_counter()
     settings = config.settings(env.observation_space)
     model = algorithm.model(
-        algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device="cpu", **settings
+        algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device=device, **settings
     )
     own_log = 0 if config.algo == "dqn" else _log_interval(config)
     milestones = Milestones(
