@@ -148,5 +148,7 @@ class Tidy:
         return " ".join(map(language.instruction, task.moves))
 
 
+REARRANGE = Rearrange()
+
 #: Name -> kind.
-KINDS: dict[str, TaskKind] = {"rearrange": Rearrange(), "tidy": Tidy()}
+KINDS: dict[str, TaskKind] = {"rearrange": REARRANGE, "tidy": Tidy()}

@@ -8,7 +8,7 @@ from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.humanoid import Humanoid
 from chmarl_pb.sensing.scene_graph import SceneGraphs
-from chmarl_pb.tasks.kinds import KINDS, TaskKind
+from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.planner import Oracle
 from chmarl_pb.tasks.setting import Setting
@@ -68,7 +68,7 @@ class Stage(Uncopied):
         """Robot -> names of its actions, in the order of their numbers."""
         return {name: robot.actions for name, robot in self.robots.items()}
 
-    def begin(self, task: AnyTask, kind: TaskKind = KINDS["rearrange"]) -> Setting:
+    def begin(self, task: AnyTask, kind: TaskKind = REARRANGE) -> Setting:
         """Lay out a task of a kind and put the robots at their starts.
 
         Raises:
@@ -79,7 +79,7 @@ class Stage(Uncopied):
         self.drone.spawn(setting.drone)
         return setting
 
-    def solve(self, task: AnyTask, kind: TaskKind = KINDS["rearrange"]) -> list[str]:
+    def solve(self, task: AnyTask, kind: TaskKind = REARRANGE) -> list[str]:
         """Begin a task and return the planner's actions of the humanoid.
 
         Raises:

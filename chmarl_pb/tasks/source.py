@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.errors import TaskError
-from chmarl_pb.tasks.kinds import KINDS, TaskKind
+from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import SPLIT_HOMES, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -62,7 +62,7 @@ def draw_solvable(
     home: str,
     rng: np.random.Generator,
     task_id: str | None = None,
-    kind: TaskKind = KINDS["rearrange"],
+    kind: TaskKind = REARRANGE,
 ) -> AnyTask:
     """Draw a task for a home until the planner solves one, and return it with its L*.
 

@@ -27,7 +27,7 @@ def test_every_setting_of_a_learner_is_a_flag_with_its_default(algo: str, capsys
         assert f"--{field.name.replace('_', '-')}" in text
 
 
-@pytest.mark.parametrize("kind", list({type(COMMANDS[algo].config) for algo in ALL}))
+@pytest.mark.parametrize("kind", list(dict.fromkeys(type(COMMANDS[algo].config) for algo in ALL)))
 def test_every_setting_is_described(kind: type[Any]) -> None:
     texts = " ".join(base.__doc__ or "" for base in kind.__mro__)
     assert all(f" {field.name}: " in texts for field in fields(kind))
