@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol, Union
 
 from chmarl_pb.extras import needs
-from chmarl_pb.learning.algorithms.bc import clone
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
@@ -179,6 +178,8 @@ class Clone:
 
     def run(self, folder: Path) -> None:
         """Train in a folder."""
+        from chmarl_pb.learning.algorithms.bc import clone  # needs the extra data
+
         clone(self.config, folder, self.data, False, self.place.threads, self.place.device)
 
 
