@@ -91,7 +91,7 @@ class Humanoid:
 
     def _carry(self, grip: Grip) -> None:
         """Hold an object where the hand is now."""
-        self.world.sync()
+        self.world.sync_robots()
         self.world.hold(self.name, grip, self.held_pose(grip))
 
     def held_pose(self, grip: Grip) -> Pose:

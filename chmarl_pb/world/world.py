@@ -60,6 +60,13 @@ class World(Uncopied):
                 self.physics.grip(robot, grip.item, state.objects.poses[grip.item])
         self._synced = state
 
+    def sync_robots(self) -> None:
+        """Bring the robots alone to where they are in the state, as to learn where a hand is that carries something."""
+        state, shown = self.state, self._synced
+        self._sync_robots(state.robots, {} if shown is None else shown.robots)
+        if shown is not None:
+            self._synced = WorldState(shown.objects, shown.grips, state.robots)
+
     def _sync_objects(self, objects: Objects, shown: Objects | None) -> None:
         if objects is shown:
             return
