@@ -1,7 +1,4 @@
-"""Many environments at once, as Stable-Baselines3's VecEnv: the same workers and memory as Gymnasium's view.
-
-The only module of the package that imports Stable-Baselines3; nothing imports it before it is asked for.
-"""
+"""Many environments at once, as Stable-Baselines3's VecEnv: the same workers and memory as Gymnasium's view."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
