@@ -152,7 +152,7 @@ def assert_nothing_lost(env: HouseholdEnv) -> None:
     for name in env.world.objects:
         position, quaternion = env.world.pose(name)
         assert np.isfinite([*position, *quaternion]).all(), name
-        read = env.world.read_pose(name)
+        read = env.world.physics.read_object(name)
         np.testing.assert_allclose(read[0], position, atol=1e-5)
         x, y, z = position
         assert z > 0.1 and z < 3 and (low - 0.3 <= (x, y)).all() and ((x, y) <= high + 0.3).all(), (name, position)

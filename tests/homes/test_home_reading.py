@@ -339,7 +339,7 @@ def test_home_with_too_few_receptacles_has_no_tasks(write_home: Write, kept: lis
     path = write_home(home_text({name: SMALL_HOME[name] for name in kept}))
     assert any("at least two classes" in problem for problem in check_home(path).problems)
     env = HouseholdEnv(home=path)
-    with pytest.raises(TaskError, match="two classes"):
+    with pytest.raises(TaskError, match="at least 2 classes"):
         env.reset(seed=0)
     env.close()
 

@@ -10,12 +10,12 @@ import pytest
 import torch
 
 import chmarl_pb
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
-from chmarl_pb.learning.policies import side_by_side
 from chmarl_pb.learning.policies.batched import IndependentPolicies, as_batched
 from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
@@ -128,8 +128,8 @@ def test_any_other_policy_plays_by_itself() -> None:
 
 def test_environments_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     closed = []
-    close = side_by_side.HouseholdEnv.close
-    monkeypatch.setattr(side_by_side.HouseholdEnv, "close", lambda env: (closed.append(env), close(env)))
+    close = HouseholdEnv.close
+    monkeypatch.setattr(HouseholdEnv, "close", lambda env: (closed.append(env), close(env)))
     plays = partial(play_side_by_side, width=3)
     chmarl_pb.evaluate("random", "val-unseen", seeds=(0,), tasks=load_tasks("val-unseen")[:2], max_steps=2, plays=plays)
     assert len(closed) == 2  # no more environments than tasks
