@@ -31,7 +31,7 @@ class _Approach(NamedTuple):
     """A way to reach a point: the lattice pose, and bottom and top of all that stands between them (metres)."""
 
     pose: int
-    barriers: list[list[float]]
+    barriers: Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,8 @@ class Space:
             self._approaches[x, y] = self._find_approaches(x, y)
         if REACH.height[0] <= z <= REACH.height[1]:
             for approach in self._approaches[x, y]:
-                if not any(top > z and bottom < z + _ARM_THICKNESS for bottom, top in approach.barriers):
+                heights = approach.barriers.tolist()
+                if not any(top > z and bottom < z + _ARM_THICKNESS for bottom, top in heights):
                     return approach.pose
         return None
 
@@ -86,7 +87,7 @@ class Space:
         poses = (near * HEADINGS + heading % HEADINGS)[order].tolist()
         return tuple(map(_Approach, poses, self._barriers(points[near[order]], np.array([x, y]))))
 
-    def _barriers(self, starts: Points, end: Points) -> list[list[list[float]]]:
+    def _barriers(self, starts: Points, end: Points) -> list[Points]:
         """Return bottom and top of the solids that stand on the line from each start to an end."""
         low, high = (
             np.minimum(starts.min(axis=0, initial=np.inf), end),
@@ -94,7 +95,7 @@ class Space:
         )
         near = np.flatnonzero(((self._boxes[:, :2] <= high + 1e-6) & (self._boxes[:, 2:] >= low - 1e-6)).all(axis=1))
         crossed = self._outlines.crossed(starts, np.repeat(end[None], len(starts), axis=0), near)
-        return [self._heights[near[row]].tolist() for row in crossed]
+        return [self._heights[near[row]] for row in crossed]
 
     @cached_property
     def _heights(self) -> Points:

@@ -96,8 +96,10 @@ class FastRenderer:
     def _others(self, robot: str) -> list[Stand]:
         """Return the robots that a robot might see: not its own body, but for an arm that carries something."""
         state = self._world.state
-        stands = [(name, other.pose, name in state.grips) for name, other in state.robots.items()]
-        return [stand for stand in stands if stand[0] != robot or stand[2]]
+        grips = state.grips
+        return [
+            (name, other.pose, name in grips) for name, other in state.robots.items() if name != robot or name in grips
+        ]
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""

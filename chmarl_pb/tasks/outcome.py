@@ -30,7 +30,9 @@ class Outcome:
     @property
     def held(self) -> str | None:
         """Name of the object in the gripper, or None."""
-        return next(iter(self.state.held), None)
+        for grip in self.state.grips.values():
+            return grip.item
+        return None
 
     @property
     def supports(self) -> Mapping[str, Support]:

@@ -32,7 +32,7 @@ class Graspable:
         mass: kilograms.
         size: extents x, y, z of its collision shape, metres; its origin is the bottom's centre.
         inertial: position of its inertial frame in its own frame, metres.
-        parking: where it waits while no task uses it, metres.
+        parking: where its centre of mass waits while no task uses it, metres.
     """
 
     body: int
@@ -89,8 +89,8 @@ def load_graspable(client: int, class_name: str) -> Graspable:
         AssetError: its URDF is missing or is not one link with one collision shape.
     """
     path = catalog.graspable_urdf(class_name)
-    parking = _parking_place(class_name)
-    body = pybullet.loadURDF(str(path), parking, physicsClientId=client)
+    body = pybullet.loadURDF(str(path), _parking_place(class_name), physicsClientId=client)
+    parking, _ = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
     dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
     shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)
     if len(shapes) != 1 or pybullet.getNumJoints(body, physicsClientId=client):

@@ -109,8 +109,10 @@ class Physics(Uncopied):
     def move_object(self, name: str, pose: Pose | None) -> None:
         """Move an object's bottom centre to a pose; None: out of the home."""
         thing = self.objects[name]
-        position, quaternion = pose or (thing.parking, UPRIGHT)
-        centre, _ = pybullet.multiplyTransforms(position, quaternion, thing.inertial, UPRIGHT)
+        centre, quaternion = thing.parking, UPRIGHT
+        if pose is not None:
+            centre, _ = pybullet.multiplyTransforms(*pose, thing.inertial, UPRIGHT)
+            quaternion = pose[1]
         pybullet.resetBasePositionAndOrientation(thing.body, centre, quaternion, physicsClientId=self.client)
 
     def read_object(self, name: str) -> Pose:

@@ -166,10 +166,10 @@ class World(Uncopied):
     def _set(self, name: str, pose: Pose, support: Support | None, grips: Mapping[str, Grip]) -> None:
         objects = self.state.objects
         supports = objects.supports
-        if support is not None or name in supports:
+        if name in supports:
             supports = {one: on for one, on in supports.items() if one != name}
-            if support is not None:
-                supports[name] = support
+        if support is not None:
+            supports = {**supports, name: support}
         self.state = WorldState(Objects({**objects.poses, name: pose}, supports), grips, self.state.robots)
 
     def taken(self, places: NDArray[np.floating], size: Size, ignoring: Sequence[str] = ()) -> NDArray[np.bool_]:
