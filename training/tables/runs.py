@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb import learning
-from chmarl_pb.errors import BusyError, ResultError
+from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
@@ -147,38 +147,17 @@ class Run:
             "curve": curve(self.folder / METRICS),
         }  # fmt: skip
 
-    def lock(self) -> Lock | None:
-        """Return a lock that this process and those that inherit it hold, or None.
+    def lock(self) -> Lock:
+        """Return a lock that this process and those that inherit it hold.
 
-        None means that another process works on this run, perhaps one left over from a killed command.
+        Raises:
+            BusyError: another process works on this run, perhaps one left over from a killed command.
         """
-        try:
-            return Lock(self.folder / STATE)
-        except BusyError:
-            return None
-
-    def progress(self) -> float:
-        """Return which share of the training is done, 0 to 1, or 0 where its metrics do not tell."""
-        rows = _rows(self.folder / METRICS)
-        done = max((row.get("episodes", row.get("epoch", row.get("steps", 0))) for row in rows), default=0)
-        return min(done / _total(self), 1.0)
+        return Lock(self.folder / STATE)
 
 
 def _switch(name: str, on: bool) -> str:
     return f"--{name}" if on else f"--no-{name}"
-
-
-def _total(run: Run) -> int:
-    """Return the number of episodes, epochs or steps of a training."""
-    from chmarl_pb.cli.train import COMMANDS
-
-    options = (*run.row.options, *run.extra)
-    for flag in ("--episodes", "--epochs", "--steps"):
-        if flag in options:
-            return int(options[options.index(flag) + 1])
-    algo = options[options.index("--algo") + 1] if "--algo" in options else "mappo"
-    config = COMMANDS[algo].config
-    return int(config.epochs if run.row.clones else config.episodes)
 
 
 def curve(metrics: Path) -> dict[str, Any]:

@@ -1,22 +1,18 @@
 """Work through runs, some side by side, each step in a process of its own; interrupted, nothing finished is lost."""
 
 import subprocess
+import sys
 import time
-from collections import defaultdict
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from os import environ
-from statistics import fmean
-from typing import Any
+from threading import Lock as Mutex
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
-
+from chmarl_pb.files import Lock
 from training.tables.runs import Run, python
 from training.tables.step import GRACE
 
-POLL = 0.5  # seconds between two looks at the processes
 NOTE = 10.0  # seconds between two notes of the time spent
 LOG = "log.txt"
 
@@ -28,31 +24,12 @@ def as_step(command: list[str]) -> list[str]:
     return python(["training.tables.step", *command])
 
 
-@dataclass
-class Worker:
-    """A run at work.
-
-    Attributes:
-        run: the run.
-        step: that is being done.
-        process: that does it; it holds the run's lock, too.
-        lock: the locked file.
-        bar: its line on the screen.
-        since: time of the last note of seconds spent.
-    """
-
-    run: Run
-    step: str
-    process: subprocess.Popen
-    lock: Any
-    bar: TaskID
-    since: float
-
-
 class Schedule:
     """Runs that wait, that are at work, and that are over.
 
     Attributes:
+        waiting: runs that have not been started.
+        over: number of runs whose result is there.
         failed: names of runs whose process ended with an error, or that another process works on.
     """
 
@@ -63,7 +40,6 @@ class Schedule:
         budget: float | None = None,
         finished: Callable[[Run], None] = lambda run: None,
         launch: Launch = as_step,
-        poll: float = POLL,
     ):
         """Take runs; those whose result is there already are skipped.
 
@@ -73,131 +49,86 @@ class Schedule:
             budget: minutes after which no more runs are started; None: no limit.
             finished: called after a run's result is written; an error in it is shown.
             launch: makes the command line of a step's command.
-            poll: seconds between two looks at the processes.
         """
         self.waiting = [run for run in runs if run.next_step() is not None]
         self.total, self.over = len(runs), len(runs) - len(self.waiting)
-        self.jobs, self.poll, self.failed = jobs, poll, list[str]()
-        self._finished, self._launch = finished, launch
+        self.failed: list[str] = []
+        self._jobs, self._finished, self._launch = jobs, finished, launch
         self._end = time.monotonic() + 60 * budget if budget is not None else float("inf")
-        self._workers: list[Worker] = []
-        self._seconds: dict[tuple[str, ...], list[float]] = defaultdict(list)
-        for run in runs:
-            if run.next_step() is None and run.folder.is_dir():
-                self._seconds[_kind(run)].append(_spent(run))
-        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-        self._screen = Progress(*columns, console=Console(stderr=True))
+        self._mutex, self._stopped = Mutex(), False
+        self._processes: list[subprocess.Popen] = []
 
     def work(self) -> None:
-        """Start and watch processes until all runs are over, or the time is up."""
-        with self._screen:
-            line = self._screen.add_task("", total=max(self.total, 1))
+        """Work until all runs are over or the time is up; what is interrupted goes on another time."""
+        with ThreadPoolExecutor(self._jobs) as pool:
             try:
-                while self._fill():
-                    self._show(line)
-                    time.sleep(self.poll)
-                    for worker in list(self._workers):
-                        self._check(worker)
-                self._show(line)
+                for thread in [pool.submit(self._work) for _ in range(self._jobs)]:
+                    thread.result()
             finally:
-                self._stop()
+                with self._mutex:
+                    self._stopped = True
+                end(*self._processes)
 
-    def _fill(self) -> bool:
-        """Give work to free places; return whether there is any."""
-        while self.waiting and len(self._workers) < self.jobs and time.monotonic() < self._end:
-            run = self.waiting.pop(0)
-            lock = run.lock()
-            if lock is None:
-                self._fail(run, f"another process works on it; wait for it, or end it ({run.folder})")
-                continue
-            step = run.next_step()
-            if step is None:  # somebody else has finished it meanwhile
-                lock.close()
-                self.over += 1
-                continue
-            bar = self._screen.add_task(run.name, total=1.0)
-            self._workers.append(Worker(run, step, self._start(run, step, lock), lock, bar, time.monotonic()))
-        return bool(self._workers)
+    def _work(self) -> None:
+        """Do one run after another."""
+        while (run := self._next()) is not None:
+            try:
+                self._do(run)
+            except (RuntimeError, ValueError) as error:
+                self.failed.append(run.name)
+                self._say(run, str(error))
 
-    def _start(self, run: Run, step: str, lock: Any) -> subprocess.Popen:
+    def _next(self) -> Run | None:
+        with self._mutex:
+            late = self._stopped or time.monotonic() >= self._end
+            return self.waiting.pop(0) if self.waiting and not late else None
+
+    def _do(self, run: Run) -> None:
+        """Do the steps of a run that are left.
+
+        Raises:
+            RuntimeError: a step has failed.
+            ValueError: another process works on the run, or one of its files is damaged.
+        """
+        with run.lock() as lock:
+            while (step := run.next_step()) is not None:
+                self._say(run, step)
+                code = self._run(run, step, lock)
+                if self._stopped:
+                    return
+                if code:
+                    raise RuntimeError(f"{step} ended with {code}: {_last_line(run)} (all of it: {run.folder / LOG})")
+                run.finish(step)
+        with self._mutex:
+            self.over += 1
+            minutes = sum(run.state()["seconds"].values()) / 60
+            self._say(run, f"finished after {minutes:.0f} min, {run.result} ({self.over} of {self.total} runs)")
+            try:
+                self._finished(run)
+            except (OSError, ValueError) as error:  # the result is kept: no reason to stop the others
+                self._say(run, str(error))
+
+    def _run(self, run: Run, step: str, lock: Lock) -> int | None:
+        """Let a process do a step, and return its exit code; None if there is to be no more of them."""
         run.begin(step)
-        with (run.folder / LOG).open("a") as log:
-            return subprocess.Popen(
+        with self._mutex, (run.folder / LOG).open("a") as log:
+            if self._stopped:
+                return None
+            process = subprocess.Popen(
                 self._launch(run.command(step)), stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                 env={**environ, "OMP_NUM_THREADS": "1"}, start_new_session=True, pass_fds=(lock.fileno(),),
             )  # fmt: skip
+            self._processes.append(process)
+        code = None
+        while code is None:
+            begun = time.monotonic()
+            with suppress(subprocess.TimeoutExpired):
+                code = process.wait(NOTE)
+            run.spend(step, time.monotonic() - begun)
+        return code
 
-    def _check(self, worker: Worker) -> None:
-        """Look at a process; go on with the run's next step if it has ended well."""
-        code, run = worker.process.poll(), worker.run
-        if code is not None or time.monotonic() > worker.since + NOTE:
-            _note(worker)
-        if code is None:
-            return
-        try:
-            if code != 0:
-                raise RuntimeError(f"ended with {code}: {_last_line(run)} (all of it: {run.folder / LOG})")
-            run.finish(worker.step)
-            step = run.next_step()
-        except (RuntimeError, ValueError) as error:
-            self._fail(run, f"{worker.step} {error}")
-            self._leave(worker)
-            return
-        if step is not None:
-            worker.step, worker.process = step, self._start(run, step, worker.lock)
-            return
-        self._leave(worker)
-        self.over += 1
-        self._seconds[_kind(run)].append(_spent(run))
-        self._screen.console.print(
-            f"{run.name}: finished after {_duration(_spent(run))}, {run.result}", highlight=False
-        )
-        try:
-            self._finished(run)
-        except (OSError, ValueError) as error:  # the result is kept: no reason to stop the others
-            self._screen.console.print(f"{run.name}: {error}", style="red", highlight=False)
-
-    def _leave(self, worker: Worker) -> None:
-        worker.lock.close()
-        self._screen.remove_task(worker.bar)
-        self._workers.remove(worker)
-
-    def _fail(self, run: Run, reason: str) -> None:
-        self.failed.append(run.name)
-        self._screen.console.print(f"{run.name}: {reason}", style="red", highlight=False)
-
-    def _stop(self) -> None:
-        """Interrupt what is still at work; all of it goes on when the same runs are worked through again."""
-        try:
-            end(*(worker.process for worker in self._workers))
-        finally:
-            for worker in self._workers:
-                _note(worker)
-                worker.lock.close()
-            self._workers.clear()
-
-    def _show(self, line: TaskID) -> None:
-        for worker in self._workers:
-            share = worker.run.progress() if worker.step == "train" else 1.0
-            self._screen.update(worker.bar, completed=share, description=f"{worker.run.name}: {worker.step}")
-        left = self._left()
-        text = f"{self.over} of {self.total} runs" + (f", about {_duration(left)} left" if left is not None else "")
-        self._screen.update(line, completed=self.over, description=text)
-
-    def _left(self) -> float | None:
-        """Return about how many seconds are left, from runs of the same kind; None as long as nothing is known."""
-        known = {kind: list(seconds) for kind, seconds in self._seconds.items()}
-        for worker in self._workers:
-            share = worker.run.progress()
-            if share > 0.05:
-                known.setdefault(_kind(worker.run), []).append(worker.run.state()["seconds"]["train"] / share)
-        means = {kind: fmean(seconds) for kind, seconds in known.items()}
-        if not means:
-            return None
-        other = fmean(means.values())
-        waiting = sum(means.get(_kind(run), other) for run in self.waiting)
-        working = [max(means.get(_kind(one.run), other) - _spent(one.run), 0.0) for one in self._workers]
-        return max((waiting + sum(working)) / self.jobs, *working, 0.0) if working else waiting / self.jobs
+    def _say(self, run: Run, text: str) -> None:
+        print(f"{run.name}: {text}", file=sys.stderr, flush=True)
 
 
 def end(*processes: subprocess.Popen) -> None:
@@ -215,26 +146,6 @@ def end(*processes: subprocess.Popen) -> None:
             process.wait()
 
 
-def _kind(run: Run) -> tuple[str, ...]:
-    """Return what runs that take about equally long have in common."""
-    return (run.row.observation, run.row.module, *run.row.options[:2])
-
-
-def _spent(run: Run) -> float:
-    return float(sum(run.state()["seconds"].values()))
-
-
-def _note(worker: Worker) -> None:
-    now = time.monotonic()
-    worker.run.spend(worker.step, now - worker.since)
-    worker.since = now
-
-
 def _last_line(run: Run) -> str:
     lines = (run.folder / LOG).read_text(encoding="utf-8", errors="replace").strip().splitlines()
     return lines[-1] if lines else "nothing was printed"
-
-
-def _duration(seconds: float) -> str:
-    minutes = round(seconds / 60)
-    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
