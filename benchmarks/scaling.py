@@ -53,9 +53,9 @@ def with_pixels(size: int, observation: str, options: argparse.Namespace) -> Poi
 def with_environments(count: int, observation: str, options: argparse.Namespace) -> Point:
     """A vector environment of home 7, on as many processes as there are cores; resets are in its steps."""
     from chmarl_pb.bench.playing import per_second
-    from chmarl_pb.bench.vectors import RandomVector
+    from chmarl_pb.bench.vectors import our_vector
 
-    envs = RandomVector(count, min(count, os.cpu_count() or 1), observation)
+    envs = our_vector(count, min(count, os.cpu_count() or 1), observation)
     for _ in range(options.steps):
         envs.step()
     rates = [per_second(envs.step, options.steps / 5000, count) for _ in range(options.runs)]

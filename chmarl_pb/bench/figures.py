@@ -62,6 +62,8 @@ FIGURES = (
     Figure("memory of one more environment, visual", _in_process("memory", "visual")),
     Figure("vector environment, scene graph", partial(vectors.processes, observation="scene_graph")),
     Figure("vector environment, two 128 px views", partial(vectors.processes, observation="visual")),
+    Figure("vector beside AsyncVectorEnv, scene graph", partial(vectors.beside_gymnasium, observation="scene_graph")),
+    Figure("vector beside AsyncVectorEnv, two 128 px views", partial(vectors.beside_gymnasium, observation="visual")),
     Figure('execution="simulated"', playing.driving),
     Figure("import chmarl_pb", _in_process("importing")),
     Figure("first reset of a home, empty view store", _in_process("first_reset")),

@@ -1,4 +1,4 @@
-"""The speed of vectors of environments: one process against two, in lockstep and apart."""
+"""The speed of vectors of environments: one process against two, in lockstep and apart; ours beside Gymnasium's."""
 
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Discrete, MultiDiscrete
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
 
 import chmarl_pb
 from chmarl_pb.bench.playing import SPLIT, Effort, Samples, per_second, scouted_poses, warm_up
@@ -26,8 +26,8 @@ def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
         warm_up(env, scouted_poses(effort.warm_up))
     makes: dict[str, Callable[[], RandomVector | ApartVectors]] = {
-        "1 process": partial(RandomVector, count, 1, observation),
-        "2 processes": partial(RandomVector, count, 2, observation),
+        "1 process": partial(our_vector, count, 1, observation),
+        "2 processes": partial(our_vector, count, 2, observation),
         "2 processes apart": partial(ApartVectors, count, 2, observation),
     }
     with ExitStack() as stack:
@@ -45,18 +45,46 @@ def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
             }
 
 
+def beside_gymnasium(effort: Effort, observation: str, count: int = 8) -> Samples:
+    """Yield joint steps a second of our vector and of Gymnasium's with shared memory, in turns.
+
+    The environments, their seeds and actions are the same; ours share as many processes as there are cores, of
+    Gymnasium's each has its own. An ended episode is reset in its step.
+    """
+    with closing(HouseholdEnv(observation, split=SPLIT)) as env:
+        warm_up(env, scouted_poses(effort.warm_up))
+    with ExitStack() as stack:
+        theirs = AsyncVectorEnv(
+            [partial(gymnasium.make, f"chmarl_pb:{_IDS[observation]}", split=SPLIT)] * count,
+            shared_memory=True, context="spawn", autoreset_mode=AutoresetMode.SAME_STEP,
+        )  # fmt: skip
+        vectors = {"ours": our_vector(count, None, observation), "Gymnasium's": RandomVector(theirs)}
+        for vector in vectors.values():
+            stack.callback(vector.close)
+            per_second(vector.step, 10 * effort.seconds)  # each process gets to know views and layouts by itself
+        while True:
+            taken = {name: per_second(vector.step, effort.seconds, count) for name, vector in vectors.items()}
+            yield {f"joint steps/s, {name}": rate for name, rate in taken.items()} | {
+                "times Gymnasium's": taken["ours"] / taken["Gymnasium's"]
+            }
+
+
+def our_vector(count: int, workers: int | None, observation: str) -> "RandomVector":
+    """Return environments on worker processes, see :func:`chmarl_pb.vector_env`."""
+    mode = AutoresetMode.SAME_STEP
+    return RandomVector(chmarl_pb.vector_env(count, _IDS[observation], workers, autoreset_mode=mode, split=SPLIT))
+
+
 class RandomVector:
-    """Environments in lockstep with random actions that are drawn beforehand; an ended episode is reset in its step.
+    """Environments in lockstep with random actions that are drawn beforehand.
 
     Attributes:
         steps: joint steps that a call of ``step`` takes.
     """
 
-    def __init__(self, count: int, workers: int, observation: str):
-        """Make environments on worker processes, see :func:`chmarl_pb.vector_env`, and reset them."""
-        mode = AutoresetMode.SAME_STEP
-        self._envs = chmarl_pb.vector_env(count, _IDS[observation], workers, autoreset_mode=mode, split=SPLIT)
-        self.steps = count
+    def __init__(self, envs: VectorEnv):
+        """Reset a vector of environments."""
+        self._envs, self.steps = envs, envs.num_envs
         self.reset(seed=1)
 
     def reset(self, seed: int) -> None:
@@ -108,7 +136,7 @@ class _Vector(gymnasium.Env):
     action_space = Discrete(1)
 
     def __init__(self, count: int, observation: str):
-        self._envs = RandomVector(count, 1, observation)
+        self._envs = our_vector(count, 1, observation)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[int, dict[str, Any]]:
         super().reset(seed=seed)
