@@ -40,7 +40,7 @@ _CHECKSUM = hashlib.sha256().digest_size  # bytes at the start of a file
 _KEPT = 16  # files of one function in a folder: signatures, machines and versions of its code
 
 
-def compiled(function: Callable) -> Any:
+def compiled(function: Callable[..., Any]) -> Any:
     """Let Numba compile a function, or run it as Python if NUMBA_DISABLE_JIT is set, with the same results.
 
     A division by zero gives infinity. Literals need the type in which Numba computes: in NumPy, other than in Numba,

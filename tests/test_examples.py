@@ -3,6 +3,7 @@
 import importlib.util
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -36,7 +37,7 @@ def test_sb3_quickstart(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.
     pytest.importorskip("stable_baselines3")
     evaluate = chmarl_pb.evaluate
 
-    def two(policy: object, split: str, **options: object) -> object:
+    def two(policy: object, split: str, **options: Any) -> object:
         return evaluate(policy, split, tasks=chmarl_pb.load_tasks(split)[:2], **options)
 
     monkeypatch.setattr(chmarl_pb, "evaluate", two)

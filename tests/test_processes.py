@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -62,7 +63,7 @@ def test_processes_at_work_end_soon_when_nobody_waits_for_them(monkeypatch: pyte
 
 
 def test_no_memory_for_semaphores_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
+    def refuse(*_: object, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(processes, "ProcessPoolExecutor", refuse)

@@ -24,7 +24,7 @@ MATRIX_GAMES: dict[str, np.ndarray] = {
 TWO_STEP = np.array([[[7.0, 7.0], [7.0, 7.0]], [[0.0, 1.0], [1.0, 8.0]]])
 
 
-class SmallGame(ParallelEnv):
+class SmallGame(ParallelEnv):  # type: ignore[misc]
     """Two agents that both see which state the game is in, as one-hot."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "small_game_v0", "render_modes": [], "is_parallelizable": True}
@@ -61,7 +61,8 @@ class SmallGame(ParallelEnv):
 
     def state(self) -> np.ndarray:
         """Return the state as one-hot."""
-        return np.eye(self.states, dtype=np.float32)[self._at]
+        one_hot: np.ndarray = np.eye(self.states, dtype=np.float32)[self._at]
+        return one_hot
 
     def play(self, first: int, second: int) -> tuple[float, bool]:
         """Return the reward of both, and whether the game is over."""

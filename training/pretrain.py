@@ -47,7 +47,9 @@ def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iter
         yield np.sort(order[first : first + size])
 
 
-def pretrain(name: str, out: Path, views: Views, checked: Views, epochs: int, seed: int, bar: Progress) -> dict:
+def pretrain(
+    name: str, out: Path, views: Views, checked: Views, epochs: int, seed: int, bar: Progress
+) -> dict[str, Any]:
     """Train, write the weights, and return the figures.
 
     Args:

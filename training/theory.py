@@ -19,7 +19,8 @@ def independent_fit(table: np.ndarray) -> np.ndarray:
 def additive_fit(table: np.ndarray) -> np.ndarray:
     """Return the nearest table of the form a_i + b_j, which is all that VDN can hold (least squares in closed form)."""
     rows, columns = independent_fit(table)
-    return rows[:, None] + columns[None, :] - table.mean()
+    fitted: np.ndarray = rows[:, None] + columns[None, :] - table.mean()
+    return fitted
 
 
 def monotonic_fit(table: np.ndarray, order: np.ndarray) -> np.ndarray:

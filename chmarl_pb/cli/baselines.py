@@ -1,7 +1,7 @@
 """The command `chmarl-pb baselines`: the built-in policies on the splits, and the lengths that results stand beside."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -78,7 +78,7 @@ def _advance(bar: Progress, row: TaskID, finished: int, total: int) -> None:
 
 def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
     """Return one Markdown table for each metric: rows are policies, columns splits."""
-    cells = {
+    cells: dict[str, Callable[[Report], str]] = {
         "success %": lambda report: percent(report.summary.success_rate),
         "PLW %": lambda report: percent(report.summary.plw),
         "steps if solved": lambda report: number(report.summary.length_on_success),

@@ -213,7 +213,7 @@ def parse(arguments: Sequence[str]) -> Command:
     """
     commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
     kinds: Any = Union[tuple(commands)]  # noqa: UP007
-    found: Any = tyro.cli(
+    found: Command = tyro.cli(
         kinds, args=_algorithm_first(arguments), prog="chmarl-pb train --algo", description=__doc__.split("``: ")[1]
     )
     return found

@@ -9,8 +9,12 @@ from typing import Any
 
 from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
 from chmarl_pb.data.record import Arrays
-from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, file_sha256, h5py
+from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, file_sha256
 from chmarl_pb.errors import ChmarlError, DatasetError
+from chmarl_pb.extras import needs
+
+with needs("a data set", "data"):
+    import h5py
 
 
 class Dataset:

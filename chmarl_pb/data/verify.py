@@ -29,7 +29,7 @@ def chosen(episodes: int, share: float) -> list[int]:
     if not 0 < share <= 1:
         raise OptionError(f"share {share}: use a number above 0 and up to 1")
     count = max(1, round(share * episodes))
-    return np.unique(np.linspace(0, episodes - 1, count).astype(int)).tolist()
+    return [int(number) for number in np.unique(np.linspace(0, episodes - 1, count).astype(int))]
 
 
 def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Progress = lambda _: None) -> int:

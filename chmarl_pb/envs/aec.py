@@ -9,7 +9,7 @@ from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 from chmarl_pb.envs.parallel import HouseholdEnv
 
 
-class TurnEnv(parallel_to_aec_wrapper):
+class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
     """PettingZoo's view, but a wrong action is refused at its own turn, and another can be given."""
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -28,7 +28,7 @@ class TurnEnv(parallel_to_aec_wrapper):
         super().step(action)
 
 
-class OrderedTurnEnv(OrderEnforcingWrapper):
+class OrderedTurnEnv(OrderEnforcingWrapper):  # type: ignore[misc]
     """PettingZoo's check of the order of calls, which a copy begins anew."""
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -23,7 +23,8 @@ class PairOfActions(spaces.MultiDiscrete):
 
     def __repr__(self) -> str:
         """Return the text of the space, and where the one with single numbers is."""
-        return f"{super().__repr__()} (make the environment with flat_actions=True for Discrete({self.nvec.prod()}))"
+        text = super().__repr__()  # type: ignore[no-untyped-call]
+        return f"{text} (make the environment with flat_actions=True for Discrete({self.nvec.prod()}))"
 
 
 class JointEnv(gymnasium.Env):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -38,12 +39,12 @@ class Observer:
             OptionError: two sensors have a key in common, or one has a key of the environment itself.
         """
         self._sensors = options.sensors
-        parts: dict[str, spaces.Space] = {}
+        parts: dict[str, spaces.Space[Any]] = {}
         for sensor in self._sensors:
             _add(parts, sensor.spaces(), type(sensor).__name__)
         tokens = language.vocabulary_size() - 1
         self._words = language.INSTRUCTION_LENGTH * options.kind.objects
-        own: dict[str, spaces.Space] = {
+        own: dict[str, spaces.Space[Any]] = {
             "instruction": spaces.Box(0, tokens, (self._words,), np.int16),
             "feedback": spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16),
             "messages": options.channel.space(rooms),
@@ -89,7 +90,7 @@ class Observer:
         return observation, texts
 
 
-def _add(parts: dict[str, spaces.Space], more: Mapping[str, spaces.Space], whose: str) -> None:
+def _add(parts: dict[str, spaces.Space[Any]], more: Mapping[str, spaces.Space[Any]], whose: str) -> None:
     if common := sorted(parts.keys() & more.keys()):
         raise OptionError(f"observation: {whose} has the keys {common}, which another sensor has too; rename them")
     parts.update(more)

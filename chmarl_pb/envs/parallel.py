@@ -33,7 +33,7 @@ Results = tuple[
 ]  # fmt: skip
 
 
-class HouseholdEnv(ParallelEnv):
+class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     """A humanoid and a drone search a home together; the humanoid brings X to Y.
 
     **Task**: an instruction names an object X and a receptacle Y ("Put the mug on the desk").

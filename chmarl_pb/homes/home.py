@@ -51,7 +51,10 @@ class Thing:
         """Middle (2,) of its footprint; of its frame when it has no solids."""
         if not self.solids:
             return self.frame[:2, 3]
-        return (np.min([s.low for s in self.solids], axis=0) + np.max([s.high for s in self.solids], axis=0)) / 2
+        middle: Points = (
+            np.min([s.low for s in self.solids], axis=0) + np.max([s.high for s in self.solids], axis=0)
+        ) / 2
+        return middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,10 @@ class Room:
     def centre(self) -> Points:
         """Area-weighted middle (2,) of the floor."""
         areas = np.array([_area(floor) for floor in self.floors])
-        return (areas[:, None] * np.array([floor.mean(axis=0) for floor in self.floors])).sum(axis=0) / areas.sum()
+        middle: Points = (areas[:, None] * np.array([floor.mean(axis=0) for floor in self.floors])).sum(
+            axis=0
+        ) / areas.sum()
+        return middle
 
     @property
     def area(self) -> float:
@@ -74,7 +80,8 @@ class Room:
 
     def contains(self, points: Points) -> np.ndarray:
         """Return which of the points (..., 2) lie on its floor."""
-        return np.logical_or.reduce([inside(floor, points) for floor in self.floors])
+        on_floor: np.ndarray = np.logical_or.reduce([inside(floor, points) for floor in self.floors])
+        return on_floor
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,12 +37,14 @@ class Solid:
     @cached_property
     def low(self) -> Points:
         """Lower corner (2,) of the outline's bounding box."""
-        return self.polygon.min(axis=0)
+        corner: Points = self.polygon.min(axis=0)
+        return corner
 
     @cached_property
     def high(self) -> Points:
         """Upper corner (2,) of the outline's bounding box."""
-        return self.polygon.max(axis=0)
+        corner: Points = self.polygon.max(axis=0)
+        return corner
 
     @property
     def has_level_top(self) -> bool:
@@ -80,7 +82,8 @@ def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.b
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     offsets = np.einsum("kd,kd->k", normals, polygon)
-    return ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
+    within: NDArray[np.bool_] = ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
+    return within
 
 
 class Outlines:
@@ -115,7 +118,9 @@ class Outlines:
         entry = np.where(before > 0, np.where(after > 0, np.inf, at), 0.0)
         leave = np.where((before <= 0) & (after > 0), at, 1.0)
         shape = (len(starts), *offsets.shape)
-        return entry.reshape(shape).max(axis=2, initial=0.0) <= leave.reshape(shape).min(axis=2, initial=1.0)
+        last_entry = entry.reshape(shape).max(axis=2, initial=0.0)
+        crosses: NDArray[np.bool_] = last_entry <= leave.reshape(shape).min(axis=2, initial=1.0)
+        return crosses
 
 
 def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:

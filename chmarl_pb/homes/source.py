@@ -170,7 +170,8 @@ def safe_xml(text: bytes) -> ElementTree.Element:
     if text.count(b"<") > 2 * MOST_ELEMENTS:  # a start and an end
         raise ValueError(f"has more than {MOST_ELEMENTS:,} XML elements; make it smaller")
     try:
-        return defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+        root: ElementTree.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+        return root
     except DefusedXmlException as error:
         raise ValueError(f"document types and entities are refused ({error}); remove the <!DOCTYPE>") from error
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two: its encoding

@@ -27,6 +27,7 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
         sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
     try:
-        return resolve_name(name)
+        found: T = resolve_name(name)
+        return found
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"{option}={name!r}: {error}; name a module that can be imported from here") from error

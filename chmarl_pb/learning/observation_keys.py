@@ -1,5 +1,7 @@
 """Which keys of an observation are the benchmark's: exact names, alone or after a robot's name and ``_``."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -18,7 +20,7 @@ def named(key: str, *names: str) -> bool:
     return any(key == prefix + name for prefix in PREFIXES for name in names)
 
 
-def is_ids(space: spaces.Space, rank: int) -> bool:
+def is_ids(space: spaces.Space[Any], rank: int) -> bool:
     """Return whether a space holds ids from 0 on: whole numbers with a small upper bound, in this many dimensions."""
     return (
         isinstance(space, spaces.Box)
@@ -29,22 +31,22 @@ def is_ids(space: spaces.Space, rank: int) -> bool:
     )
 
 
-def is_picture(space: spaces.Space) -> bool:
+def is_picture(space: spaces.Space[Any]) -> bool:
     """Return whether a space holds pictures."""
     return isinstance(space, spaces.Box) and len(space.shape) == 3 and space.dtype == np.uint8
 
 
-def is_features(space: spaces.Space) -> bool:
+def is_features(space: spaces.Space[Any]) -> bool:
     """Return whether a space holds what a frozen network makes of pictures."""
     return isinstance(space, spaces.Box) and space.dtype == np.float16
 
 
-def is_tokens(key: str, space: spaces.Space) -> bool:
+def is_tokens(key: str, space: spaces.Space[Any]) -> bool:
     """Return whether a key of a space holds words."""
     return named(key, INSTRUCTION, FEEDBACK) and is_ids(space, 1)
 
 
-def is_goal(key: str, space: spaces.Space) -> bool:
+def is_goal(key: str, space: spaces.Space[Any]) -> bool:
     """Return whether a key of a space holds the classes of X and Y and whether they are in view."""
     return named(key, GOAL) and is_ids(space, 1) and space.shape == (4,)
 
@@ -62,6 +64,6 @@ def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:
     return found
 
 
-def _is_graph(classes: spaces.Space, states: spaces.Space, edges: spaces.Space) -> bool:
+def _is_graph(classes: spaces.Space[Any], states: spaces.Space[Any], edges: spaces.Space[Any]) -> bool:
     nodes = is_ids(classes, 1) and is_ids(states, 1) and classes.shape == states.shape
     return nodes and is_ids(edges, 2) and edges.shape is not None and edges.shape[1] == 3

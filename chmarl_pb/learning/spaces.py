@@ -23,7 +23,7 @@ class Interface:
         has_state: whether the environment has ``state()``; if not, all observations are concatenated.
     """
 
-    observations: dict[str, spaces.Space]
+    observations: dict[str, spaces.Space[Any]]
     actions: dict[str, int]
     state_size: int
     has_state: bool
@@ -55,7 +55,7 @@ def interface_of(env: Any) -> Interface:
     return replace(interface, state_size=len(interface.state(env, seen)))
 
 
-def spaces_of(env: Any) -> tuple[dict[str, spaces.Space], dict[str, int]]:
+def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, int]]:
     """Return agent -> observation space, and agent -> number of actions.
 
     Raises:
@@ -85,7 +85,7 @@ def tree_map(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
     return function(first, *others)
 
 
-def zeros(space: spaces.Space, *leading: int) -> Tree:
+def zeros(space: spaces.Space[Any], *leading: int) -> Tree:
     """Return arrays of zeros of a space's shapes and types, with leading dimensions."""
     if isinstance(space, spaces.Dict):
         return {key: zeros(part, *leading) for key, part in space.spaces.items()}
@@ -110,10 +110,11 @@ def _has_state(env: Any) -> bool:
     return True
 
 
-def _flat(space: spaces.Space, observation: Tree) -> np.ndarray:
+def _flat(space: spaces.Space[Any], observation: Tree) -> np.ndarray:
     """Return an observation as one vector; a Discrete as one-hot."""
     if isinstance(space, spaces.Dict):
         return np.concatenate([_flat(part, observation[key]) for key, part in space.spaces.items()])
     if isinstance(space, spaces.Discrete):
-        return (np.arange(space.n) == observation - space.start).astype(np.float32)
+        one_hot: np.ndarray = (np.arange(space.n) == observation - space.start).astype(np.float32)
+        return one_hot
     return np.asarray(observation, dtype=np.float32).ravel()

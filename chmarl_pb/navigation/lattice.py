@@ -203,7 +203,8 @@ def _neighbours(cells: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray
     places = cells - cells.min(axis=0) + margin
     numbers = np.full(places.max(axis=0) + margin + 1, -1, dtype=np.int32)
     numbers[tuple(places.T)] = np.arange(len(cells))
-    return numbers[tuple(np.moveaxis(places[:, None] + offsets, -1, 0))]
+    neighbours: NDArray[np.int32] = numbers[tuple(np.moveaxis(places[:, None] + offsets, -1, 0))]
+    return neighbours
 
 
 def _links(

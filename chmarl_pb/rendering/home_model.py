@@ -58,8 +58,10 @@ class HomeModel:
 def _pose(client: int, body: int, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return where a link's inertial frame is."""
     if link < 0:
-        return pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+        position, orientation = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+        return position, orientation
     try:
-        return pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)[:2]
+        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)
     except pybullet.error as error:
         raise AssetError(f"link {link}: {error}") from error
+    return state[0], state[1]

@@ -26,12 +26,12 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, space_of
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.rendering import bounds
-from chmarl_pb.rendering.camera import Camera, Picture, Vector, lens, render, view_matrix
+from chmarl_pb.rendering.camera import Camera, Picture, lens, render, view_matrix
 from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_store
-from chmarl_pb.world import Client, loaded_home
+from chmarl_pb.world import Client, Vector, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
 
 #: Part of the hash in the names of stored pictures: raise it when homes are drawn differently, be it by one bit.
@@ -81,7 +81,8 @@ class HomeView:
     @cached_property
     def tiles(self) -> NDArray[np.float32]:
         """The greatest depth in each tile of the picture, to tell early what the home hides."""
-        return bounds.farthest(self.picture.depth)
+        tiles: NDArray[np.float32] = bounds.farthest(self.picture.depth)
+        return tiles
 
     @cached_property
     def shown(self) -> Shown:

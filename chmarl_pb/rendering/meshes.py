@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,5 +181,5 @@ def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]
     )
 
 
-def _starts(rows: Sequence[Sequence | NDArray]) -> NDArray[np.int32]:
+def _starts(rows: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int32]:
     return np.cumsum([0, *map(len, rows)], dtype=np.int32)

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.files import cache_folder
-from chmarl_pb.rendering.camera import Picture, Vector
+from chmarl_pb.rendering.camera import Picture
+from chmarl_pb.world import Vector
 
 try:
     import fcntl

@@ -192,7 +192,8 @@ class Arm:
         middle, half = (self.upper + self.lower)[1:8] / 2, (self.upper - self.lower)[1:8] / 2
         strain = (((poses[:, 1:] - middle) / half) ** 8).sum(axis=1)
         effort = (choice[:, 1] - BEST_PITCH) ** 2 + 0.5 * offset**2 + choice[:, 0] ** 2
-        return effort + strain + 4.0 * np.maximum(0.05 - above, 0.0) + 0.1 * (choice[:, 3] + 0.8) ** 2
+        cost: Array = effort + strain + 4.0 * np.maximum(0.05 - above, 0.0) + 0.1 * (choice[:, 3] + 0.8) ** 2
+        return cost
 
 
 def _blocks(choices: Array) -> list[tuple[Array, float]]:
@@ -258,4 +259,5 @@ def _clear(elbow: Array, wrist: Array, grasp: Array, lift: Array) -> NDArray[np.
 
 def _unit(vectors: Array) -> Array:
     """Scale vectors (n, 3) to length 1."""
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    units: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return units

@@ -78,7 +78,8 @@ def profile(distance: float, speed: float, acceleration: float) -> NDArray[np.fl
     middles = (np.arange(count) + 0.5) * total / count
     rise = np.minimum(1.0, np.minimum(middles, total - middles) / ramp)
     done = np.cumsum(rise * rise * (3 - 2 * rise))
-    return done / done[-1]
+    share: NDArray[np.float64] = done / done[-1]
+    return share
 
 
 def wrap(angle: float) -> float:

@@ -67,7 +67,9 @@ class View(NamedTuple):
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
         picture = self.renderer.picture(self.robot, size)
         ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.renderer.names]
-        return np.array([*ids, 0], dtype=np.int16)[picture.segmentation]  # -1, which is nothing, takes the last
+        ids.append(0)  # for -1, which is nothing
+        classes: NDArray[np.int16] = np.array(ids, dtype=np.int16)[picture.segmentation]
+        return classes
 
 
 @runtime_checkable

@@ -50,7 +50,8 @@ class Outlook:
         front = centre - radius * ahead
         side = radius * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
         hidden = (self._walls.crossed(eyes, front + side) & self._walls.crossed(eyes, front - side)).any(axis=1)
-        return hidden & (distance[:, 0] > 2 * radius)
+        behind: NDArray[np.bool_] = hidden & (distance[:, 0] > 2 * radius)
+        return behind
 
 
 def _in_cone(eyes: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
@@ -64,4 +65,5 @@ def _in_cone(eyes: Points, yaw: Points, centre: Points, radius: float) -> NDArra
     slope = np.tan(np.radians(CAMERAS["humanoid"].fov) / 2)
     allowance = radius * np.hypot(1, slope)
     inside = (depth > -radius) & (np.abs(left) <= depth * slope + allowance)
-    return inside & (np.abs(height) <= depth * slope + allowance)
+    touches: NDArray[np.bool_] = inside & (np.abs(height) <= depth * slope + allowance)
+    return touches

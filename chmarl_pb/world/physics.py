@@ -96,7 +96,8 @@ class Physics(Uncopied):
 
     def read_base(self, name: str) -> Pose:
         """Return the present pose of a robot's base."""
-        return pybullet.getBasePositionAndOrientation(self.robots[name].body, physicsClientId=self.client)
+        pose: Pose = pybullet.getBasePositionAndOrientation(self.robots[name].body, physicsClientId=self.client)
+        return pose
 
     def grasp_pose(self, name: str) -> Pose:
         """Return position and orientation of the point between a robot's fingertips."""
@@ -154,7 +155,8 @@ class Physics(Uncopied):
     def _in_object(self, name: str, pose: Pose, grasp: Pose) -> Pose:
         """Return a pose of the world in the inertial frame of an object whose bottom centre is at a pose."""
         centre, turn = pybullet.multiplyTransforms(*pose, self.objects[name].inertial, UPRIGHT)
-        return pybullet.multiplyTransforms(*pybullet.invertTransform(centre, turn), *grasp)
+        inside: Pose = pybullet.multiplyTransforms(*pybullet.invertTransform(centre, turn), *grasp)
+        return inside
 
     # Letting go
 

@@ -46,4 +46,5 @@ def _touching_one(places: NDArray[np.floating], size: Size, reach: float, pose: 
     c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     along = np.abs(cosine * dx + sine * dy) > size[0] / 2 + (c * other[0] + s * other[1]) / 2 + _GAP
     across = np.abs(cosine * dy - sine * dx) > size[1] / 2 + (s * other[0] + c * other[1]) / 2 + _GAP
-    return rows[~(along | across)]
+    touching: NDArray[np.int_] = rows[~(along | across)]
+    return touching

@@ -66,7 +66,7 @@ def test_every_number_of_the_paper_is_there(page: str) -> None:
             assert "".join(f"<td>{value:.2f}</td>" for value in (*row.success, *row.plw)) in page
 
 
-def whole(report: Report, **options: object) -> Report:
+def whole(report: Report, **options: Any) -> Report:
     """Return a result as if it were of all tasks, with other options."""
     settings = report.settings | {"tasks_sha256": tasks_hash(load_tasks(report.settings["split"]))}
     return replace(report, settings=settings | {"options": settings["options"] | options})

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from tests.helpers.small_homes import SMALL_HOME, box, home_text
 
@@ -331,7 +332,7 @@ def play(urdf: Path) -> int:
     return 0
 
 
-def apart(job: Callable[[Path], int], urdf: Path) -> dict[str, object]:
+def apart(job: Callable[[Path], int], urdf: Path) -> dict[str, Any]:
     """Do a job in a process of its own; return its exit code, negative for a signal, and what it complained of."""
     with tempfile.TemporaryFile() as complaints:
         child = os.fork()

@@ -254,7 +254,8 @@ def _indexed(corners: Array, digits: int) -> tuple[Array, NDArray[np.intp]]:
 
 def _unit(vectors: Array) -> Array:
     """Scale vectors to length 1."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    units: Array = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return units
 
 
 def _fan(ring: Array) -> Array:

@@ -67,7 +67,8 @@ class Model:
     def size(self) -> Array:
         """Size of the collision box: the visible bounds, but no flatter than ``LEAST_HEIGHT``."""
         low, high = join(*self.paint.values()).bounds
-        return np.maximum(high - low, [0.0, 0.0, LEAST_HEIGHT])
+        size: Array = np.maximum(high - low, [0.0, 0.0, LEAST_HEIGHT])
+        return size
 
 
 def write_model(model: Model, folder: Path) -> Path:

@@ -66,7 +66,8 @@ def sheet(files: list[Path], columns: int, size: int) -> Image:
 
 def _visible_bounds(urdf: Path) -> NDArray[np.float64]:
     """Return the lowest and highest corner of all that is seen of a model, in metres."""
-    return URDF.load(str(urdf)).scene.bounds
+    bounds: NDArray[np.float64] = URDF.load(str(urdf)).scene.bounds
+    return bounds
 
 
 def _camera(bounds: NDArray[np.float64], view: NDArray[np.float64]) -> tuple[list[float], list[float]]:

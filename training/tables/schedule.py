@@ -56,7 +56,7 @@ class Schedule:
         self._jobs, self._finished, self._launch = jobs, finished, launch
         self._end = time.monotonic() + 60 * budget if budget is not None else float("inf")
         self._mutex, self._stopped = Mutex(), False
-        self._processes: list[subprocess.Popen] = []
+        self._processes: list[subprocess.Popen[bytes]] = []
 
     def work(self) -> None:
         """Work until all runs are over or the time is up; what is interrupted goes on another time."""

@@ -157,13 +157,15 @@ class Engine(Uncopied):
     def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:
         """Carry out this process's part of a command."""
         try:
-            return getattr(self._batch, command)(*arguments)
+            entries: list[Any] = getattr(self._batch, command)(*arguments)
+            return entries
         except Exception as error:
             return Failure(error, "")
 
     def _answer(self, worker: int) -> list[Any] | Failure:
         try:
-            return pickle.loads(listen(self._answers[worker]))
+            answer: list[Any] | Failure = pickle.loads(listen(self._answers[worker]))
+            return answer
         except (EOFError, ConnectionError) as error:
             raise self._death(worker) from error
 

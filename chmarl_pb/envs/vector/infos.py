@@ -169,7 +169,7 @@ def _same(old: Any, new: Any) -> bool:
     if kind is tuple:
         return _PLAIN.issuperset(map(type, new)) and old == new
     if kind is np.ndarray and not new.dtype.hasobject:
-        return old.dtype == new.dtype and old.shape == new.shape and old.tobytes() == new.tobytes()
+        return bool(old.dtype == new.dtype and old.shape == new.shape and old.tobytes() == new.tobytes())
     return False
 
 

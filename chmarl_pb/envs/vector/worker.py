@@ -31,8 +31,8 @@ _WATCH = 0.002  # seconds: most vector steps are shorter, and to wake a sleeping
 class Signature:
     """What each of the environments is like."""
 
-    observation_space: Space
-    action_space: Space
+    observation_space: Space[Any]
+    action_space: Space[Any]
     metadata: dict[str, Any]
     render_mode: str | None
 
@@ -267,7 +267,7 @@ def _classes(env: gymnasium.Env) -> Iterator[type]:
         env = env.env
 
 
-def _parts(space: Space) -> dict[str, Space]:
+def _parts(space: Space[Any]) -> dict[str, Space[Any]]:
     """Return key -> space of the arrays that an observation consists of.
 
     Raises:

@@ -76,7 +76,8 @@ class QMixer(Mixer):
         mixed = torch.einsum("...n,...ne->...e", values, weight)
         hidden = nn.functional.elu(mixed + self.first_bias(state))
         total = (hidden * self.second_weight(state).abs()).sum(dim=-1, keepdim=True)
-        return total + self.second_bias(state)
+        q_total: Tensor = total + self.second_bias(state)
+        return q_total
 
 
 #: Name, that of the algorithm that has it unless told otherwise -> mixer.

@@ -32,12 +32,14 @@ class QtranNetworks(nn.Module):
         """Return Q_jt(tau, u) (B, T, 1) from each agent's history (B, T, H) and action as one-hot (B, T, A)."""
         pairs = zip(self.acted, histories, actions, strict=True)
         parts = [torch.relu(layer(torch.cat([history, action], dim=-1))) for layer, history, action in pairs]
-        return self.joint(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
+        q_joint: Tensor = self.joint(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
+        return q_joint
 
     def v_joint(self, histories: list[Tensor], state: Tensor) -> Tensor:
         """Return V_jt(tau) (B, T, 1) from each agent's history (B, T, H)."""
         parts = [torch.relu(layer(history)) for layer, history in zip(self.lived, histories, strict=True)]
-        return self.value(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
+        v_joint: Tensor = self.value(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
+        return v_joint
 
 
 class Qtran(ValueLearner):

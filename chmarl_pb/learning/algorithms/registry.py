@@ -97,4 +97,5 @@ def _policies(path: Path) -> dict[str, Tensor]:
         known = [name for name, row in ALGORITHMS.items() if row.logits]
         if content["algorithm"] not in known:
             raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from {' or '.join(known)}")
-        return content["agents"]
+        weights: dict[str, Tensor] = content["agents"]
+        return weights

@@ -1,6 +1,6 @@
 """The agents' networks: each agent has its own, and it sees nothing but its own history."""
 
-from typing import cast
+from typing import Any, cast
 
 import torch
 from gymnasium import spaces
@@ -17,7 +17,7 @@ NO_ACTION = -1  # last action at the first step
 class Agent(nn.Module):
     """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018."""
 
-    def __init__(self, space: spaces.Space, actions: int, config: RunConfig):
+    def __init__(self, space: spaces.Space[Any], actions: int, config: RunConfig):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
@@ -42,7 +42,9 @@ class Agent(nn.Module):
         return self.head(histories), histories, hidden
 
 
-def make_agents(observations: dict[str, spaces.Space], actions: dict[str, int], config: RunConfig) -> nn.ModuleDict:
+def make_agents(
+    observations: dict[str, spaces.Space[Any]], actions: dict[str, int], config: RunConfig
+) -> nn.ModuleDict:
     """Return agent -> its network, from its observation space and its number of actions."""
     return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
 
@@ -75,7 +77,8 @@ class Player:
         before = self._hidden[name][episodes].unsqueeze(0)
         values, _, after = self.agents[name](one_step, self._last[name][episodes].unsqueeze(1), before)
         self._hidden[name][episodes] = after[0]
-        return values[:, 0].cpu()
+        q_values: Tensor = values[:, 0].cpu()
+        return q_values
 
     def remember(self, name: str, episodes: Tensor, actions: Tensor) -> None:
         """Note the actions (B) that an agent takes in some of the episodes."""

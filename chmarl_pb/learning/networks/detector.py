@@ -40,7 +40,8 @@ class Detector(nn.Module):
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits (B, C + 1, rows, columns) of the cells of uint8 pictures (B, height, width, 3)."""
-        return self.cells(self.network.maps(images))
+        logits: Tensor = self.cells(self.network.maps(images))
+        return logits
 
     def loss(self, views: "Views", rows: np.ndarray, done: float) -> Tensor:
         """Return the cross-entropy of what the cells of some views show; few cells show graspables, so they weigh more.

@@ -66,7 +66,8 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
 
     def features(image: Tensor) -> Tensor:
         picture = (image.permute(2, 0, 1).unsqueeze(0).float() - _MEAN) / _DEVIATION
-        return network.extract_features(picture.contiguous(memory_format=torch.channels_last)).mean(dim=(2, 3))
+        maps: Tensor = network.extract_features(picture.contiguous(memory_format=torch.channels_last))
+        return maps.mean(dim=(2, 3))
 
     # Floats differ in the last bit with the size of the batch.
     return lambda images: torch.cat([features(image) for image in images])

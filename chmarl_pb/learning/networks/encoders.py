@@ -6,7 +6,7 @@ key is flattened.
 """
 
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import Any, cast
 
 import torch
 from gymnasium import spaces
@@ -34,7 +34,7 @@ GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": Gat
 
 
 def build_encoder(
-    space: spaces.Space,
+    space: spaces.Space[Any],
     size: int = 128,
     image_encoder: str = "cnn",
     graph_pool: str = "mean",
@@ -114,7 +114,7 @@ class DictEncoder(nn.Module):
         return cast(TokenEncoder, self.parts[self.keys.index(key)]).total(flat[key])
 
 
-def _flat_or_image(key: str, space: spaces.Space, image_encoder: str) -> Part:
+def _flat_or_image(key: str, space: spaces.Space[Any], image_encoder: str) -> Part:
     if isinstance(space, spaces.Box) and is_picture(space):
         return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
     if named(key, IMAGE) and is_features(space):
@@ -134,4 +134,4 @@ def _instruction_beside(key: str) -> str:
 
 #: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
 #: encoder of pictures and of the pool of graphs.
-ENCODERS: dict[str, Callable[[spaces.Space, int, str, str], nn.Module]] = {"household": build_encoder}
+ENCODERS: dict[str, Callable[[spaces.Space[Any], int, str, str], nn.Module]] = {"household": build_encoder}

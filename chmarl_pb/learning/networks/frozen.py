@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -154,7 +155,7 @@ def fingerprint(weights: dict[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-def _chunks(values: list) -> list[list]:
+def _chunks(values: list[Any]) -> list[list[Any]]:
     return [values[first : first + _TOGETHER] for first in range(0, len(values), _TOGETHER)]
 
 

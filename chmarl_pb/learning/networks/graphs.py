@@ -4,6 +4,7 @@ Letters: B graphs in the batch, N real nodes of all of them.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from gymnasium import spaces
@@ -27,7 +28,7 @@ class GraphEncoder(Part):
 
     size = GRAPH
 
-    def __init__(self, classes: spaces.Space, states: spaces.Space):
+    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any]):
         """Make tables for the ids in two spaces; 0 is padding."""
         super().__init__()
         self.classes, self.states = embedding(id_count(classes)), embedding(id_count(states))
@@ -64,7 +65,7 @@ class GatedGraphEncoder(GraphEncoder):
     size = GRAPH + HEADS * (VALUE + 1)
     asks = True
 
-    def __init__(self, classes: spaces.Space, states: spaces.Space):
+    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any]):
         """Make tables for the ids in two spaces; 0 is padding."""
         super().__init__(classes, states)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)

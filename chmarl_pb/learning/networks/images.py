@@ -35,7 +35,8 @@ class ConvEncoder(Part):
         pictures = flattened(images, self.shape)
         if not self.channels_first:
             pictures = pictures.permute(0, 3, 1, 2)
-        return self.layers(pictures.float() / 255 - 0.5)
+        features: Tensor = self.layers(pictures.float() / 255 - 0.5)
+        return features
 
 
 class PretrainedEncoder(FeatureEncoder):

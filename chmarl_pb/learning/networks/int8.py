@@ -46,7 +46,8 @@ class Convolution:
     def packed(self) -> Tensor:
         """The weights as oneDNN wants them."""
         two = [self.stride] * 2, [self.padding] * 2
-        return torch.ops.onednn.qconv_prepack(self.weight, self.scales, self.unit, 0, *two, _ONE, 1)
+        packed: torch.Tensor = torch.ops.onednn.qconv_prepack(self.weight, self.scales, self.unit, 0, *two, _ONE, 1)
+        return packed
 
     @cached_property
     def zeros(self) -> Tensor:
@@ -75,8 +76,10 @@ def by_onednn(part: Convolution, maps: Tensor, out: Whole, added: tuple[Tensor, 
     convolve = torch.ops.onednn.qconv2d_pointwise
     if added is not None:
         around, whole = added
-        return convolve.binary(*head, around, *tail, whole.unit, whole.zero, "sum", 1.0, "relu", [], "")
-    return convolve(*head, *tail, "none" if out.zero else "relu", [], "")
+        convolved: Tensor = convolve.binary(*head, around, *tail, whole.unit, whole.zero, "sum", 1.0, "relu", [], "")
+    else:
+        convolved = convolve(*head, *tail, "none" if out.zero else "relu", [], "")
+    return convolved
 
 
 def by_floats(part: Convolution, maps: Tensor, out: Whole, added: tuple[Tensor, Whole] | None = None) -> Tensor:

@@ -25,6 +25,10 @@ from chmarl_pb.learning.runs import seal
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari
 
+#: What an environment's ``reset`` and ``step`` return.
+Reset = tuple[dict[str, Any], dict[str, Any]]
+Step = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any]]
+
 
 def feature_space(space: spaces.Dict, encoder: FrozenEncoder) -> spaces.Dict:
     """Return an observation space with an encoder's features, float16, in the place of each picture."""
@@ -51,7 +55,7 @@ def all_with_features(seen: Sequence[dict[str, Any]], encoder: FrozenEncoder) ->
     return [{name: changed[number, name] for name in agents} for number, agents in enumerate(seen)]
 
 
-class FeatureEnv(ParallelEnv):
+class FeatureEnv(ParallelEnv):  # type: ignore[misc]
     """A ParallelEnv whose agents observe features in the place of pictures; all else is that of the inner one."""
 
     def __init__(self, env: Any, encoder: FrozenEncoder):
@@ -79,29 +83,32 @@ class FeatureEnv(ParallelEnv):
     @property
     def agents(self) -> list[str]:
         """The agents whose episode goes on."""
-        return self.env.agents
+        agents: list[str] = self.env.agents
+        return agents
 
     def observation_space(self, agent: str) -> spaces.Dict:
         """Return an agent's observation space."""
         return self._spaces[agent]
 
-    def action_space(self, agent: str) -> spaces.Space:
+    def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return an agent's action space."""
-        return self.env.action_space(agent)
+        space: spaces.Space[Any] = self.env.action_space(agent)
+        return space
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict, dict]:
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; see the inner environment."""
         observations, infos = self.env.reset(seed=seed, options=options)
         return with_features(observations, self.encoder), infos
 
-    def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
+    def step(self, actions: dict[str, Any]) -> Step:
         """Let all agents act once; see the inner environment."""
         observations, *rest = self.env.step(actions)
         return with_features(observations, self.encoder), *rest
 
     def state(self) -> np.ndarray:
         """Return the inner environment's global state."""
-        return self.env.state()
+        state: np.ndarray = self.env.state()
+        return state
 
     def render(self) -> Any:
         """Return what the inner environment renders."""
@@ -114,13 +121,13 @@ class FeatureEnv(ParallelEnv):
 
 def reset_all(
     envs: Sequence[Any], seeds: Sequence[int | None], options: Sequence[dict[str, Any] | None]
-) -> list[tuple[dict, dict]]:
+) -> list[Reset]:
     """Reset environments of one kind; the pictures of all :class:`FeatureEnv` are encoded together."""
     wanted = zip(envs, seeds, options, strict=True)
     return _together(envs, [_inner(env).reset(seed=seed, options=option) for env, seed, option in wanted])
 
 
-def step_all(envs: Sequence[Any], actions: Sequence[dict[str, Any]]) -> list[tuple[dict, dict, dict, dict, dict]]:
+def step_all(envs: Sequence[Any], actions: Sequence[dict[str, Any]]) -> list[Step]:
     """Step environments of one kind; the pictures of all :class:`FeatureEnv` are encoded together."""
     return _together(envs, [_inner(env).step(action) for env, action in zip(envs, actions, strict=True)])
 
@@ -129,7 +136,7 @@ def _inner(env: Any) -> Any:
     return env.env if isinstance(env, FeatureEnv) else env
 
 
-def _together(envs: Sequence[Any], results: list[tuple]) -> list[tuple]:
+def _together(envs: Sequence[Any], results: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
     if not envs or not isinstance(envs[0], FeatureEnv):
         return results
     seen = all_with_features([result[0] for result in results], envs[0].encoder)

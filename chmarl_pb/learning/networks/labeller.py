@@ -53,7 +53,8 @@ class Labeller(nn.Module):
         told_cells = nn.functional.interpolate(told_cells, cells.shape[-1])  # small pictures have fewer
         placed = nn.functional.binary_cross_entropy_with_logits(told_cells, cells)
         far = ((told_centres - centres).abs().sum(dim=2) * present).sum() / present.sum().clamp(min=1)
-        return 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
+        loss: Tensor = 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
+        return loss
 
     def weights(self) -> dict[str, Tensor]:
         """Return what is kept of it."""
@@ -61,7 +62,8 @@ class Labeller(nn.Module):
 
     def features(self, images: Tensor) -> Tensor:
         """Return what the frozen network gives, in float32."""
-        return self.network(images)
+        features: Tensor = self.network(images)
+        return features
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """What needs no encoding: the few numbers that an encoder of graphs, words or pictures would drown."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import torch
 from gymnasium import spaces
@@ -15,7 +16,7 @@ _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell wh
 class GoalEncoder(Part):
     """The embeddings of the classes that the goal names, and the bits as they are."""
 
-    def __init__(self, goal: spaces.Space):
+    def __init__(self, goal: spaces.Space[Any]):
         """Make a table of classes."""
         super().__init__()
         self.shape = goal.shape

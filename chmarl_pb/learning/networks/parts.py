@@ -1,6 +1,7 @@
 """The parts of an encoder: each turns one key of an observation into features. Here: words, numbers, features."""
 
 import math
+from typing import Any
 
 from gymnasium import spaces
 from torch import Tensor, nn
@@ -52,13 +53,14 @@ class FeatureEncoder(Part):
 
     def forward(self, features: Tensor) -> Tensor:
         """Return (B, 512) from float16 features (B, count)."""
-        return self.linear(features.float())
+        encoded: Tensor = self.linear(features.float())
+        return encoded
 
 
 class FlatEncoder(Part):
     """The numbers as they are; a Discrete as one-hot."""
 
-    def __init__(self, space: spaces.Space):
+    def __init__(self, space: spaces.Space[Any]):
         """Know the size of a space."""
         super().__init__()
         self.shape = space.shape or ()
@@ -81,7 +83,7 @@ def flattened(values: Tensor, shape: tuple[int, ...] | None) -> Tensor:
     return values.reshape(-1, *values.shape[values.dim() - rank :])
 
 
-def id_count(space: spaces.Space) -> int:
+def id_count(space: spaces.Space[Any]) -> int:
     """Return the number of ids in a Box of ids, with 0.
 
     Raises:

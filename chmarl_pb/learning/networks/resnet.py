@@ -43,4 +43,5 @@ def imagenet() -> dict[str, Tensor]:
         from torchvision.models import ResNet18_Weights  # type: ignore[import-not-found]
     except ImportError as error:
         raise CheckpointError("ImageNet's weights need torchvision; run `pip install torchvision`") from error
-    return ResNet18_Weights.IMAGENET1K_V1.get_state_dict(progress=True, check_hash=True)
+    weights: dict[str, Tensor] = ResNet18_Weights.IMAGENET1K_V1.get_state_dict(progress=True, check_hash=True)
+    return weights

@@ -73,7 +73,7 @@ def as_batched(policies: Sequence[Policy]) -> BatchedPolicy:
 
 def play_together(
     envs: Sequence[Any], policy: BatchedPolicy, seeds: Sequence[int], options: Sequence[dict[str, Any] | None]
-) -> Iterator[tuple[int, Actions | None, tuple]]:
+) -> Iterator[tuple[int, Actions | None, tuple[Any, ...]]]:
     """Play one episode in each environment, all of one kind, step by step.
 
     Args:

@@ -209,12 +209,12 @@ class Explorer:
         return chosen
 
 
-def begin(interface: Interface, episode: Episode, env: Any, start: tuple) -> None:
+def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
     """Record the beginning of an episode: what an environment's reset has returned."""
     _look(interface, episode, env, *start)
 
 
-def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int], step: tuple) -> None:
+def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int], step: tuple[Any, ...]) -> None:
     """Record a step, which has returned five things."""
     names = interface.agents
     observations, rewards, terminated, _, infos = step

@@ -1,7 +1,7 @@
 """Observations as the benchmark gives them: networks that read ids refuse what a wrapper has stacked or scaled."""
 
 from collections.abc import Mapping
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ _SCALED = "give VecNormalize norm_obs=False, and leave out wrappers that change 
 class Check:
     """Refuses observations that were flattened, stacked, normalised or scaled."""
 
-    def __init__(self, space: spaces.Space, *read: str):
+    def __init__(self, space: spaces.Space[Any], *read: str):
         """Check a space, and remember the keys whose values tell more.
 
         Args:
@@ -56,7 +56,7 @@ class Check:
                 raise ValueError(f"{key!r}: {_PICTURE if values.dim() == 4 else _IDS}; {_SCALED}")
 
 
-def _check_robot(prefix: str, own: Mapping[str, spaces.Space]) -> None:
+def _check_robot(prefix: str, own: Mapping[str, spaces.Space[Any]]) -> None:
     """Check the keys of one robot, which are named here without its prefix."""
     given = Observer(Options(goal=True), ("",) * _rooms(own)).space
     for name in own.keys() & given.spaces.keys():
@@ -69,7 +69,7 @@ def _check_robot(prefix: str, own: Mapping[str, spaces.Space]) -> None:
         raise ValueError(f"{prefix + IMAGE!r} is {picture}, not one uint8 picture: stacked or scaled; {_SCALED}")
 
 
-def _rooms(own: Mapping[str, spaces.Space]) -> int:
+def _rooms(own: Mapping[str, spaces.Space[Any]]) -> int:
     """Return how many rooms a robot is told of."""
     shape = own[MESSAGES].shape if MESSAGES in own else None
     if shape:
@@ -77,6 +77,6 @@ def _rooms(own: Mapping[str, spaces.Space]) -> int:
     return max(spaces.flatdim(own[SELF]) - 4, 0) if SELF in own else 0
 
 
-def _has_whole_numbers(space: spaces.Space) -> TypeGuard[spaces.Box]:
+def _has_whole_numbers(space: spaces.Space[Any]) -> TypeGuard[spaces.Box]:
     """Return whether a space holds ids or pixels; bits may be scaled."""
     return isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.integer) and space.high.max() > 1

@@ -190,7 +190,7 @@ class Config:
             encoder["image_encoder"] = self.image_encoder
         return {**network, "features_extractor_class": HouseholdFeatures, "features_extractor_kwargs": encoder}
 
-    def settings(self, space: spaces.Space) -> dict[str, Any]:
+    def settings(self, space: spaces.Space[Any]) -> dict[str, Any]:
         """Return the algorithm's keyword arguments for an observation space."""
         settings = dict(PRESETS[self.preset].settings[self.algo])
         if self.learning_rate is not None:
@@ -200,7 +200,7 @@ class Config:
         return settings
 
 
-def _size(space: spaces.Space) -> int:
+def _size(space: spaces.Space[Any]) -> int:
     """Return the bytes of an observation."""
     parts = list(space.spaces.values()) if isinstance(space, spaces.Dict) else [space]
     return sum(math.prod(part.shape or ()) * np.dtype(part.dtype).itemsize for part in parts)

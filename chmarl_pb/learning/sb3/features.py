@@ -1,6 +1,6 @@
 """Our observations in Stable-Baselines3: its features extractor, and frozen features in the place of pictures."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -54,7 +54,8 @@ class HouseholdFeatures(BaseFeaturesExtractor):
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
         """Return (B, size)."""
         self._check(observations)
-        return self.encoder(observations)
+        features: Tensor = self.encoder(observations)
+        return features
 
 
 class GoalFeatures(BaseFeaturesExtractor):
@@ -80,7 +81,8 @@ class GoalFeatures(BaseFeaturesExtractor):
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
         """Return (B, size)."""
         self._check(observations)
-        return self.numbers(observations)
+        features: Tensor = self.numbers(observations)
+        return features
 
 
 class FeatureVecEnv(VecEnvWrapper):
@@ -100,7 +102,7 @@ class FeatureVecEnv(VecEnvWrapper):
 
     def reset(self) -> dict[str, np.ndarray]:
         """Reset all environments."""
-        return encoded(self.venv.reset(), self.encoder)
+        return encoded(cast(dict[str, np.ndarray], self.venv.reset()), self.encoder)
 
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Return what came of the step."""
@@ -108,10 +110,10 @@ class FeatureVecEnv(VecEnvWrapper):
         for info in infos:
             if "terminal_observation" in info:
                 info["terminal_observation"] = encoded(info["terminal_observation"], self.encoder)
-        return encoded(observations, self.encoder), rewards, ends, infos
+        return encoded(cast(dict[str, np.ndarray], observations), self.encoder), rewards, ends, infos
 
 
-def encoded(observation: Any, encoder: FrozenEncoder) -> dict[str, np.ndarray]:
+def encoded(observation: dict[str, np.ndarray], encoder: FrozenEncoder) -> dict[str, np.ndarray]:
     """Return observations with features (..., *shape) float16 in the place of pictures.
 
     Args:

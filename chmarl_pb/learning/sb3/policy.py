@@ -193,7 +193,8 @@ class Sb3Policy:
     def _numbers(self, episodes: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
         """Return (B) numbers of actions, or (B, 2) for both robots."""
         if not self._sampled:
-            return self._network._predict(batch, deterministic=True)
+            likeliest: torch.Tensor = self._network._predict(batch, deterministic=True)
+            return likeliest
         if self._recurrent:
             before = tuple(part[:, episodes] for part in self._memory)
             found, after = self._network.get_distribution(batch, before, torch.zeros(len(episodes)))
@@ -233,7 +234,7 @@ def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
         if isinstance(part, spaces.Box) and is_image_space(part):
             space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
     counts = [len(env.action_names[name]) for name in AGENTS]
-    actions: spaces.Space = spaces.Discrete(counts[0]) if config.alone else spaces.MultiDiscrete(counts)
+    actions: spaces.Space[Any] = spaces.Discrete(counts[0]) if config.alone else spaces.MultiDiscrete(counts)
     if config.env_options.get("flat_actions"):
         actions = spaces.Discrete(counts[0] * counts[1])
     algorithm = ALGORITHMS[config.algo]
