@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from chmarl_pb.envs.registration import register_envs
 
 if TYPE_CHECKING:
+    from chmarl_pb.envs.options import Observed
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
     from chmarl_pb.envs.rollout import Episode as Episode
     from chmarl_pb.envs.rollout import rollout as rollout
@@ -48,7 +49,7 @@ __all__ = ["__version__", "env", "parallel_env", *(name for name in _PUBLIC if n
 register_envs()
 
 
-def parallel_env(observation: str = "scene_graph", **options: Any) -> "HouseholdEnv":
+def parallel_env(observation: "Observed" = "scene_graph", **options: Any) -> "HouseholdEnv":
     """Return the PettingZoo ParallelEnv of the agents "humanoid" and "drone".
 
     Args:
@@ -65,7 +66,7 @@ def parallel_env(observation: str = "scene_graph", **options: Any) -> "Household
     return HouseholdEnv(observation, **options)
 
 
-def env(observation: str = "scene_graph", **options: Any) -> Any:
+def env(observation: "Observed" = "scene_graph", **options: Any) -> Any:
     """Return the same environment as PettingZoo AEC: the robots act one after the other; see :func:`parallel_env`."""
     from chmarl_pb.envs.aec import aec_env
 

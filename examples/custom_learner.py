@@ -4,6 +4,8 @@ python examples/custom_learner.py --episodes 500
 """
 
 import argparse
+from collections.abc import Sequence
+from typing import Any
 
 import chmarl_pb
 from chmarl_pb.extras import needs
@@ -15,7 +17,7 @@ with needs("this example", "train", script=True):
 from chmarl_pb.learning.networks import build_encoder
 
 
-def play(env, policies, seed):
+def play(env: Any, policies: nn.ModuleDict, seed: int) -> tuple[torch.Tensor, torch.Tensor, bool]:
     """Play one episode; return the log-probabilities of all actions, the rewards, and whether it succeeded."""
     observations, infos = env.reset(seed=seed)
     log_probabilities, rewards = [], []
@@ -27,12 +29,12 @@ def play(env, policies, seed):
             action = choice.sample()
             actions[robot] = int(action)
             log_probabilities.append(choice.log_prob(action))
-        observations, gained, _, _, infos = env.step(actions)
-        rewards.append(gained["humanoid"])  # the same for both robots
+        observations, reward, _, _, infos = env.step(actions)
+        rewards.append(reward["humanoid"])  # the same for both robots
     return torch.stack(log_probabilities).view(len(rewards), -1), torch.tensor(rewards), infos["humanoid"]["success"]
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     """Train, and print how it goes."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--episodes", type=int, default=500)

@@ -4,11 +4,14 @@ python examples/depth_sensor.py
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 import chmarl_pb
+from chmarl_pb.sensing.sensors import View
 
 
 @dataclass(frozen=True)
@@ -18,16 +21,16 @@ class RangeFinder:
     beams: int = 32
     most: float = 10.0  # metres
 
-    def spaces(self):
+    def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of the key "range"."""
         return {"range": spaces.Box(0, self.most, (self.beams,), np.float32)}
 
-    def observe(self, view):
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
         """Return the nearest distance of each column of a picture that is as wide as there are beams."""
         return {"range": view.depth(self.beams).min(axis=0).clip(0, self.most)}
 
 
-def main():
+def main() -> None:
     """Turn the humanoid around, and print what it measures beside the scene graph."""
     env = chmarl_pb.parallel_env(observation=("scene_graph", RangeFinder()), split="val-unseen")
     observations, _ = env.reset(seed=0)

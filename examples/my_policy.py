@@ -3,6 +3,8 @@
 python examples/my_policy.py, or chmarl-pb evaluate --policy examples.my_policy:MyPolicy
 """
 
+from typing import Any
+
 import chmarl_pb
 from chmarl_pb.policies.search import SearchPolicy
 
@@ -10,15 +12,15 @@ from chmarl_pb.policies.search import SearchPolicy
 class MyPolicy:
     """The search policy, but the humanoid waits until a message says where X is."""
 
-    def __init__(self, env):
+    def __init__(self, env: chmarl_pb.HouseholdEnv) -> None:
         """Remember what the environment's actions are."""
         self.search, self.names = SearchPolicy(env.action_names, env.rooms), env.action_names
 
-    def reset(self, seed):
+    def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
         self.search.reset(seed)
 
-    def act(self, observations, infos):
+    def act(self, observations: Any, infos: Any) -> dict[str, int]:
         """Return robot -> number of its action."""
         actions = self.search.act(observations, infos)
         if not observations["humanoid"]["messages"][0].any():
@@ -26,7 +28,7 @@ class MyPolicy:
         return actions
 
 
-def main(tasks=50):
+def main(tasks: int = 50) -> None:
     """Print how it does beside the policy that it is made of."""
     for policy in (MyPolicy, "search"):
         report = chmarl_pb.evaluate(

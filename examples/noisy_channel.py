@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import chmarl_pb
-from chmarl_pb.tasks.messages import Board
+from chmarl_pb.tasks.messages import Board, Messages
 
 
 @dataclass(frozen=True)
@@ -17,12 +17,12 @@ class NoisyChannel(Board):
 
     flip: float = 0.1  # probability that a bit is misread
 
-    def hear(self, messages, robot, rng):
+    def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
         """Return the board with some bits flipped."""
         return messages ^ (rng.random(messages.shape) < self.flip).astype(np.int8)
 
 
-def main(tasks=50):
+def main(tasks: int = 50) -> None:
     """Print what the search policy loses by it."""
     for messages in (True, NoisyChannel(0.1), NoisyChannel(0.3), False):
         report = chmarl_pb.evaluate(

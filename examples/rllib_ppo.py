@@ -6,6 +6,8 @@ rllib/bin/python examples/rllib_ppo.py --iterations 2
 """
 
 import argparse
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -21,29 +23,29 @@ except ImportError as error:
     raise SystemExit(f"error: this example needs RLlib ({error}); install it as its first lines say") from None
 
 
-class Flat(BaseParallelWrapper):
+class Flat(BaseParallelWrapper):  # type: ignore[misc]
     """One vector for each robot, as RLlib's default networks want it; ids of words and nodes are scaled to 0..1."""
 
-    def observation_space(self, agent):
+    def observation_space(self, agent: str) -> spaces.Box:
         """Return the vector's space."""
         return spaces.Box(-1, 1, (spaces.flatdim(self.env.observation_space(agent)),), np.float32)
 
-    def reset(self, seed=None, options=None):
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Start an episode."""
         seen, infos = self.env.reset(seed, options)
         return {robot: self._flat(robot, part) for robot, part in seen.items()}, infos
 
-    def step(self, actions):
+    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
         """Let both robots act."""
         seen, *rest = self.env.step(actions)
         return {robot: self._flat(robot, part) for robot, part in seen.items()}, *rest
 
-    def _flat(self, robot, seen):
+    def _flat(self, robot: str, seen: dict[str, np.ndarray]) -> np.ndarray:
         parts = self.env.observation_space(robot).items()
         return np.concatenate([(seen[key] / box.high).ravel() for key, box in parts], dtype=np.float32)
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     """Train, and print the mean return."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--iterations", type=int, default=2)

@@ -5,17 +5,18 @@ python examples/text_policy.py [TASK]
 
 import re
 import sys
+from typing import Any
 
 import chmarl_pb
 from chmarl_pb.tasks.language import parse_instruction
 
 
-def answer(text, tried):
+def answer(text: str, tried: list[str]) -> str:
     """Return one of the actions that a text offers; ``tried`` is what this robot has done so far.
 
     A few rules: pick or place what is in sight, go where messages say, else look around in one room after the other.
     """
-    actions = re.search(r"Actions: (.*)\.", text)[1].split(", ")
+    actions: list[str] = re.findall(r"Actions: (.*)\.", text)[0].split(", ")
     rooms = [action for action in actions if action.startswith("goto_")]
     item, target = (name.replace("_", " ") for name in parse_instruction(text.splitlines()[0].removeprefix("Task: ")))
     holding = "You hold" in text
@@ -35,22 +36,22 @@ def answer(text, tried):
 class TextPolicy:
     """Plays each robot by its text alone."""
 
-    def __init__(self, env):
+    def __init__(self, env: chmarl_pb.HouseholdEnv) -> None:
         """Remember the names of the actions."""
         self.names = env.action_names
 
-    def reset(self, seed):
+    def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
-        self.tried = {robot: [] for robot in self.names}
+        self.tried: dict[str, list[str]] = {robot: [] for robot in self.names}
 
-    def act(self, observations, infos):
+    def act(self, observations: Any, infos: Any) -> dict[str, int]:
         """Return robot -> number of the action that it answers."""
         for robot, tried in self.tried.items():
             tried.append(answer(infos[robot]["text"], tried))
         return {robot: self.names[robot].index(tried[-1]) for robot, tried in self.tried.items()}
 
 
-def main(task="val-unseen-000"):
+def main(task: str = "val-unseen-000") -> None:
     """Play one task and print what the humanoid reads and does."""
     env = chmarl_pb.parallel_env(observation="text", split="val-unseen")
     policy = TextPolicy(env)

@@ -9,7 +9,7 @@ import chmarl_pb
 from chmarl_pb.tasks.kinds import Tidy
 
 
-def main(seed=1):
+def main(seed: int = 1) -> None:
     """Draw a task of two or three objects, and print what is done and how the potential grows."""
     env = chmarl_pb.parallel_env(
         task=Tidy(fewest=2, most=3), split="val-unseen", max_steps=60

@@ -4,6 +4,8 @@ python examples/torchrl_rollout.py --steps 28
 """
 
 import argparse
+from collections.abc import Sequence
+from typing import Any
 
 from pettingzoo.utils import BaseParallelWrapper
 
@@ -15,25 +17,25 @@ except ImportError as error:
     raise SystemExit(f"error: this example needs TorchRL ({error}); run `pip install torchrl`") from None
 
 
-class Numbers(BaseParallelWrapper):
+class Numbers(BaseParallelWrapper):  # type: ignore[misc]
     """Keeps of the infos what fits into a tensor: the masks of actions."""
 
-    def reset(self, seed=None, options=None):
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Start an episode."""
         observations, infos = self.env.reset(seed=seed, options=options)
         return observations, _masks(infos)
 
-    def step(self, actions):
+    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
         """Let both robots act."""
         *rest, infos = self.env.step(actions)
         return *rest, _masks(infos)
 
 
-def _masks(infos):
+def _masks(infos: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     return {robot: {"action_mask": info["action_mask"].astype(bool)} for robot, info in infos.items()}
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     """Play at random, and print what each robot observed and was paid."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--observation", default="scene_graph", choices=("scene_graph", "visual"))

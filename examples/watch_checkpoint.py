@@ -4,8 +4,10 @@ python examples/watch_checkpoint.py out/train/qmix-scene_graph-messages-feedback
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 import chmarl_pb
@@ -15,7 +17,7 @@ with needs("this example", "train", script=True):
     from chmarl_pb.learning.policies.load import load_policy
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     """Play, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("checkpoint", type=Path)
@@ -29,13 +31,13 @@ def main(arguments=None):
     observations, infos = env.reset(seed=0, options={"task": options.task})
     policy.reset(0)
     print(env.instruction)
-    frames = [Image.fromarray(env.render())]
+    frames = [Image.fromarray(np.asarray(env.render()))]
     while env.agents:
         actions = policy.act(observations, infos)
         observations, _, _, _, infos = env.step(actions)
         names = {robot: env.action_names[robot][action] for robot, action in actions.items()}
         print(f"{env.steps:2}  {names['humanoid']:16} {names['drone']:16} phi {infos['humanoid']['potential']:g}")
-        frames.append(Image.fromarray(env.render()))
+        frames.append(Image.fromarray(np.asarray(env.render())))
     print(
         "success" if infos["humanoid"]["success"] else "failure",
         f"after {env.steps} steps, L* {env.task.optimal_steps}",

@@ -270,7 +270,7 @@ def drawn() -> str:
 def test_compiled_functions_divide_as_the_machine_does() -> None:
     @compiled
     def divide(x: float, y: float) -> float:
-        return x / y  # type: ignore[no-any-return]
+        return x / y
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")

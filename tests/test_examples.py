@@ -8,10 +8,7 @@ from typing import Any
 import pytest
 
 import chmarl_pb
-from chmarl_pb.learning import (
-    Config,
-    train,
-)
+from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.runs.loop import BEST
 
 torch = pytest.importorskip("torch")

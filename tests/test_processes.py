@@ -57,7 +57,7 @@ def test_processes_at_work_end_soon_when_nobody_waits_for_them(monkeypatch: pyte
     results = in_processes(dawdle, [0.0, 0.0, 600.0, 600.0], 2)
     pids = {next(results), next(results)}
     start = time.monotonic()
-    results.close()  # type: ignore[attr-defined]
+    results.close()
     assert time.monotonic() - start < 20
     assert not any(map(is_running, pids))
 

@@ -151,16 +151,16 @@ def loads(episodes: str) -> dict[str, float]:
     from chmarl_pb.bench.playing import play
     from chmarl_pb.envs.parallel import HouseholdEnv
     from chmarl_pb.tasks.splits import SPLIT_HOMES, load_tasks
-    from chmarl_pb.world.bullet import pybullet
+    from chmarl_pb.world import bullet
 
-    split, load, count = "test-seen", pybullet.loadURDF, 0
+    split, load, count = "test-seen", bullet.pybullet.loadURDF, 0
 
     def counted(*arguments: object, **options: object) -> int:
         nonlocal count
         count += 1
         return int(load(*arguments, **options))
 
-    pybullet.loadURDF = counted
+    bullet.pybullet.loadURDF = counted
     env = HouseholdEnv(split=split)
     for home in SPLIT_HOMES[split]:
         env.reset(options={"task": next(task for task in load_tasks(split) if task.home == home)})

@@ -6,6 +6,7 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
+from chmarl_pb.envs.options import Observed
 from chmarl_pb.envs.parallel import HouseholdEnv
 
 
@@ -36,6 +37,6 @@ class OrderedTurnEnv(OrderEnforcingWrapper):  # type: ignore[misc]
         return type(self), (self.env,)
 
 
-def aec_env(observation: str = "scene_graph", **options: Any) -> AECEnv:
+def aec_env(observation: Observed = "scene_graph", **options: Any) -> AECEnv:
     """Return the AEC view of a new core environment, which is its ``unwrapped``; see :class:`HouseholdEnv`."""
     return OrderedTurnEnv(TurnEnv(HouseholdEnv(observation, **options)))

@@ -23,6 +23,8 @@ SENSORS = ("scene_graph", *CAMERA_SENSORS, "text")
 EXECUTIONS = ("instant", "simulated")
 RENDER_MODES = (None, "rgb_array", "human")
 
+Observed = str | Sensor | tuple[str | Sensor, ...]  # what the option ``observation`` may be
+
 # Options in every result; others are recorded where they are not the default, so that older results read the same.
 _RECORDED = ("observation", "split", "messages", "feedback", "max_steps", "image_size")
 _UNRECORDED = ("home", "render_mode")
@@ -51,7 +53,7 @@ class Options:
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
     """
 
-    observation: str | Sensor | tuple[str | Sensor, ...] = "scene_graph"
+    observation: Observed = "scene_graph"
     split: str = "train"
     home: str | Path | None = None
     messages: bool | Channel = True

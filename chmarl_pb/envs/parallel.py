@@ -9,7 +9,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from chmarl_pb.envs.observations import Observation, Observer
-from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.envs.options import Observed, Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
@@ -57,7 +57,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         "is_parallelizable": True,
     }
 
-    def __init__(self, observation: str = "scene_graph", **options: Any):
+    def __init__(self, observation: Observed = "scene_graph", **options: Any):
         """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the options.
 
         Raises:

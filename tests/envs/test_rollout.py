@@ -92,7 +92,7 @@ def test_a_replay_repeats_and_then_stays(env: HouseholdEnv, plain: Episode) -> N
 def test_other_interfaces_are_refused(make: Any) -> None:
     env = make()
     with pytest.raises(OptionError, match="not a ParallelEnv"):
-        rollout(env, policy=None)  # type: ignore[arg-type]
+        rollout(env, policy=None)
     getattr(env, "close", lambda: None)()
 
 

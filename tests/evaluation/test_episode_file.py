@@ -62,7 +62,7 @@ def test_an_episode_can_be_shown(episode: EpisodeFile) -> None:
         ("home_sha256", lambda value: "0" * 64, "home_7 is not the one"),
     ],
 )
-def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, part: str, change, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, part: str, change, words: str) -> None:
     path = tmp_path / "episode.json"
     save_episode(episode, path)
     data = json.loads(path.read_text())
@@ -85,7 +85,7 @@ def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, pa
         lambda data: [],
     ],
 )
-def test_damaged_files_are_refused(tmp_path: Path, episode: EpisodeFile, change) -> None:  # type: ignore[no-untyped-def]
+def test_damaged_files_are_refused(tmp_path: Path, episode: EpisodeFile, change) -> None:
     path = tmp_path / "episode.json"
     save_episode(episode, path)
     path.write_text(json.dumps(change(json.loads(path.read_text()))))

@@ -44,7 +44,7 @@ def staying(env: HouseholdEnv) -> Policy:
     return Staying()
 
 
-staying.deterministic = True  # type: ignore[attr-defined]
+staying.deterministic = True
 
 
 def task(number: int, optimal_steps: int, home: str = "home_1") -> Task:
@@ -184,7 +184,7 @@ def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv) -> None:
         observations, infos = env.reset(options={"task": TASKS[0]})
         policy.reset(0)
         shown: list[np.ndarray] = []
-        inner = policy.policy  # type: ignore[attr-defined]
+        inner = policy.policy
         act = inner.act
         inner.act = lambda seen, infos, act=act, shown=shown: (
             shown.append(seen["humanoid"]["messages"]) or act(seen, infos)

@@ -64,7 +64,7 @@ def test_an_expert_is_told_what_was_done() -> None:
     collector = Collector(UnevenEnv, 1, Heeding)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
     episode = collector.play(agents, mixed(0.0), np.random.default_rng(0), [0], ask_experts=True)[0]
-    heard = collector._experts[0].heard  # type: ignore[attr-defined]
+    heard = collector._experts[0].heard
     assert [{"short": 0, **actions} for actions in heard] == episode.actions
     assert any(actions["long"] != 2 for actions in heard)
 

@@ -129,7 +129,7 @@ def test_a_checkpoint_that_lacks_something_is_refused(tmp_path: Path) -> None:
             train(UnevenEnv, "vdn", SMALL, tmp_path)
     save(tmp_path / BEST, "value", {"agents": {}})
     with pytest.raises(CheckpointError, match=r"best\.pt: does not hold.*'setting'"):
-        load_policy(tmp_path / BEST)(None)  # type: ignore[arg-type]
+        load_policy(tmp_path / BEST)(None)
 
 
 def test_weights_of_frozen_encoders_are_checked(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_signals_are_given_back_and_ignored_ones_stay_ignored() -> None:
 
 def test_commands_that_wait_for_nobody_end_by_a_signal_with_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        code = run_command(lambda number=number: os.kill(os.getpid(), number) or 0)  # type: ignore[misc]
+        code = run_command(lambda number=number: os.kill(os.getpid(), number) or 0)
         told = capsys.readouterr().err
         assert (
             code == 128 + number and told.startswith("interrupted; the same command goes on") and "\n" not in told[:-1]

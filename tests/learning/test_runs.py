@@ -169,7 +169,7 @@ def test_an_endless_episode_is_cut_with_a_word() -> None:
 def test_names_that_torch_keeps_for_itself_are_refused(name: str) -> None:
     env = UnevenEnv()
     env.possible_agents = [name]
-    env.action_space = env.observation_space = lambda agent: Discrete(2)  # type: ignore[method-assign, assignment]
+    env.action_space = env.observation_space = lambda agent: Discrete(2)
     with pytest.raises(ValueError, match=f"named '{name}'"):
         spaces_of(env)
 

@@ -106,7 +106,7 @@ def test_views_survive_the_deletion_of_the_store(folder: Path, home: Home, monke
     expected = drawn_in_memory(home, monkeypatch)
     views = HomeViews(home)
     seen = [views.look(*look).picture for look in LOOKS[:6]]
-    view_store().clear()  # type: ignore[union-attr]
+    view_store().clear()
     folder.rmdir()
     assert_all_equal(seen, expected[:6])
     assert_all_equal([views.look(*look).picture for look in LOOKS], expected)
@@ -182,7 +182,7 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: object, flags: int, *rest: int) -> int:
         if flags & os.O_RDWR:
             raise PermissionError(13, "Permission denied", str(path))
-        return real(path, flags, *rest)  # type: ignore[arg-type]
+        return real(path, flags, *rest)
 
     monkeypatch.setattr(view_store_module.os, "open", refuse)
 

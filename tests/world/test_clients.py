@@ -66,7 +66,7 @@ def test_dropped_environments_keep_no_clients(kind: str) -> None:
 def test_environments_in_reference_cycles_go_with_the_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
     before = connected()
     env = chmarl_pb.parallel_env()
-    env.me = env  # type: ignore[attr-defined]
+    env.me = env
     del env
     assert connected() > before
     connect, full = pybullet.connect, []
