@@ -7,13 +7,13 @@ OBSERVATIONS = ("scene_graph", "visual")
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
 
 
-def verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser]:
+def verbs(parser: argparse.ArgumentParser) -> "argparse._SubParsersAction[argparse.ArgumentParser]":
     """Return what takes the verbs of a command, e.g. "check" of ``homes``."""
     return parser.add_subparsers(required=True, metavar="VERB")
 
 
 def add_verb(
-    verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
 ) -> argparse.ArgumentParser:
     """Add a verb to a command and return its parser."""
     parser: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")

@@ -11,7 +11,16 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 
 
 class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
-    """PettingZoo's view, but a wrong action is refused at its own turn, and another can be given."""
+    """PettingZoo's view, but a wrong action is refused at its own turn, and another can be given.
+
+    >>> env = chmarl_pb.env(split="val-unseen")
+    >>> env.reset(seed=0)
+    >>> for robot in env.agent_iter(max_iter=4):
+    ...     env.step(env.action_space(robot).n - 1)
+    >>> env.unwrapped.steps
+    2
+    >>> env.close()
+    """
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew, without the turns of the present episode."""

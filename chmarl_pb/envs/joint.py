@@ -33,6 +33,13 @@ class JointEnv(gymnasium.Env):
     Observation: the keys of both robots with the prefixes ``humanoid_`` and ``drone_``. Action:
     ``MultiDiscrete([10, 9])``, or with ``flat_actions`` one number ``humanoid * 9 + drone``. Info:
     ``info["humanoid"]``, ``info["drone"]``, and ``is_success`` as Stable-Baselines3 reads it.
+
+    >>> env = gymnasium.make("CHMARL/SceneGraph-v0", split="val-unseen")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step([9, 8])
+    >>> info["humanoid"]["action_success"], info["drone"]["action_success"]
+    (True, True)
+    >>> env.close()
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
@@ -116,6 +123,11 @@ class HumanoidEnv(gymnasium.Env):
 
     Observation: the humanoid's keys without a prefix. Action: ``Discrete(10)``. Info: the
     humanoid's, with ``is_success``.
+
+    >>> env = gymnasium.make("CHMARL/SceneGraphHumanoid-v0", split="val-unseen")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(9)
+    >>> env.close()
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012

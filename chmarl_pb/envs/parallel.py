@@ -43,6 +43,13 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     **Reward**: shared, phi(s') - phi(s), see :func:`chmarl_pb.tasks.outcome.potential`.
     **End**: success terminates both robots, ``max_steps`` truncates both.
 
+    >>> env = chmarl_pb.parallel_env(split="val-unseen")
+    >>> observations, infos = env.reset(seed=0)
+    >>> while env.agents:
+    ...     actions = {robot: env.action_space(robot).sample() for robot in env.agents}
+    ...     observations, rewards, terminations, truncations, infos = env.step(actions)
+    >>> env.close()
+
     Attributes:
         task: the task of the present episode.
         outcome: the facts after the last step.

@@ -52,6 +52,11 @@ def check(settings: Any) -> None:
 class RunConfig:
     """What fixes a training run of any algorithm, beside the environment.
 
+    >>> from chmarl_pb.learning import Config
+    >>> config = Config(episodes=100, hidden=32)
+    >>> isinstance(config, RunConfig), config.hidden
+    (True, 32)
+
     Attributes:
         seed: of every random stream.
         episodes: to play in all.

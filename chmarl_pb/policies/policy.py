@@ -13,7 +13,18 @@ Actions = dict[str, int]
 
 
 class Policy(Protocol):
-    """Anything that drives the robots through an episode: random, planned, searched, learned, a person."""
+    """Anything that drives the robots through an episode: random, planned, searched, learned, a person.
+
+    >>> class Stay:
+    ...     def reset(self, seed):
+    ...         pass
+    ...
+    ...     def act(self, observations, infos):
+    ...         return {robot: len(info["action_mask"]) - 1 for robot, info in infos.items()}
+    >>> env = chmarl_pb.parallel_env(split="val-unseen", max_steps=3)
+    >>> chmarl_pb.rollout(env, Stay(), seed=0).steps
+    3
+    """
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode; called after the environment's reset."""

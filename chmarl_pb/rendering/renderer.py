@@ -21,6 +21,14 @@ VISIBLE_PIXELS = 4  # of its own that a visible thing has in such a picture, wha
 class Renderer(Protocol):
     """Draws what the robots of one world see, in its present state.
 
+    >>> env = chmarl_pb.parallel_env("visual", split="val-unseen", renderer="tiny", image_size=64)
+    >>> observations, infos = env.reset(seed=0)
+    >>> renderer = env.stage.renderer
+    >>> np.array_equal(renderer.image("drone", 64), observations["drone"]["image"])
+    True
+    >>> renderer.visible("drone") == tuple(infos["drone"]["visible"])
+    True
+
     Attributes:
         names: every name that can be visible: the home's links, then objects, then robots.
     """

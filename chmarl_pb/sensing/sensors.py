@@ -77,6 +77,17 @@ class Sensor(Protocol):
     """Gives some keys of every robot's observation, e.g. ``observation=("scene_graph", MySensor())``.
 
     An object that is given must be picklable, as environments are copied with it, and keep nothing of an episode.
+
+    >>> class InView:
+    ...     def spaces(self):
+    ...         return {"in_view": spaces.Box(0, 999, (1,), np.int16)}
+    ...
+    ...     def observe(self, view):
+    ...         return {"in_view": np.array([len(view.seen)], np.int16)}
+    >>> env = chmarl_pb.parallel_env(observation=InView(), split="val-unseen")
+    >>> observations, infos = env.reset(seed=0)
+    >>> observations["humanoid"]["in_view"] == [len(infos["humanoid"]["visible"])]
+    array([ True])
     """
 
     def spaces(self) -> dict[str, spaces.Box]:

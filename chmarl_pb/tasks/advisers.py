@@ -21,6 +21,20 @@ class Adviser(Protocol):
     """Gives language feedback, e.g. ``feedback=MyAdviser()``.
 
     Each environment works with a copy of the object, which must be picklable; it may keep what it needs of an episode.
+
+    >>> class Countdown:
+    ...     def begin(self, stage, task, goals):
+    ...         self.optimal = task.optimal_steps
+    ...
+    ...     def before(self, actions, outcome):
+    ...         pass
+    ...
+    ...     def after(self, succeeded, step):
+    ...         return {"humanoid": f"The planner would need {self.optimal - step - 1} more steps."}
+    >>> env = chmarl_pb.parallel_env(feedback=Countdown(), split="val-unseen")
+    >>> _ = env.reset(options={"task": "val-unseen-000"})
+    >>> env.step({"humanoid": 9, "drone": 8})[-1]["humanoid"]["feedback"]
+    'The planner would need 5 more steps.'
     """
 
     def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:

@@ -24,7 +24,16 @@ from chmarl_pb.world import World, WorldState
 
 @runtime_checkable
 class TaskKind(Protocol):
-    """A kind of tasks, e.g. ``task=MyKind()``. It must be picklable and keep nothing of an episode."""
+    """A kind of tasks, e.g. ``task=MyKind()``. It must be picklable and keep nothing of an episode.
+
+    >>> class Polite(Rearrange):
+    ...     def instruction(self, task):
+    ...         return f"Please bring the {task.graspable} to the {task.target}."
+    >>> env = chmarl_pb.parallel_env(task=Polite(), split="val-unseen")
+    >>> _ = env.reset(options={"task": "val-unseen-000"})
+    >>> env.instruction
+    'Please bring the hairbrush to the desk.'
+    """
 
     @property
     def objects(self) -> int:

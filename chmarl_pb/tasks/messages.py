@@ -20,6 +20,14 @@ class Channel(Protocol):
 
     What has been said is one array, which each step replaces; the channel itself keeps nothing of an episode. It must
     be picklable, as environments are copied with it. ``rng`` are the environment's random numbers.
+
+    >>> class Broken(Board):
+    ...     def hear(self, messages, robot, rng):
+    ...         return np.zeros_like(messages) if robot == "humanoid" else messages.copy()
+    >>> env = chmarl_pb.parallel_env(messages=Broken(), split="val-unseen")
+    >>> observations, infos = env.reset(seed=0)
+    >>> int(observations["humanoid"]["messages"].sum())
+    0
     """
 
     def space(self, rooms: Rooms) -> spaces.Box:

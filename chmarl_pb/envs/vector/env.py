@@ -24,6 +24,12 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
     """Environments of one kind, stepped together; see :func:`vector_env`.
 
     Observations, rewards, ends and infos are those of Gymnasium's ``SyncVectorEnv``.
+
+    >>> envs = chmarl_pb.vector_env(2, workers=1, split="val-unseen")
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations["humanoid_messages"].shape
+    (2, 2, 4)
+    >>> envs.close()
     """
 
     _instead = "make another by vector_env(...)"

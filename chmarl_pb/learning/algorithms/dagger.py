@@ -26,6 +26,14 @@ from chmarl_pb.learning.spaces import Interface
 class DAggerConfig(RunConfig):
     """Imitation of an expert that is asked in every state the learner comes to (DAgger, Ross et al. 2011).
 
+    >>> from functools import partial
+    >>> from chmarl_pb.learning import train
+    >>> config = DAggerConfig(episodes=2, horizon=3, envs=2, batch_size=2, features=8, hidden=8)
+    >>> env_fn = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3)
+    >>> result = train(env_fn, "imitation", config, expert=partial(chmarl_pb.make_policy, "search"))
+    >>> config.expert_share(0), config.expert_share(1)
+    (1.0, 0.0)
+
     Attributes:
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.

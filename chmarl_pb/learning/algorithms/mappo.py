@@ -34,6 +34,13 @@ class MappoConfig(RunConfig):
 
     It learns from all episodes since it last did, as soon as they are ``buffer_size``, and at the end from the rest.
 
+    >>> from functools import partial
+    >>> from chmarl_pb.learning import train
+    >>> config = MappoConfig(episodes=2, horizon=3, envs=2, batch_size=2, features=8, hidden=8)
+    >>> result = train(partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3), "mappo", config)
+    >>> sorted(result.agents)
+    ['drone', 'humanoid']
+
     Attributes:
         learning_starts: episodes that are learned from the first time, if they are more than ``buffer_size``.
         start: file of weights of agents to begin with (``best.pt``); "" for random ones.

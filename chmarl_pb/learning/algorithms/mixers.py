@@ -12,6 +12,14 @@ from torch import Tensor, nn
 class Mixer(nn.Module):
     """Makes a team's value of the agents'.
 
+    >>> class Mean(Mixer):
+    ...     def forward(self, values, state):
+    ...         return values.mean(dim=-1, keepdim=True)
+    >>> MIXERS["mean"] = Mean  # now --mixer mean; or, without this line, --mixer my_module:Mean
+    >>> Mean(agents=2)(torch.tensor([[[1.0, 3.0]]]), torch.zeros(1, 1, 5))
+    tensor([[[2.]]])
+    >>> del MIXERS["mean"]
+
     Attributes:
         per_agent: whether it gives a value for each agent, who then learns from its own reward.
     """

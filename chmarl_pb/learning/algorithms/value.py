@@ -25,6 +25,13 @@ from chmarl_pb.learning.spaces import Interface
 class Config(RunConfig):
     """Value factorisation.
 
+    >>> config = Config(mixer="vdn", gamma=0.95, episodes=500)
+    >>> config.episodes
+    500
+    >>> Config(gamma=2.0)
+    Traceback (most recent call last):
+    ValueError: ...
+
     Attributes:
         mixer: a name in ``algorithms.mixers.MIXERS``, or ``module:name``; "" for that of the algorithm.
         gradient_steps: after each rollout.

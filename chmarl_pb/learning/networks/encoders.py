@@ -42,6 +42,10 @@ def build_encoder(
 ) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
+    >>> encoder = build_encoder(spaces.Dict({"range": spaces.Box(0, 10, (8,))}), size=16)
+    >>> encoder({"range": torch.zeros(3, 8)}).shape
+    torch.Size([3, 16])
+
     The module takes one tensor, or a dict of tensors for a Dict, with any leading dimensions, which it flattens to
     one: it returns (B, size), float32. Our keys may have a robot's name before them (``humanoid_image``). Graphs may be
     cut to fewer rows than their space has.

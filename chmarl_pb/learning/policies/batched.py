@@ -15,7 +15,18 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 
 class BatchedPolicy(Protocol):
-    """Drives several episodes side by side."""
+    """Drives several episodes side by side.
+
+    >>> class Stay:
+    ...     def reset(self, seeds):
+    ...         pass
+    ...
+    ...     def act(self, episodes, observations, infos):
+    ...         return [{robot: len(info["action_mask"]) - 1 for robot, info in one.items()} for one in infos]
+    >>> env = chmarl_pb.parallel_env(split="val-unseen", max_steps=3)
+    >>> chmarl_pb.rollout(env, BatchOfOne(Stay()), seed=0).steps
+    3
+    """
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed; they are numbered from 0."""

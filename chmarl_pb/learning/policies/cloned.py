@@ -31,6 +31,9 @@ IMAGE_SIZE = 128  # pixels of the pictures in data sets
 class CloningConfig:
     """What fixes a run of cloning, beside the data.
 
+    >>> CloningConfig(observation="visual", epochs=5).epochs
+    5
+
     Attributes:
         observation: "scene_graph" or "visual".
         centralized: whether one network sees and drives both robots.

@@ -61,6 +61,13 @@ def train(
 ) -> Result:
     """Train one network for each agent of a PettingZoo ParallelEnv.
 
+    >>> from functools import partial
+    >>> from chmarl_pb.learning import Config
+    >>> config = Config(episodes=4, horizon=3, envs=2, batch_size=2, learning_starts=2, features=8, hidden=8)
+    >>> result = train(partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3), "qmix", config)
+    >>> sorted(result.agents)
+    ['drone', 'humanoid']
+
     Agents may differ in their Discrete actions and in their Box, Discrete or Dict observations. Mixers see
     ``env.state()``, or all observations if there is none, and learn from the mean of the agents' rewards; IQL learns
     from each agent's own. Actions are masked only if infos have an ``action_mask``. With a folder, the same call goes

@@ -104,6 +104,10 @@ BEFORE_PRESETS = {"preset": "encoder"}
 class Config:
     """What fixes the numbers of a run.
 
+    >>> config = Config("ppo", "CHMARL/SceneGraphHumanoid-v0", preset="encoder", steps=10_000)
+    >>> config.alone
+    True
+
     Attributes:
         algo: "ppo", "a2c", "dqn" or "recurrent-ppo".
         env_id: a Gymnasium id of the benchmark.

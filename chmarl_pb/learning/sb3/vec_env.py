@@ -123,6 +123,11 @@ def sb3_vec_env(
 ) -> HouseholdVecEnv:
     """Return ``n`` environments as one VecEnv of Stable-Baselines3.
 
+    >>> envs = chmarl_pb.sb3_vec_env(2, "CHMARL/SceneGraphHumanoid-v0", workers=1, split="val-unseen")
+    >>> envs.reset()["self"].shape[0]
+    2
+    >>> envs.close()
+
     Args:
         n: number of environments.
         env_id: id of the environments, or a function that returns one, for wrappers.
