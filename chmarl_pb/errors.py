@@ -2,7 +2,7 @@
 
 
 class ChmarlError(Exception):
-    """Base of all errors of this package: one message that names the place and the mend."""
+    """Base of all errors of this package: one message that names the place and how to fix it."""
 
 
 class HomeError(ChmarlError, ValueError):

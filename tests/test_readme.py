@@ -19,4 +19,4 @@ def test_the_first_snippet_succeeds_and_prints_what_it_says() -> None:
 
 def test_the_quick_start_is_the_example_word_for_word() -> None:
     example = (ROOT / "examples" / "sb3_quickstart.py").read_text(encoding="utf-8")
-    assert f"```python\n{example}```" in README and len(example.splitlines()) <= 25
+    assert f"```python\n{example}```" in README

@@ -52,11 +52,11 @@ class SmallGame(ParallelEnv):  # type: ignore[misc]
     def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
         """Let both agents act."""
         names = self.possible_agents
-        reward, over = self.play(int(actions[names[0]]), int(actions[names[1]]))
-        self.agents = [] if over else list(names)
+        reward, terminated = self.play(int(actions[names[0]]), int(actions[names[1]]))
+        self.agents = [] if terminated else list(names)
         return (
-            self._observe(), dict.fromkeys(names, reward), dict.fromkeys(names, over), dict.fromkeys(names, False),
-            {name: {} for name in names},
+            self._observe(), dict.fromkeys(names, reward), dict.fromkeys(names, terminated),
+            dict.fromkeys(names, False), {name: {} for name in names},
         )  # fmt: skip
 
     def state(self) -> np.ndarray:

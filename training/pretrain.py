@@ -75,13 +75,13 @@ def pretrain(
         except Asked:
             training.save()
             raise signals.interrupted(f"{training.done} of {training.total} batches", training.kept) from None
-    pupil = training.pupil.eval()
-    weights = with_ranges(pupil, views.images)
+    model = training.model.eval()
+    weights = with_ranges(model, views.images)
     with replacing(out) as temporary:
         torch.save(weights, temporary)
         seal(temporary)
     frozen = FrozenEncoder(name, weights)
-    measured, exact = pupil.measure(frozen, checked), pupil.measure(pupil.features, checked)
+    measured, exact = model.measure(frozen, checked), model.measure(model.features, checked)
     measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]
     figures = {**training.facts, "fingerprint": frozen.fingerprint, "home_6": measured}
     training.kept.unlink(missing_ok=True)
@@ -92,7 +92,7 @@ class _Training:
     """A training in progress; it can be saved after every batch.
 
     Attributes:
-        pupil: what is trained.
+        model: what is trained.
         done: batches that were learned from, of ``total``.
         facts: what fixes the numbers.
         kept: file of its state.
@@ -102,13 +102,13 @@ class _Training:
         """Begin."""
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            pupil = NETWORKS[name]().to(memory_format=torch.channels_last)
-        optimizer = torch.optim.AdamW(pupil.parameters(), pupil.learning_rate, weight_decay=WEIGHT_DECAY)
-        self._per_epoch = len(views) // pupil.batch
+            model = NETWORKS[name]().to(memory_format=torch.channels_last)
+        optimizer = torch.optim.AdamW(model.parameters(), model.learning_rate, weight_decay=WEIGHT_DECAY)
+        self._per_epoch = len(views) // model.batch
         self.done, self.total = 0, epochs * self._per_epoch
-        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, pupil.learning_rate, total_steps=self.total)
-        self.pupil, self._optimizer, self._schedule = pupil, optimizer, schedule
-        self._parts: dict[str, Any] = {"pupil": pupil, "optimizer": optimizer, "schedule": schedule}
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, model.learning_rate, total_steps=self.total)
+        self.model, self._optimizer, self._schedule = model, optimizer, schedule
+        self._parts: dict[str, Any] = {"model": model, "optimizer": optimizer, "schedule": schedule}
         self._views, self.kept, self._saved = views, kept, time.monotonic()
         self.facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
 
@@ -116,10 +116,10 @@ class _Training:
         """Learn from all batches that are left, and yield the loss of each."""
         while self.done < self.total:
             epoch, begun = divmod(self.done, self._per_epoch)
-            self.pupil.train()
-            for rows in batches(len(self._views), self.pupil.batch, self.facts["seed"], epoch, begun):
+            self.model.train()
+            for rows in batches(len(self._views), self.model.batch, self.facts["seed"], epoch, begun):
                 with torch.autocast("cpu", torch.bfloat16):
-                    loss = self.pupil.loss(self._views, rows, epoch / self.facts["epochs"])
+                    loss = self.model.loss(self._views, rows, epoch / self.facts["epochs"])
                 self._optimizer.zero_grad()
                 loss.backward()
                 self._optimizer.step()
@@ -152,11 +152,11 @@ class _Training:
 
 
 @torch.no_grad()
-def with_ranges(pupil: Labeller | Detector, images: np.ndarray) -> dict[str, Tensor]:
+def with_ranges(model: Labeller | Detector, images: np.ndarray) -> dict[str, Tensor]:
     """Return the weights that are kept, with the ranges of the network on some pictures."""
-    weights = {name: value.clone().contiguous() for name, value in pupil.weights().items()}
+    weights = {name: value.clone().contiguous() for name, value in model.weights().items()}
     chosen = images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
-    return weights | {RANGES: ranges_of(folded(deepcopy(pupil.network)), torch.from_numpy(chosen))}
+    return weights | {RANGES: ranges_of(folded(deepcopy(model.network)), torch.from_numpy(chosen))}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -172,10 +172,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="file of the weights; default: where they are looked for")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     chosen = parser.parse_args(arguments)
-    pupil = NETWORKS[chosen.network]
-    chosen.views = pupil.views if chosen.views is None else chosen.views
-    chosen.epochs = pupil.epochs if chosen.epochs is None else chosen.epochs
-    for name, least in (("views", pupil.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
+    model = NETWORKS[chosen.network]
+    chosen.views = model.views if chosen.views is None else chosen.views
+    chosen.epochs = model.epochs if chosen.epochs is None else chosen.epochs
+    for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
     for name in ("out", "figures"):

@@ -124,7 +124,7 @@ def _solve_slot(slot: Slot) -> tuple[int, Task]:
             return attempt, replace(task, optimal_steps=len(stage.solve(task)))
         except TaskError:
             continue
-    raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; mend the home")
+    raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; fix the home")
 
 
 @cache

@@ -47,20 +47,20 @@ def dataset_statistics(dataset: Dataset) -> Facts:
         DatasetError: the file is damaged.
     """
     lengths: list[int] = []
-    successes = relabelled = told = 0
+    successes = relabelled = sentences = 0
     for arrays, metadata in _episodes(dataset):
         lengths.append(int(metadata["total_steps"]))
         successes += bool(metadata["success"])
         infos = arrays["infos"]
         relabelled += int((infos["planner_action"][:-1] != arrays["actions"]).any(axis=1).sum())
-        told += sum(int((infos[robot]["feedback"] != b"").sum()) for robot in AGENTS)
+        sentences += sum(int((infos[robot]["feedback"] != b"").sum()) for robot in AGENTS)
     return {
         "id": dataset.dataset_id,
         "episodes": dataset.episodes,
         "steps": dataset.steps,
         "success_rate": successes / max(len(lengths), 1),
         "steps_off_the_plan": relabelled,
-        "feedback_sentences": told,
+        "feedback_sentences": sentences,
         "lengths": _counts(lengths),
         "bytes": dataset.size,
     }

@@ -19,7 +19,7 @@ from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import SPLITS
 
 _TEMPLATE = Path(__file__).parent / "report.html"
-_BLIND = "blind"  # marked in the plots: what needs neither eyes nor words
+_BLIND = "blind"  # marked in the plots: what needs neither observation nor instruction
 
 
 def write_report(sources: Sequence[Path], out: Path) -> int:

@@ -81,8 +81,8 @@ def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
             cells = "".join(
                 f"<td>{100 * scores[split][name][metric]:.2f}</td>" for metric in (0, 1) for split in SPLITS
             )
-            told = f"<br><small>{SHORTCUTS.get(name, 'looks for X and Y by rule')}</small>"
-            rows.append(f'<tr class="built-in"><th>{name}{told}</th><td class="whose">built in</td>{cells}</tr>')
+            note = f"<br><small>{SHORTCUTS.get(name, 'looks for X and Y by rule')}</small>"
+            rows.append(f'<tr class="built-in"><th>{name}{note}</th><td class="whose">built in</td>{cells}</tr>')
     return rows
 
 

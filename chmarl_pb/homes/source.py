@@ -175,4 +175,4 @@ def safe_xml(text: bytes) -> ElementTree.Element:
     except DefusedXmlException as error:
         raise ValueError(f"document types and entities are refused ({error}); remove the <!DOCTYPE>") from error
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two: its encoding
-        raise ValueError(f"not XML ({error}); mend the file at that place") from error
+        raise ValueError(f"not XML ({error}); fix the file at that place") from error

@@ -181,13 +181,13 @@ def _check_numbers(label: str, name: str, count: int, text: str) -> None:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise HomeError(f"{label} is not {count} finite numbers; mend it")
+        raise HomeError(f"{label} is not {count} finite numbers; fix it")
     if name in _LENGTHS and not min(numbers) > 0:
-        raise HomeError(f"{label} is not above 0; mend it")
+        raise HomeError(f"{label} is not above 0; fix it")
     if name in _LENGTHS and min(numbers) < _SMALLEST:
         raise HomeError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
     if name == "scale" and 0 in numbers:
-        raise HomeError(f"{label} leaves nothing of the mesh; mend it")
+        raise HomeError(f"{label} leaves nothing of the mesh; fix it")
     if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
         raise HomeError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
 

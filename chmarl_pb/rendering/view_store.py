@@ -296,5 +296,5 @@ def _whole_pages(count: int) -> int:
 @cache
 def _warn(reason: str) -> None:
     """Warn of each reason once."""
-    message = f"pictures of homes are kept in memory only: {reason}; mend it, or set CHMARL_CACHE=off"
+    message = f"pictures of homes are kept in memory only: {reason}; fix it, or set CHMARL_CACHE=off"
     warnings.warn(message, RuntimeWarning, stacklevel=3)

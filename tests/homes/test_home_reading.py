@@ -77,7 +77,7 @@ def test_unchanged_file_is_read_once_and_a_changed_one_anew(write_home: Write) -
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", ["not XML", "mend"]),
+        ("", ["not XML", "fix"]),
         ("not xml at all", ["not XML"]),
         (GOOD[:-20], ["not XML"]),
         (GOOD.replace("<?xml", "\x00<?xml"), ["not XML"]),

@@ -175,11 +175,11 @@ class Engine(Uncopied):
         process.join(_PATIENCE)
         code = process.exitcode
         self.close()
-        mend = "; -9 may mean: out of memory"
+        hint = "; -9 may mean: out of memory"
         if starting:
-            mend = "; see its message above; a script must start workers under `if __name__ == '__main__':`"
+            hint = "; see its message above; a script must start workers under `if __name__ == '__main__':`"
         where = f"the worker of environments {share.start} to {share.stop - 1}"
-        return WorkerError(f"{where} died (exit code {code}{mend}); all workers have been stopped")
+        return WorkerError(f"{where} died (exit code {code}{hint}); all workers have been stopped")
 
     def close(self) -> None:
         """Close the environments and end the workers; closing twice is allowed."""

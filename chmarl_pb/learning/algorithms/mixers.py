@@ -88,5 +88,5 @@ class QMixer(Mixer):
         return q_total
 
 
-#: Name, that of the algorithm that has it unless told otherwise -> mixer.
+#: Name, that of the algorithm whose default it is -> mixer.
 MIXERS: dict[str, type[Mixer]] = {"iql": Independent, "vdn": Sum, "qmix": QMixer}

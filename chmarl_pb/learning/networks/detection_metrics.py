@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
 
-def skill(scores: np.ndarray, centres: np.ndarray, views: "Views") -> dict[str, Any]:
+def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views") -> dict[str, Any]:
     """Return figures of how well classes are recognised.
 
     ``mean_average_precision`` is the mean over the classes that are shown at least five times; ``chance`` is that of

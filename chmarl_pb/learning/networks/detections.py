@@ -41,7 +41,7 @@ class DetectionEncoder(Part):
     """Detections, pooled by what the instruction asks for, beside the sum over all classes.
 
     Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
-    detections behind its gates, so it tells whether such a thing is seen, and where.
+    detections behind its gates, so it holds whether such a thing is seen, and where.
     """
 
     size = EMBEDDING + HEADS * SHAPE[1]

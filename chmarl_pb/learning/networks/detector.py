@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.detection_metrics import skill
+from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
 from chmarl_pb.learning.networks.detections import LABELS, detections
 from chmarl_pb.learning.networks.int8 import RANGES, IntegerResNet18
 from chmarl_pb.learning.networks.residual import ResNet18, folded
@@ -66,10 +66,12 @@ class Detector(nn.Module):
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: "Views") -> dict[str, Any]:
-        """Return how well classes are recognised from detections, see ``detection_metrics.skill``."""
+        """Return how well classes are recognised from detections, see ``recognition_metrics``."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
         found = torch.cat(parts).float()
-        return skill(found[..., 0].numpy(), (found[..., 1:3] / found[..., :1].clamp(min=1e-3)).numpy(), views)
+        return recognition_metrics(
+            found[..., 0].numpy(), (found[..., 1:3] / found[..., :1].clamp(min=1e-3)).numpy(), views
+        )
 
 
 def targets(labels: Tensor) -> Tensor:

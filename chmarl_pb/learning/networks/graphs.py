@@ -81,8 +81,8 @@ class GatedGraphEncoder(GraphEncoder):
         keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
         match = torch.einsum("chd,bhd->bch", keys, self.query(words).unflatten(1, (HEADS, KEY)))  # of class and words
         gates = torch.sigmoid(match.flatten(0, 1).index_select(0, graph * len(keys) + ids) - _CLOSED)
-        told = (self.value(nodes).unflatten(1, (HEADS, VALUE)) * gates.unsqueeze(2)).flatten(1)
-        heads = torch.cat([told, gates], dim=1)
+        pooled = (self.value(nodes).unflatten(1, (HEADS, VALUE)) * gates.unsqueeze(2)).flatten(1)
+        heads = torch.cat([pooled, gates], dim=1)
         pooled = heads.new_zeros(len(real), heads.shape[1]).index_add_(0, graph, heads)
         return torch.cat([_mean(nodes, real), pooled], dim=1)
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.detection_metrics import skill
+from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.learning.networks.labelled_views import Views
 from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
@@ -48,11 +48,11 @@ class Labeller(nn.Module):
         cells, present, centres = (
             torch.from_numpy(part[rows]).float() for part in (views.cells, views.present, views.centres)
         )
-        told_cells, told_present, told_centres = self(images)
-        shown = nn.functional.binary_cross_entropy_with_logits(told_present, present)
-        told_cells = nn.functional.interpolate(told_cells, cells.shape[-1])  # small pictures have fewer
-        placed = nn.functional.binary_cross_entropy_with_logits(told_cells, cells)
-        far = ((told_centres - centres).abs().sum(dim=2) * present).sum() / present.sum().clamp(min=1)
+        predicted_cells, predicted_present, predicted_centres = self(images)
+        shown = nn.functional.binary_cross_entropy_with_logits(predicted_present, present)
+        predicted_cells = nn.functional.interpolate(predicted_cells, cells.shape[-1])  # small pictures have fewer
+        placed = nn.functional.binary_cross_entropy_with_logits(predicted_cells, cells)
+        far = ((predicted_centres - centres).abs().sum(dim=2) * present).sum() / present.sum().clamp(min=1)
         loss: Tensor = 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
         return loss
 
@@ -67,8 +67,8 @@ class Labeller(nn.Module):
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: Views) -> dict[str, Any]:
-        """Return how well classes are recognised from frozen features, see ``detection_metrics.skill``."""
+        """Return how well classes are recognised from frozen features, see ``recognition_metrics``."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
         features = torch.cat(parts).float()
         centres = self.centres(features).unflatten(1, (-1, 2))
-        return skill(self.present(features).numpy(), centres.numpy(), views)
+        return recognition_metrics(self.present(features).numpy(), centres.numpy(), views)

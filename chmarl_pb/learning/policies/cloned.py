@@ -38,7 +38,7 @@ class CloningConfig:
         observation: "scene_graph" or "visual".
         centralized: whether one network sees and drives both robots.
         messages: whether the robots hear each other.
-        feedback: whether the robots are told what they should have done.
+        feedback: whether the robots get language feedback.
         noise: share of random actions in the data set that is learned from; see ``chmarl-pb dataset generate``.
         seed: of weights, order and dropout.
         epochs: passes over the data.
@@ -48,7 +48,7 @@ class CloningConfig:
         dropout: share of features that are left out in training.
         features: length of an encoded observation.
         hidden: length of the GRU's state.
-        past_actions: whether a robot is told its own last action.
+        past_actions: whether a robot observes its own last action.
         image_encoder: of pictures.
         temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
         validation_interval: epochs between two choices of the best weights.

@@ -26,7 +26,7 @@ RENAMED = {
     "gradient_clip": "max_grad_norm", "teacher_share": "beta", "updates": "gradient_steps",
 }  # fmt: skip
 #: The same of the parts of a checkpoint.
-RENAMED_PARTS = {"minds": "actors"}
+RENAMED_PARTS = {"minds": "actors", "pupil": "model"}
 
 
 class CheckpointError(ChmarlError, ValueError):

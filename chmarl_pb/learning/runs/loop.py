@@ -83,8 +83,8 @@ def train(
         validate: chooses the best weights; the mean return of greedy episodes if None.
         setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`.
         quiet: whether no progress is shown.
-        expert: makes what is imitated in an environment: a policy, or what is told what was done in its place, see
-            :class:`chmarl_pb.learning.runs.collect.Expert`.
+        expert: makes what is imitated in an environment: a policy, or an expert that observes the actions taken in its
+            place, see :class:`chmarl_pb.learning.runs.collect.Expert`.
         threads: of torch, while this runs; networks as small as these are fastest with one.
         device: of torch, that the networks learn and act on; an interrupted run may go on on another.
 

@@ -70,7 +70,7 @@ def _check_robot(prefix: str, own: Mapping[str, spaces.Space[Any]]) -> None:
 
 
 def _rooms(own: Mapping[str, spaces.Space[Any]]) -> int:
-    """Return how many rooms a robot is told of."""
+    """Return how many rooms a message has bits for."""
     shape = own[MESSAGES].shape if MESSAGES in own else None
     if shape:
         return shape[-1]
