@@ -76,21 +76,21 @@ def _timed(home: str, observation: str, size: int, options: argparse.Namespace) 
     """Return joint steps a second without resets, resets a second, and the mean number of movable things in a view."""
     import numpy as np
 
-    from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+    from chmarl_pb.envs.parallel import HouseholdEnv
 
     env = HouseholdEnv(observation, home=home, image_size=size)
     tasks = _tasks(env)
-    choices = [len(env.action_names[name]) for name in AGENTS]
+    choices = [len(names) for names in env.action_names.values()]
 
     def play(seen: list[int] | None = None) -> tuple[float, float]:
         """Play the episodes; return the seconds a step and a reset, and append how much movable each view shows."""
         queue, resets, in_resets, start = cycle(tasks), 0, 0.0, time.perf_counter()
-        for actions in np.random.default_rng(1).integers(choices, size=(options.steps, len(AGENTS))).tolist():
+        for actions in np.random.default_rng(1).integers(choices, size=(options.steps, len(choices))).tolist():
             if not env.agents:
                 before = time.perf_counter()
                 env.reset(options={"task": next(queue)})
                 in_resets, resets = in_resets + time.perf_counter() - before, resets + 1
-            _, _, _, _, infos = env.step(dict(zip(AGENTS, actions, strict=True)))
+            _, _, _, _, infos = env.step(dict(zip(env.possible_agents, actions, strict=True)))
             if seen is not None:
                 seen += [sum(name in env.world.bodies for name in info["visible"]) for info in infos.values()]
         return (time.perf_counter() - start - in_resets) / options.steps, in_resets / resets

@@ -56,16 +56,14 @@ def ours(work: Work) -> Iterator[float]:
 def plain_tiny_renderer(work: Work) -> Iterator[float]:
     """Nothing but full TinyRenderer pictures of our home with its objects, from both cameras in turn."""
     from chmarl_pb.bench.fresh import plain_picture
-    from chmarl_pb.navigation.lattice import HEADINGS
 
-    env = _household()
-    space, rng = env.stage.space, np.random.default_rng(1)
-    robots = cycle((("humanoid", len(space.lattice.points) * HEADINGS), ("drone", len(space.drone_lattice.points))))
+    env, rng = _household(), np.random.default_rng(1)
+    robots = cycle(env.stage.robots.items())
 
     def draw() -> None:
-        robot, poses = next(robots)
-        getattr(env.stage, robot).spawn(int(rng.integers(poses)))
-        plain_picture(env, robot, work.size)
+        name, robot = next(robots)
+        robot.spawn(int(rng.integers(robot.lattice.count)))
+        plain_picture(env, name, work.size)
 
     return _rates(draw, work)
 
@@ -76,16 +74,14 @@ def mujoco_boxes(work: Work) -> Iterator[float]:
     import mujoco
 
     from benchmarks.home_boxes import mjcf
-    from chmarl_pb.navigation.lattice import HEADINGS
-    from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 
     env, rng = _household(), np.random.default_rng(1)
-    model = mujoco.MjModel.from_xml_string(mjcf(env, CAMERAS["humanoid"].fov))
+    robot = env.stage.oracle.robot
+    model = mujoco.MjModel.from_xml_string(mjcf(env, robot.model.camera.fov))
     data, renderer = mujoco.MjData(model), mujoco.Renderer(model, work.size, work.size)
-    space = env.stage.space
 
     def draw() -> Any:
-        position, (x, y, z, w) = eye(space, "humanoid", int(rng.integers(len(space.lattice.points) * HEADINGS)))
+        position, (x, y, z, w) = robot.model.eye(robot.space, int(rng.integers(robot.lattice.count)))
         data.mocap_pos[0] = position
         # Our camera looks along x with z up, MuJoCo's along -z with y up.
         mujoco.mju_mulQuat(data.mocap_quat[0], [w, x, y, z], [0.5, 0.5, -0.5, -0.5])

@@ -30,8 +30,8 @@ def play(env: Any, policies: nn.ModuleDict, seed: int) -> tuple[torch.Tensor, to
             actions[robot] = int(action)
             log_probabilities.append(choice.log_prob(action))
         observations, reward, _, _, infos = env.step(actions)
-        rewards.append(reward["humanoid"])  # the same for both robots
-    return torch.stack(log_probabilities).view(len(rewards), -1), torch.tensor(rewards), infos["humanoid"]["success"]
+        rewards.append(reward[robot])  # the same for all robots
+    return torch.stack(log_probabilities).view(len(rewards), -1), torch.tensor(rewards), infos[robot]["success"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

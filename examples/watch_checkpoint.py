@@ -1,4 +1,4 @@
-"""Load a checkpoint, play one task with it, and watch: what the robots do, and what both see as an animated GIF.
+"""Load a checkpoint, play one task with it, and watch: what the robots do, and what they see as an animated GIF.
 
 python examples/watch_checkpoint.py out/train/qmix-scene_graph-messages-feedback-seed0/best.pt --task val-unseen-000
 """
@@ -35,11 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     while env.agents:
         actions = policy.act(observations, infos)
         observations, _, _, _, infos = env.step(actions)
-        names = {robot: env.action_names[robot][action] for robot, action in actions.items()}
-        print(f"{env.steps:2}  {names['humanoid']:16} {names['drone']:16} phi {infos['humanoid']['potential']:g}")
+        names = "".join(f"{env.action_names[robot][action]:17}" for robot, action in actions.items())
+        print(f"{env.steps:2}  {names}phi {env.outcome.potential:g}")
         frames.append(Image.fromarray(np.asarray(env.render())))
     print(
-        "success" if infos["humanoid"]["success"] else "failure",
+        "success" if env.outcome.success else "failure",
         f"after {env.steps} steps, L* {env.task.optimal_steps}",
     )
     options.out.parent.mkdir(parents=True, exist_ok=True)

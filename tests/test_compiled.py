@@ -17,9 +17,9 @@ from chmarl_pb import compiled as compiled_module
 from chmarl_pb.compiled import COMPILES, compiled
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.free_space import space_of
-from chmarl_pb.rendering.camera import lens, view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.camera import camera_of, lens, view_matrix
 from chmarl_pb.rendering.home_model import HomeModel
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.world import World
 
 needs_numba = pytest.mark.skipif(not COMPILES, reason="NUMBA_DISABLE_JIT is set")
@@ -260,7 +260,7 @@ def drawn() -> str:
     space, world = space_of(home), World(home)
     model = HomeModel(world.client, world.bodies["home"])
     for robot, pose in (("humanoid", 5), ("humanoid", 100), ("drone", 3)):
-        picture = model.draw(lens(CAMERAS[robot], view_matrix(eye(space, robot, pose))), 24)
+        picture = model.draw(lens(camera_of(find_model(robot)), view_matrix(find_model(robot).eye(space, pose))), 24)
         for array in (picture.colour, picture.depth, picture.segmentation):
             digest.update(np.ascontiguousarray(array).tobytes())
     world.close()

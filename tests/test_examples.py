@@ -99,3 +99,14 @@ def test_watch_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_new_mixer(capsys: pytest.CaptureFixture[str]) -> None:
     example("new_mixer").main(episodes=200)
     assert "return of the greedy actions: " in capsys.readouterr().out
+
+
+def test_scout_robot(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    example("scout_robot").main(out=tmp_path / "scout.png")
+    assert "goto_kitchen     sees kitchen/" in capsys.readouterr().out and (tmp_path / "scout.png").is_file()
+
+
+def test_two_humanoids_two_drones(capsys: pytest.CaptureFixture[str]) -> None:
+    example("two_humanoids_two_drones").main()
+    shown = capsys.readouterr().out
+    assert "humanoid_0        humanoid_1        drone_0" in shown and "success after" in shown

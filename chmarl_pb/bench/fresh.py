@@ -79,23 +79,20 @@ def first_visits(size: str, count: str) -> dict[str, float]:
     """
     import numpy as np
 
-    from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
-    from chmarl_pb.navigation.lattice import HEADINGS
+    from chmarl_pb.envs.parallel import HouseholdEnv
 
     env = HouseholdEnv("visual", split=SPLIT, image_size=int(size))
     env.reset(seed=0)
-    space = env.stage.space
-    poses = {"humanoid": len(space.lattice.points) * HEADINGS, "drone": len(space.drone_lattice.points)}
     rng = np.random.default_rng(0)
     ours = plain = 0.0
     views = 0
-    for robot in AGENTS:
-        for pose in rng.permutation(poses[robot])[: int(count)].tolist():
-            getattr(env.stage, robot).spawn(pose)
+    for name, robot in env.stage.robots.items():
+        for pose in rng.permutation(robot.lattice.count)[: int(count)].tolist():
+            robot.spawn(pose)
             start = time.perf_counter()
-            env.stage.renderer.picture(robot, int(size))
+            env.stage.renderer.picture(name, int(size))
             middle = time.perf_counter()
-            plain_picture(env, robot, int(size))
+            plain_picture(env, name, int(size))
             ours, plain, views = ours + middle - start, plain + time.perf_counter() - middle, views + 1
     env.close()
     return {
@@ -107,12 +104,12 @@ def first_visits(size: str, count: str) -> dict[str, float]:
 
 def plain_picture(env: "HouseholdEnv", robot: str, size: int) -> "Picture":
     """Draw everything in an environment's world with TinyRenderer, as a robot's camera sees it, and keep nothing."""
-    from chmarl_pb.rendering.camera import render, view_matrix
-    from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+    from chmarl_pb.rendering.camera import camera_of, render, view_matrix
 
     env.world.sync()
-    view = view_matrix(eye(env.stage.space, robot, env.world.robots[robot].pose))
-    return render(env.world.client, CAMERAS[robot], view, size)
+    model = env.stage.models[robot]
+    view = view_matrix(model.eye(env.stage.space, env.world.robots[robot].pose))
+    return render(env.world.client, camera_of(model), view, size)
 
 
 def memory(observation: str, more: str = "5") -> dict[str, float]:

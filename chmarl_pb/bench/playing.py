@@ -10,7 +10,7 @@ from itertools import cycle
 
 import numpy as np
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.rendering.home_views import home_views
@@ -55,7 +55,9 @@ def steps(effort: Effort, observation: str, size: int = VISIBILITY_SIZE, split: 
         play(env, rng, 100, tasks)
         while True:
             rate = per_second(lambda: play(env, rng, 50, tasks), effort.seconds, 50)
-            yield {"joint steps/s": rate} | ({"frames/s": len(AGENTS) * rate} if observation == "visual" else {})
+            yield {"joint steps/s": rate} | (
+                {"frames/s": len(env.possible_agents) * rate} if observation == "visual" else {}
+            )
 
 
 def tasks_to_play(split: str) -> tuple[list[Task], list[Task]]:
@@ -131,16 +133,16 @@ def warm_up(env: HouseholdEnv, poses: Iterable[tuple[str, int]]) -> None:
     views = home_views(env.world.home)
     for size in {VISIBILITY_SIZE, env.options.image_size}:
         for robot, pose in poses:
-            views.look(robot, pose, size)
+            views.look(env.stage.models[robot], pose, size)
 
 
 def play(env: HouseholdEnv, rng: np.random.Generator, count: int, tasks: Iterator[Task]) -> None:
     """Take joint steps of a random policy, and begin the next task whenever an episode ends."""
-    choices = [len(env.action_names[name]) for name in AGENTS]
-    for humanoid, drone in rng.integers(choices, size=(count, len(choices))).tolist():
+    choices = [len(names) for names in env.action_names.values()]
+    for numbers in rng.integers(choices, size=(count, len(choices))).tolist():
         if not env.agents:
             env.reset(options={"task": next(tasks)})
-        env.step({"humanoid": humanoid, "drone": drone})
+        env.step(dict(zip(env.possible_agents, numbers, strict=True)))
 
 
 def per_second(work: Callable[[], object], seconds: float, count: int = 1) -> float:

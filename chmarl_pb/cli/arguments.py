@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from chmarl_pb.robots.registry import TEAM, listed
+
 OBSERVATIONS = ("scene_graph", "visual")
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
 
@@ -18,6 +20,14 @@ def add_verb(
     """Add a verb to a command and return its parser."""
     parser: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     return parser
+
+
+def add_robots(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names the robots."""
+    parser.add_argument(
+        "--robots", type=listed, default=TEAM, metavar="R,R",
+        help=f"1 to 8 robots: names or robot files (.toml), with commas between them (default: {','.join(TEAM)})",
+    )  # fmt: skip
 
 
 def output_file(text: str) -> Path:

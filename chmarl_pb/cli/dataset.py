@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.arguments import add_robots, add_verb, output_file, output_folder, verbs
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import find_datasets
@@ -24,6 +24,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.processes import check_workers
 from chmarl_pb.progress import LateProgress
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 
 
@@ -36,6 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     making.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
     making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
     making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
+    add_robots(making)
     verifying = add_verb(all_verbs, "verify", "check the files of data sets and replay their episodes")
     verifying.set_defaults(run=_verify)
     verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
@@ -54,7 +56,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _generate(options: argparse.Namespace) -> int:
     return run_generate(
         options.split or (), options.observation, options.workers, options.noise, options.seed, options.limit,
-        options.out,
+        options.out, options.robots,
     )  # fmt: skip
 
 
@@ -63,7 +65,14 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def run_generate(
-    splits: Sequence[str], observation: str, workers: int, noise: float, seed: int, limit: int | None, root: Path | None
+    splits: Sequence[str],
+    observation: str,
+    workers: int,
+    noise: float,
+    seed: int,
+    limit: int | None,
+    root: Path | None,
+    robots: tuple[str, ...] = TEAM,
 ) -> int:
     """Make data sets; return 0, or 1 if the planner alone left a task unsolved.
 
@@ -75,15 +84,17 @@ def run_generate(
         seed: of the random actions.
         limit: number of tasks of each split, from the first; None plays all.
         root: folder of Minari data sets; Minari's own if None.
+        robots: names and robot files.
 
     Raises:
+        AssetError: there is no such robot.
         OptionError: an option has a value that it does not know.
         DatasetError: another data set of this name is in the folder.
     """
     check_workers(workers)
     root = root or default_root()
     modes = OBSERVATIONS if observation == "both" else (observation,)
-    recipes = [Recipe(split, mode, noise, seed, limit) for mode in modes for split in splits or SPLITS]
+    recipes = [Recipe(split, mode, noise, seed, limit, robots) for mode in modes for split in splits or SPLITS]
     made = []
     for recipe in recipes:
         with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from chmarl_pb.cli.arguments import OBSERVATIONS, output_folder
+from chmarl_pb.cli.arguments import OBSERVATIONS, add_robots, output_folder
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
@@ -26,15 +26,16 @@ from chmarl_pb.viewer.video import write_video
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
-    parser.set_defaults(run=lambda options: demo(options.task, options.observation, options.out))
+    parser.set_defaults(run=lambda options: demo(options.task, options.observation, options.out, robots=options.robots))
     parser.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007 (default: a good one)")
+    add_robots(parser)
     parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     parser.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
     )
 
 
-def demo(task: str | None, observation: str, out: Path, policy: str = "planner") -> int:
+def demo(task: str | None, observation: str, out: Path, policy: str = "planner", **options: Any) -> int:
     """Play one task and show it; return the exit code.
 
     Args:
@@ -42,16 +43,18 @@ def demo(task: str | None, observation: str, out: Path, policy: str = "planner")
         observation: what the policy observes, "visual" or "scene_graph".
         out: folder for ``demo.mp4`` and ``demo.html``.
         policy: "planner", "search" or "random".
+        **options: of the environment, as ``robots``.
 
     Raises:
-        TaskError: the task is unknown.
+        TaskError: the task is unknown, or the planner cannot solve it with these robots.
+        AssetError: there is no such robot.
         OptionError: an option is unknown, or the folder cannot be written to.
     """
     chosen = choose_task() if task is None else find_task(task)
     folder, console = open_folder(out), Console()
     with _progress(console) as progress:
         bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
-        recording = record(chosen, observation, policy, lambda: progress.advance(bar))
+        recording = record(chosen, observation, policy, lambda: progress.advance(bar), **options)
     _show(recording, folder, console)
     return 0
 
@@ -93,7 +96,7 @@ def write_files(recording: Recording, shots: list[Shot], folder: Path, progress:
         progress: gets a bar.
     """
     rests: list[dict[str, Image]] = []
-    views = _keep_rests(shots, draw_views(recording.home.path, shots), rests)
+    views = _keep_rests(shots, draw_views(recording.home.path, recording.team, shots), rests)
     frames = progress.track(compose(recording, shots, views), len(shots), description="Drawing")
     counted = ((frame, shot.frames) for frame, shot in zip(frames, shots, strict=True))
     write_video(folder / "demo.mp4", counted, (WIDTH, HEIGHT))

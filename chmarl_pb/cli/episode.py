@@ -5,13 +5,15 @@ import sys
 from pathlib import Path
 
 import chmarl_pb
-from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, add_robots, add_verb, output_file, output_folder, verbs
 from chmarl_pb.cli.demo import show_episode
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import find_task
 
 
@@ -24,6 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     saving.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
     saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     saving.add_argument("--goal", action="store_true", help=GOAL)
+    add_robots(saving)
     saving.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
     saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
     replaying = add_verb(all_verbs, "replay", "play a file again and compare every state")
@@ -38,19 +41,25 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def _save(options: argparse.Namespace) -> int:
-    return save(options.policy, options.task, options.observation, options.seed, options.out, options.goal)
+    return save(
+        options.policy, options.task, options.observation, options.seed, options.out, options.goal, options.robots
+    )
 
 
-def save(policy: str, task_id: str, observation: str, seed: int, out: Path, goal: bool = False) -> int:
+def save(
+    policy: str, task_id: str, observation: str, seed: int, out: Path, goal: bool = False,
+    robots: tuple[str, ...] = TEAM,
+) -> int:  # fmt: skip
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
     task, source, seed = find_task(task_id), find_policy(policy), checked_seed(seed)
-    env = HouseholdEnv(observation, home=task.home, goal=goal)
+    env = HouseholdEnv(observation, home=task.home, goal=goal, robots=robots)
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
+        shortest = optimal_steps(env, task)
     finally:
         env.close()
     save_episode(file, out)
-    print(f"{out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {task.optimal_steps}")
+    print(f"{out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")
     return 0
 
 

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, output_file
+from chmarl_pb.cli.arguments import GOAL, add_robots, output_file
 from chmarl_pb.envs.options import MAX_STEPS, SENSORS
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.metrics import Figure, Summary
@@ -37,6 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
     )
+    add_robots(parser)
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
@@ -57,7 +58,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
             tasks=options.task, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
-            feedback=options.feedback, max_steps=options.max_steps, goal=options.goal,
+            feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
@@ -113,6 +114,8 @@ def _print_notes(console: Console, report: Report) -> None:
             f"95 % interval over tasks: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
         )
+    if report.bounded:
+        console.print(f"L* is an upper bound in {report.bounded} of {summary.episodes} episodes, so PLW is one, too")
     if beside := _beside(report):
         console.print(f"on the same tasks, success / PLW: {beside}")
     gain = report.cooperation

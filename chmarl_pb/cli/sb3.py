@@ -14,6 +14,7 @@ from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.sb3.config import PRESETS, Config, EnvId
 from chmarl_pb.learning.sb3.train import BEST, RESULT, run
+from chmarl_pb.robots.registry import TEAM, listed
 
 with needs("chmarl-pb sb3", "train"):
     import tyro
@@ -62,7 +63,9 @@ def _main(arguments: Sequence[str]) -> int:
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
     )
     goal = " --goal" if PRESETS[config.preset].goal else ""
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {config.observation}{goal}")
+    robots = f" --robots {config.robots}" if listed(config.robots) != TEAM else ""
+    options = f"--observation {config.observation}{goal}{robots}"
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
     return 0
 
 

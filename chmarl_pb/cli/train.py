@@ -18,6 +18,7 @@ from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import BEST, train
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.robots.registry import TEAM, listed
 
 with needs("chmarl-pb train", "train"):
     import tyro
@@ -37,12 +38,16 @@ class Env:
         messages: whether the robots hear each other.
         feedback: whether the robots get language feedback.
         image_size: pixels of an image.
+        robots: names and robot files (.toml), with commas between them.
+        home: name or path of a home to train in instead of the split's.
     """
 
     observation: Observation = "scene_graph"
     messages: bool = True
     feedback: bool = True
     image_size: int = count(128)
+    robots: str = ",".join(TEAM)
+    home: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits."""
@@ -201,7 +206,9 @@ def _run(arguments: Sequence[str]) -> int:
     folder = command.place.out or Path("out/train") / command.name
     command.run(folder)
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen --observation {command.observation}")
+    own: str = getattr(command, "env", command.config).robots
+    options = f"--observation {command.observation}" + (f" --robots {own}" if listed(own) != TEAM else "")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
     return 0
 
 
@@ -232,8 +239,9 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
     env_fn, setting = benchmark(
-        env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size
-    )
+        env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
+        robots=listed(env.robots), home=env.home,
+    )  # fmt: skip
     expert = ALGORITHMS[algorithm].expert
     imitated = partial(make_policy, expert) if expert else None
     train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads, place.device)

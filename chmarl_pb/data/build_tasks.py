@@ -121,7 +121,7 @@ def _solve_slot(slot: Slot) -> tuple[int, Task]:
         rng = np.random.default_rng([VERSION, SPLITS.index(split), number, attempt])
         task = sample_task(stage.space, home, rng, f"{split}-{number:0{4 if split == 'train' else 3}d}")
         try:
-            return attempt, replace(task, optimal_steps=len(stage.solve(task)))
+            return attempt, replace(task, optimal_steps=stage.solve(task).steps)
         except TaskError:
             continue
     raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; fix the home")

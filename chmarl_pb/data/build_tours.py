@@ -55,7 +55,7 @@ class Tour:
 
     Attributes:
         actions: so far.
-        place: (n,) where the humanoid stands: a room, where X was picked, or nowhere that is known.
+        place: (n,) where the robot stands: a room, where X was picked, or nowhere that is known.
         turned: (n,) turns to the left since.
         holding: (n,) whether X has been picked.
         score: (n,) of the tasks that are solved, else 0.
@@ -135,7 +135,7 @@ def views_of(stage: Stage, task: Task) -> tuple[Bools, Bools]:
     for place, pose in enumerate(poses):
         position, heading = divmod(pose, HEADINGS)
         for turned in range(HEADINGS):
-            seen = stage.oracle.seen_from("humanoid", position * HEADINGS + (heading + turned) % HEADINGS)
+            seen = stage.oracle.seen_from(stage.oracle.robot.name, position * HEADINGS + (heading + turned) % HEADINGS)
             item[place, turned] = goal.item in seen
             classes[place, turned] = np.isin(_RECEPTACLES, [catalog.class_of(name) for name in seen])
     return item, classes  # who has picked X picks no more, so that it does not count that X is in view from there

@@ -4,12 +4,14 @@ import hashlib
 import json
 import re
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import chmarl_pb
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
+from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -29,6 +31,7 @@ class Recipe:
         noise: probability of a random action, for each robot and step: 0, 0.01, ... 1.
         seed: of the random actions.
         limit: number of tasks, from the first; None plays all.
+        robots: see :class:`chmarl_pb.envs.options.Options`, but no objects.
     """
 
     split: str = "train"
@@ -36,13 +39,16 @@ class Recipe:
     noise: float = 0.0
     seed: int = 0
     limit: int | None = None
+    robots: tuple[str, ...] = TEAM
 
     def __post_init__(self) -> None:
         """Check every value.
 
         Raises:
             OptionError: an option has a value that it does not know.
+            AssetError: there is no such robot.
         """
+        team_of(self.robots)
         for name, value, known in (
             ("split", self.split, SPLITS),
             ("observation", self.observation, OBSERVATIONS),
@@ -58,9 +64,13 @@ class Recipe:
 
     @property
     def dataset_id(self) -> str:
-        """Minari's name, e.g. ``chmarl/scene-graph-train-v0`` or ``chmarl/visual-train-noise20-v0``."""
+        """Minari's name, e.g. ``chmarl/scene-graph-train-v0`` or ``chmarl/visual-train-noise20-v0``.
+
+        Other robots than the benchmark's are named, too: ``chmarl/visual-train-humanoid-drone-drone-v0``.
+        """
+        robots = "" if self.robots == TEAM else "".join(f"-{Path(robot).stem}" for robot in self.robots)
         noise = f"-noise{round(100 * self.noise)}" if self.noise else ""
-        return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}-v{FORMAT}"
+        return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}{robots}-v{FORMAT}"
 
     @property
     def env_id(self) -> str:
@@ -74,8 +84,11 @@ class Recipe:
 
     def facts(self) -> dict[str, Any]:
         """Return everything that the contents depend on, but the code."""
+        options = asdict(self) | {"robots": list(self.robots)}
+        if self.robots == TEAM:  # as in data sets from before there was a choice
+            del options["robots"]
         return {
-            **asdict(self),
+            **options,
             "noise": float(self.noise),
             "format": FORMAT,
             "version": chmarl_pb.__version__,
@@ -94,4 +107,4 @@ class Recipe:
 def is_dataset_name(name: str) -> bool:
     """Return whether a folder's name is one that :attr:`Recipe.dataset_id` gives."""
     modes, splits = ("|".join(names).replace("_", "-") for names in (OBSERVATIONS, SPLITS))
-    return re.fullmatch(rf"({modes})-({splits})(-noise\d+)?-v{FORMAT}", name) is not None
+    return re.fullmatch(rf"({modes})-({splits})(-noise\d+)?(-[A-Za-z]\w*)*-v{FORMAT}", name) is not None

@@ -9,12 +9,13 @@ import numpy as np
 
 import chmarl_pb  # noqa: F401  (registers the Gymnasium ids)
 from chmarl_pb.data.recipe import Recipe
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, core_of
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 
 Arrays = dict[str, Union[np.ndarray, "Arrays"]]
@@ -71,7 +72,8 @@ class Recording:
 
 def make_env(recipe: Recipe) -> gymnasium.Env:
     """Return the joint environment that a data set is recorded in."""
-    return gymnasium.make(recipe.env_id, split=recipe.split, disable_env_checker=True)
+    options: dict[str, Any] = {} if recipe.robots == TEAM else {"robots": recipe.robots}
+    return gymnasium.make(recipe.env_id, split=recipe.split, disable_env_checker=True, **options)
 
 
 def record(env: gymnasium.Env, planner: NoisyPlanner, task: Task) -> Recording:
@@ -82,7 +84,7 @@ def record(env: gymnasium.Env, planner: NoisyPlanner, task: Task) -> Recording:
 
 
 def replay(env: gymnasium.Env, actions: np.ndarray, task: Task) -> Arrays:
-    """Repeat the stored actions (T, 2) of a task and return what would be stored, without the planner's labels."""
+    """Repeat the stored actions (T, robots) of a task and return what would be stored, without the planner's labels."""
     return _arrays(*_played(env, ReplayPolicy(actions.tolist(), core_of(env)), task), None)
 
 
@@ -94,15 +96,15 @@ def _played(env: gymnasium.Env, policy: Policy, task: Task) -> tuple[Episode, li
 
 
 def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
-    steps = len(episode)
+    steps, robots = len(episode), tuple(episode.infos[0])
     ended = np.arange(1, steps + 1) == steps
     return {
         "observations": {
             f"{robot}_{key}": np.stack([observation[robot][key] for observation in episode.observations])
-            for robot in AGENTS
+            for robot in robots
             for key in episode.observations[0][robot]
         },
-        "actions": _pairs(episode.actions),
+        "actions": _rows(episode.actions, robots),
         "rewards": episode.rewards.astype(np.float64),
         "terminations": ended & episode.success,
         "truncations": ended & (not episode.success),
@@ -111,13 +113,14 @@ def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] |
 
 
 def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
-    shared = [info[AGENTS[0]] for info in episode.infos]
+    robots = tuple(episode.infos[0])
+    shared = [info[robots[0]] for info in episode.infos]
     infos: Arrays = {"state_hash": _texts(hashes)}
     if labels is not None:
-        infos["planner_action"] = _pairs(labels)
+        infos["planner_action"] = _rows(labels, robots)
     infos["potential"] = np.array([info["potential"] for info in shared], dtype=np.float64)
     infos["instruction"] = _texts([info["instruction"] for info in shared])
-    for robot in AGENTS:
+    for robot in robots:
         own = [info[robot] for info in episode.infos]
         infos[robot] = {
             "feedback": _texts([info["feedback"] for info in own]),
@@ -128,7 +131,7 @@ def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | 
 
 
 def _metadata(episode: Episode) -> dict[str, Any]:
-    task = episode.task
+    task, (first, *_) = episode.task, episode.infos[0].values()
     return {
         "total_steps": len(episode),
         "seed": task.seed,
@@ -139,12 +142,12 @@ def _metadata(episode: Episode) -> dict[str, Any]:
         "target": task.target,
         "optimal_steps": task.optimal_steps,
         "success": episode.success,
-        "instruction": episode.infos[0][AGENTS[0]]["instruction"],
+        "instruction": first["instruction"],
     }
 
 
-def _pairs(actions: Sequence[Actions]) -> np.ndarray:
-    return np.array([[action[robot] for robot in AGENTS] for action in actions], dtype=np.int64)
+def _rows(actions: Sequence[Actions], robots: Sequence[str]) -> np.ndarray:
+    return np.array([[action[robot] for robot in robots] for action in actions], dtype=np.int64)
 
 
 def _texts(texts: Sequence[str]) -> np.ndarray:

@@ -7,7 +7,6 @@ from functools import cache
 from typing import Any
 
 from chmarl_pb.data.read import Dataset, read_group
-from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.tasks.language import corpus_statistics, instruction
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
@@ -53,7 +52,7 @@ def dataset_statistics(dataset: Dataset) -> Facts:
         successes += bool(metadata["success"])
         infos = arrays["infos"]
         relabelled += int((infos["planner_action"][:-1] != arrays["actions"]).any(axis=1).sum())
-        sentences += sum(int((infos[robot]["feedback"] != b"").sum()) for robot in AGENTS)
+        sentences += sum(int((infos[robot]["feedback"] != b"").sum()) for robot in _robots(infos))
     return {
         "id": dataset.dataset_id,
         "episodes": dataset.episodes,
@@ -71,7 +70,7 @@ def language_statistics(datasets: Iterable[Dataset]) -> Facts:
     sentences = [instruction(task) for split in SPLITS for task in load_tasks(split)]
     for dataset in datasets:
         for arrays, _ in _episodes(dataset):
-            for robot in AGENTS:
+            for robot in _robots(arrays["infos"]):
                 sentences += [text.decode() for text in arrays["infos"][robot]["feedback"] if text]
     return asdict(corpus_statistics(sentences))
 
@@ -90,6 +89,11 @@ def _episodes(dataset: Dataset) -> Iterator[tuple[Facts, Facts]]:
         for number in range(dataset.episodes):
             group = file[f"episode_{number}"]
             yield read_group(group, "actions", "infos"), dict(group.attrs)
+
+
+def _robots(infos: Facts) -> list[str]:
+    """Return the robots: what is known of each lies in a group of its own."""
+    return [name for name, part in infos.items() if isinstance(part, dict)]
 
 
 def _counts(values: Iterable[Any]) -> dict[str, int]:

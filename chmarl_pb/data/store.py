@@ -18,6 +18,7 @@ from chmarl_pb.data.record import Arrays, Recording, make_env
 from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.extras import needs
 from chmarl_pb.files import replacing, write_atomically, writing
+from chmarl_pb.robots.registry import TEAM, team_of
 
 with needs("a data set", "data"):
     import h5py
@@ -167,13 +168,17 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
         "total_steps": steps,
         "dataset_size": round(path.stat().st_size / 1e6, 1),
         "algorithm_name": who,
-        "description": f"A humanoid and a drone solve the tasks of {recipe.split} in simulated homes, driven by the "
+        "description": f"{_team(recipe)} solve the tasks of {recipe.split} in simulated homes, driven by the "
         f"{who}. One episode for each task, in the order of the task file.",
         "requirements": ["chmarl-pb"],
         "sha256": file_sha256(path),
         "recipe": recipe.facts(),
         "made_with": versions(),
     }
+
+
+def _team(recipe: Recipe) -> str:
+    return "A humanoid and a drone" if recipe.robots == TEAM else f"Robots ({', '.join(team_of(recipe.robots))})"
 
 
 def _describe_namespace(root: Path) -> None:

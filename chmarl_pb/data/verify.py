@@ -14,6 +14,7 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import Arrays, replay
 from chmarl_pb.errors import DatasetError, OptionError
 from chmarl_pb.processes import in_processes
+from chmarl_pb.robots.registry import TEAM
 
 Progress = Callable[[int], Any]
 
@@ -61,8 +62,10 @@ def _recipe(dataset: Dataset) -> Recipe:
     Raises:
         DatasetError: homes, tasks or version are not those that it was made with.
     """
-    options: dict[str, Any] = {field.name: dataset.recipe.get(field.name) for field in fields(Recipe)}
-    recipe = Recipe(**options)
+    options = {
+        name: value for name, value in dataset.recipe.items() if name in {field.name for field in fields(Recipe)}
+    }
+    recipe = Recipe(**options | {"robots": tuple(options.get("robots", TEAM))})
     facts = recipe.facts()
     other = [name for name, value in facts.items() if dataset.recipe.get(name) != value]
     if other:

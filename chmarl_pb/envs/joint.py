@@ -1,4 +1,4 @@
-"""Gymnasium views of the core: one policy for both robots, or for the humanoid alone."""
+"""Gymnasium views of the core: one policy for all robots, or for the one that grasps alone."""
 
 from functools import partial
 from typing import Any
@@ -9,9 +9,10 @@ from gymnasium import spaces
 
 from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.options import checked_seed
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import ActionError, OptionError
-from chmarl_pb.policies.search import DroneSearch
+from chmarl_pb.policies.policy import grasps
+from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.world import World
 
 Info = dict[str, Any]
@@ -28,9 +29,9 @@ class PairOfActions(spaces.MultiDiscrete):
 
 
 class JointEnv(gymnasium.Env):
-    """Both robots as one agent.
+    """All robots as one agent.
 
-    Observation: the keys of both robots with the prefixes ``humanoid_`` and ``drone_``. Action:
+    Observation: the keys of all robots with the prefixes ``humanoid_`` and ``drone_``. Action:
     ``MultiDiscrete([10, 9])``, or with ``flat_actions`` one number ``humanoid * 9 + drone``. Info:
     ``info["humanoid"]``, ``info["drone"]``, and ``is_success`` as Stable-Baselines3 reads it.
 
@@ -55,13 +56,14 @@ class JointEnv(gymnasium.Env):
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
         self.flat_actions = flat_actions
-        counts = [len(self.parallel.action_names[name]) for name in AGENTS]
+        self._robots = tuple(self.parallel.possible_agents)
+        counts = [len(names) for names in self.parallel.action_names.values()]
         self._counts = counts
-        self.action_space = spaces.Discrete(counts[0] * counts[1]) if flat_actions else PairOfActions(counts)
+        self.action_space = spaces.Discrete(int(np.prod(counts))) if flat_actions else PairOfActions(counts)
         self.observation_space = spaces.Dict(
             {
                 f"{name}_{key}": space
-                for name in AGENTS
+                for name in self._robots
                 for key, space in self.parallel.observation_space(name).spaces.items()
             }
         )
@@ -85,14 +87,14 @@ class JointEnv(gymnasium.Env):
         return _joined(observations), _info(infos)
 
     def step(self, action: Any) -> Step:
-        """Let both robots act once.
+        """Let all robots act once.
 
         Raises:
             ActionError: the action does not lie in the action space.
             NotResetError: there is no episode to go on with.
         """
         observations, rewards, terminated, truncated, infos = self.parallel.step(self._split(action))
-        robot = AGENTS[0]
+        robot = self._robots[0]
         cut = _truncated(self, truncated[robot])
         return _joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
 
@@ -104,13 +106,14 @@ class JointEnv(gymnasium.Env):
         if self.flat_actions:
             if numbers.size != 1 or numbers.dtype.kind not in "iu" or not 0 <= numbers.item() < np.prod(self._counts):
                 raise ActionError(f"action {action!r} is not a whole number from 0 to {np.prod(self._counts) - 1}")
-            return dict(zip(AGENTS, (int(n) for n in divmod(numbers.item(), self._counts[1])), strict=True))
-        if numbers.shape != (2,):
-            raise ActionError(f"action {action!r} is not a pair of numbers, one for each of {list(AGENTS)}")
-        return {name: numbers[index] for index, name in enumerate(AGENTS)}
+            chosen = np.unravel_index(numbers.item(), self._counts)
+            return {name: int(number) for name, number in zip(self._robots, chosen, strict=True)}
+        if numbers.shape != (len(self._robots),):
+            raise ActionError(f"action {action!r} is not one number for each of {list(self._robots)}")
+        return {name: numbers[index] for index, name in enumerate(self._robots)}
 
     def render(self) -> np.ndarray | None:
-        """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
+        """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 
     def close(self) -> None:
@@ -119,10 +122,9 @@ class JointEnv(gymnasium.Env):
 
 
 class HumanoidEnv(gymnasium.Env):
-    """The humanoid as the only agent; the drone follows the search policy.
+    """The humanoid, or the first robot that grasps, as the only agent; the others follow the search policy.
 
-    Observation: the humanoid's keys without a prefix. Action: ``Discrete(10)``. Info: the
-    humanoid's, with ``is_success``.
+    Observation: its keys without a prefix. Action: ``Discrete(10)``. Info: its own, with ``is_success``.
 
     >>> env = gymnasium.make("CHMARL/SceneGraphHumanoid-v0", split="val-unseen")
     >>> observation, info = env.reset(seed=0)
@@ -136,10 +138,13 @@ class HumanoidEnv(gymnasium.Env):
         """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
-        self.action_space = self.parallel.action_space("humanoid")
-        self.observation_space = self.parallel.observation_space("humanoid")
-        self._drone = DroneSearch(self.parallel.action_names["drone"], self.parallel.rooms)
-        self._drone_action = 0
+        names = self.parallel.action_names
+        self._robot = next(name for name in names if grasps(names[name]))
+        self.action_space = self.parallel.action_space(self._robot)
+        self.observation_space = self.parallel.observation_space(self._robot)
+        searches = SearchPolicy(names, self.parallel.rooms).searches
+        self._others = {name: search for name, search in searches.items() if name != self._robot}
+        self._other_actions: dict[str, int] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
@@ -156,27 +161,34 @@ class HumanoidEnv(gymnasium.Env):
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         super().reset(seed=None if seed is None else checked_seed(seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
-        self._drone.reset(seed)
-        self._drone_action = self._drone.act(observations["drone"], infos["drone"])
-        return observations["humanoid"], _alone(infos)
+        for search in self._others.values():
+            search.reset(seed)
+        self._choose(observations, infos)
+        return observations[self._robot], _alone(infos[self._robot])
 
     def step(self, action: Any) -> Step:
-        """Let the humanoid act once, and the drone by itself.
+        """Let the robot act once, and the others by themselves.
 
         Raises:
             ActionError: the action does not lie in the action space.
             NotResetError: there is no episode to go on with.
         """
-        results = self.parallel.step({"humanoid": action, "drone": self._drone_action})
+        robot = self._robot
+        results = self.parallel.step({**self._other_actions, robot: action})
         observations, rewards, terminated, truncated, infos = results
         # Chosen here rather than in the next step, which may refuse its action and be called again.
-        self._drone_action = self._drone.act(observations["drone"], infos["drone"])
-        robot = "humanoid"
+        self._choose(observations, infos)
         cut = _truncated(self, truncated[robot])
-        return observations[robot], rewards[robot], terminated[robot], cut, _alone(infos)
+        return observations[robot], rewards[robot], terminated[robot], cut, _alone(infos[robot])
+
+    def _choose(self, observations: dict[str, dict[str, np.ndarray]], infos: dict[str, Info]) -> None:
+        """Let the others choose their next actions."""
+        self._other_actions = {
+            name: search.act(observations[name], infos[name]) for name, search in self._others.items()
+        }  # fmt: skip
 
     def render(self) -> np.ndarray | None:
-        """Return or show both robots' pictures; see :meth:`HouseholdEnv.render`."""
+        """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 
     def close(self) -> None:
@@ -218,12 +230,12 @@ def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:
 
 
 def _joined(observations: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    return {f"{name}_{key}": value for name in AGENTS for key, value in observations[name].items()}
+    return {f"{name}_{key}": value for name, observation in observations.items() for key, value in observation.items()}
 
 
 def _info(infos: dict[str, Info]) -> Info:
-    return {**infos, "is_success": infos[AGENTS[0]]["success"]}
+    return {**infos, "is_success": next(iter(infos.values()))["success"]}
 
 
-def _alone(infos: dict[str, Info]) -> Info:
-    return {**infos["humanoid"], "is_success": infos["humanoid"]["success"]}
+def _alone(info: Info) -> Info:
+    return {**info, "is_success": info["success"]}

@@ -11,6 +11,8 @@ from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.sources import name_of
 from chmarl_pb.rendering.registry import RENDERERS
+from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
@@ -51,6 +53,8 @@ class Options:
         render_mode: None, "rgb_array" or "human".
         renderer: "fast", or "tiny" for plain TinyRenderer: the same pictures, far slower.
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
+        robots: one to eight robots in the order in which they act: names of the package's, paths of robot files, or
+            :class:`RobotModel` objects.
     """
 
     observation: Observed = "scene_graph"
@@ -65,6 +69,7 @@ class Options:
     goal: bool = False
     task: str | TaskKind = "rearrange"
     renderer: str = "fast"
+    robots: tuple[str | Path | RobotModel, ...] = TEAM
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -82,6 +87,7 @@ class Options:
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
         _one_of("task", self.task, tuple(KINDS), TaskKind)
+        team_of(self.robots)
         if self.goal and self.kind.objects != 1:
             raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
         _whole("max_steps", self.max_steps, 1, 1_000_000)
@@ -126,6 +132,11 @@ class Options:
         return KINDS[self.task] if isinstance(self.task, str) else self.task
 
     @property
+    def models(self) -> dict[str, RobotModel]:
+        """Agent -> what is known of its kind of robot."""
+        return team_of(self.robots)
+
+    @property
     def homes(self) -> tuple[str, ...]:
         """The homes that episodes are played in."""
         return SPLIT_HOMES[self.split] if self.home is None else (str(self.home),)
@@ -145,6 +156,12 @@ class Options:
 
 def _plain(value: Any) -> Any:
     """Return a value of an option as plain data: objects by the name of their class, with the fields of a dataclass."""
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, RobotModel):
+        return value.name
+    if isinstance(value, Path):
+        return str(value)
     if value is None or isinstance(value, str | bool | int):
         return value
     return f"{type(value).__module__}:{value!r}" if is_dataclass(value) else name_of(value)

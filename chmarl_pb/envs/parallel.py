@@ -1,4 +1,4 @@
-"""The core environment: a PettingZoo ParallelEnv of the humanoid and the drone in one home."""
+"""The core environment: a PettingZoo ParallelEnv of the robots in one home, by default a humanoid and a drone."""
 
 import warnings
 from functools import partial
@@ -15,6 +15,7 @@ from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, execute
 from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.robot import decide
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import Messages
@@ -26,22 +27,20 @@ from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import World
 
-AGENTS = ("humanoid", "drone")
-
 Results = tuple[
     dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
 ]  # fmt: skip
 
 
 class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
-    """A humanoid and a drone search a home together; the humanoid brings X to Y.
+    """Robots search a home together, by default a humanoid and a drone; one with an arm brings X to Y.
 
     **Task**: an instruction names an object X and a receptacle Y ("Put the mug on the desk").
     **Observation**: what each robot sees (scene graph or picture), the instruction, its feedback,
     the messages, and its own room, heading and hand; with ``goal``, what the instruction asks for.
     **Actions**: one number for each robot, see ``action_names``; actions that cannot be done change nothing.
     **Reward**: shared, phi(s') - phi(s), see :func:`chmarl_pb.tasks.outcome.potential`.
-    **End**: success terminates both robots, ``max_steps`` truncates both.
+    **End**: success terminates all robots, ``max_steps`` truncates all.
 
     >>> env = chmarl_pb.parallel_env(split="val-unseen")
     >>> observations, infos = env.reset(seed=0)
@@ -70,12 +69,14 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         Raises:
             OptionError: an argument has a value that it does not know.
             HomeError: a home cannot be used.
+            AssetError: a robot cannot be used.
         """
         self.options = Options(observation, **options)
         self.render_mode = self.options.render_mode
         if self.render_mode == "human":
             open_display()
-        self.possible_agents = list(AGENTS)
+        self._models = self.options.models
+        self.possible_agents = list(self._models)
         self.agents: list[str] = []
         self._tasks = TaskSource(self.options.split, self.options.home, self.options.kind)
         self._stages: dict[str, Stage] = {}
@@ -84,10 +85,10 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._observer = Observer(self.options, self.rooms)
         self._channel, self._adviser, self._kind = self.options.channel, self.options.adviser, self.options.kind
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
-        self.observation_spaces = {name: self.observation_space(name) for name in AGENTS}
-        self.action_spaces = {name: self.action_space(name) for name in AGENTS}
+        self.observation_spaces = {name: self.observation_space(name) for name in self.possible_agents}
+        self.action_spaces = {name: self.action_space(name) for name in self.possible_agents}
         said = self._channel.begin(self.rooms).size
-        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(said),), np.float32)
+        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self._models), said),), np.float32)
         self._masks = {name: np.ones(len(names), dtype=np.int8) for name, names in self.action_names.items()}
         self._rng = np.random.default_rng()
         self.snapshots: tuple[Snapshot, ...] = ()
@@ -140,13 +141,13 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.instruction = self._kind.instruction(self.task)
         self._instruction_tokens = self._observer.tokens(self.instruction)
         self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
-        self.agents, self.steps, self.snapshots = list(AGENTS), 0, ()
+        self.agents, self.steps, self.snapshots = list(self._models), 0, ()
         if self._adviser:
             self._adviser.begin(self.stage, self.task, self.setting.goals)
-        return self._observe({}, dict.fromkeys(AGENTS, True))
+        return self._observe({}, dict.fromkeys(self._models, True))
 
     def step(self, actions: dict[str, int]) -> Results:
-        """Let both robots act once.
+        """Let all robots act once.
 
         Args:
             actions: robot -> number of its action.
@@ -164,7 +165,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.world.sync()  # who reads poses from world.client finds every body where it is in the state
         previous, self.outcome = self.outcome, self._look()
         self.messages = self._say(self.messages)
-        gained = reward(previous, self.outcome)
+        shared_reward = reward(previous, self.outcome)
         feedback = self._adviser.after(succeeded, self.steps) if self._adviser else {}
         self.steps += 1
         terminated = self.outcome.success
@@ -176,15 +177,15 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         observations, infos = self._observe(feedback, succeeded)
         return (
             observations,
-            dict.fromkeys(AGENTS, gained),
-            dict.fromkeys(AGENTS, terminated),
-            dict.fromkeys(AGENTS, truncated),
+            dict.fromkeys(self._models, shared_reward),
+            dict.fromkeys(self._models, terminated),
+            dict.fromkeys(self._models, truncated),
             infos,
         )
 
     def go_on(self) -> None:
         """Let an episode that was truncated go on: somebody else counts its steps."""
-        self.agents = list(AGENTS)
+        self.agents = list(self._models)
 
     def action_name(self, robot: str, action: Any) -> str:
         """Return the name of a robot's action.
@@ -212,12 +213,12 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return global_state(self.stage, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:
-        """Return both robots' pictures side by side (H, 2 H, 3); with "human", show them in a window."""
+        """Return the robots' pictures side by side (H, robots * H, 3); with "human", show them in a window."""
         if self.render_mode is None:
             raise OptionError("render() needs render_mode='rgb_array' or 'human'; give it when making the environment")
         if not hasattr(self, "outcome"):
             raise NotResetError("render() before reset(); call reset() first")
-        picture = side_by_side(self.stage.renderer, max(self.options.image_size, 256))
+        picture = side_by_side(self.stage.renderer, self._models, max(self.options.image_size, 256))
         if self.render_mode == "rgb_array":
             return picture
         show(picture, self.instruction)
@@ -245,7 +246,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     def _enter(self, home: str) -> Stage:
         """Return the stage of a home, loaded at its first use."""
         if home not in self._stages:
-            stage = Stage(home, self.options.renderer)
+            stage = Stage(home, self._models, self.options.renderer)
             first = next(iter(self._stages.values()), stage)
             if stage.rooms != first.rooms:
                 stage.close()
@@ -260,22 +261,18 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Return robot -> name of its action."""
         if not self.agents:
             raise NotResetError("step() without a running episode; call reset() first")
-        if not isinstance(actions, dict) or actions.keys() != set(AGENTS):
-            raise ActionError(f"actions {actions!r} are not a dict with one action for each of {list(AGENTS)}")
-        return {name: self.action_name(name, actions[name]) for name in AGENTS}
+        if not isinstance(actions, dict) or actions.keys() != self._models.keys():
+            raise ActionError(f"actions {actions!r} are not a dict with one action for each of {self.agents}")
+        return {name: self.action_name(name, actions[name]) for name in self._models}
 
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
-        seen = self.outcome.seen["humanoid"]
-        goal = target_of(self.setting.goals, self.outcome.state, "humanoid", seen)
-        return {
-            "humanoid": self.stage.humanoid.plan(names["humanoid"], goal, seen),
-            "drone": self.stage.drone.plan(names["drone"]),
-        }
+        outcome, goals = self.outcome, self.setting.goals
+        wanted = {name: target_of(goals, outcome.state, name, outcome.seen[name]) for name in self.setting.graspers}
+        return decide(self.stage.robots, names, wanted, outcome.seen)
 
     def _look(self) -> Outcome:
-        stage, state = self.stage, self.world.state
-        seen = {name: stage.renderer.visible(name) for name in AGENTS}
-        return self._kind.judge(state, self.setting, seen, stage.room_names[state.robots["humanoid"].room])
+        seen = {name: self.stage.renderer.visible(name) for name in self._models}
+        return self._kind.judge(self.world.state, self.setting, seen)
 
     def _say(self, messages: Messages) -> Messages:
         """Return what has been said when the robots have told each other of the outcome."""
@@ -289,17 +286,17 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Return the robots' observations and infos."""
         outcome, stage, state = self.outcome, self.stage, self.outcome.state
         observations, infos = {}, {}
-        for name in AGENTS:
-            told = feedback.get(name, "")
+        for name in self._models:
+            advice = feedback.get(name, "")
             view = View(
-                name, self.action_names[name], state, stage.room_names[state.robots[name].room], stage.renderer,
-                stage.graphs, outcome.seen[name], self.setting.states, self.rooms, self.instruction, told,
-                self._channel.hear(self.messages, name, self._rng), succeeded[name], self._rng,
+                name, self._models, self.action_names[name], state, stage.room_names[state.robots[name].room],
+                stage.renderer, stage.graphs, outcome.seen[name], self.setting.states, self.rooms, self.instruction,
+                advice, self._channel.hear(self.messages, name, self._rng), succeeded[name], self._rng,
             )  # fmt: skip
             observations[name], texts = self._observer.observe(stage, view, self._instruction_tokens, self._wanted)
             infos[name] = {
                 "instruction": self.instruction,
-                "feedback": told,
+                "feedback": advice,
                 "action_success": succeeded[name],
                 "success": outcome.success,
                 "potential": outcome.potential,

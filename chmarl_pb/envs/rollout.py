@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pettingzoo import AECEnv
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.policy import Infos, Observations, Policy
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -64,7 +64,7 @@ def rollout(
 
     Args:
         env: a ParallelEnv of this package, or wrappers around one (of PettingZoo, SuperSuit or your own).
-        policy: drives both robots.
+        policy: drives all robots.
         seed: of the environment's reset and of the policy.
         task: the task to play, or its id; drawn by the environment if None.
         on_step: watches.
@@ -81,8 +81,8 @@ def rollout(
     while env.agents:
         chosen = policy.act(observations, infos)
         observations, reward, _, _, infos = env.step(chosen)
-        actions.append({name: int(chosen[name]) for name in AGENTS})
-        rewards.append(reward[AGENTS[0]])
+        actions.append({name: int(chosen[name]) for name in core.possible_agents})
+        rewards.append(reward[core.possible_agents[0]])
         all_observations.append(observations)
         all_infos.append(infos)
         watch(core)

@@ -13,21 +13,23 @@ from chmarl_pb.tasks.targets import target_of
 _NEAREST_TARGETS = 3
 
 
-def state_size(said: int) -> int:
-    """Return the length of the state vector when messages are so many numbers."""
-    return 2 * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
+def state_size(robots: int, said: int) -> int:
+    """Return the length of the state vector of so many robots when messages are so many numbers."""
+    return robots * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
 
 
 def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Messages, elapsed: float) -> np.ndarray:
     """Return the state vector, float32, all entries about in [-1, 1].
 
-    In order: x, y, cosine and sine of the heading of the humanoid and of the drone; x, y, z of X; x,
-    y, z of the three targets nearest to the humanoid (zeros where there are fewer); messages; holding,
+    In order: x, y, cosine and sine of the heading of each robot; x, y, z of X; x, y, z of the three
+    targets nearest to the robot that grasps (zeros where there are fewer); messages; holding,
     success, potential / 10, share of the steps that are gone; one-hot classes of X and Y. With
-    several objects, X is the one that Pick and Place are about, and potential is the mean. Positions
+    several objects, X is the one that Pick and Place are about, and potential is the mean. With
+    several robots that can grasp, it is the one that holds something, else the first. Positions
     are relative to the home's middle, over half its larger side.
     """
-    goal = target_of(setting.goals, outcome.state, "humanoid", outcome.seen["humanoid"])
+    grasper = next(iter(outcome.state.grips), setting.graspers[0])
+    goal = target_of(setting.goals, outcome.state, grasper, outcome.seen[grasper])
     low, high = stage.home.bounds
     middle, scale = (low + high) / 2, float((high - low).max()) / 2
 
@@ -39,7 +41,7 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
     for robot in outcome.state.robots.values():
         angle = heading_angle(robot.heading)
         parts += [*point(*robot.base[0])[:2], np.cos(angle), np.sin(angle)]
-    x, y, _ = outcome.state.robots["humanoid"].base[0]
+    x, y, _ = outcome.state.robots[grasper].base[0]
     parts += point(*stage.world.grip(goal.item))
     centres = np.array([stage.home.receptacles[name].centre for name in goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]

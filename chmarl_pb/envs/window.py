@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Iterable
 from typing import Any
 
 import cv2
@@ -12,7 +13,6 @@ from chmarl_pb.extras import needs
 from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.world import quiet
 
-_LABELS = {"humanoid": "humanoid", "drone": "drone"}
 _NO_DISPLAY = (
     "render_mode='human' found no display to open a window on; use render_mode='rgb_array', or set the environment "
     "variable SDL_VIDEODRIVER=dummy for a window that nobody sees, as for gymnasium's check_env"
@@ -24,11 +24,11 @@ _BY_OPENGL = ("x11", "offscreen")
 _windows: list[Any] = []  # the surface of the one window that this process has opened, if it has
 
 
-def side_by_side(renderer: Renderer, size: int) -> np.ndarray:
-    """Return the pictures of both robots next to each other, (size, 2 size, 3) uint8."""
+def side_by_side(renderer: Renderer, robots: Iterable[str], size: int) -> np.ndarray:
+    """Return the pictures of robots next to each other, (size, robots * size, 3) uint8."""
     pictures = []
-    for robot, label in _LABELS.items():
-        picture = renderer.image(robot, size)
+    for label in robots:
+        picture = renderer.image(label, size)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 3, cv2.LINE_AA)
         cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
         pictures.append(picture)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import chmarl_pb
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import OnStep, rollout
 from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation.provenance import home_hash
@@ -14,10 +14,12 @@ from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.replay import ReplayPolicy
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.robots.registry import TEAM
+from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb episode 1"
 _OPTIONS = ("observation", "messages", "feedback", "max_steps", "image_size", "execution")
+_DEFAULTS: dict[str, Any] = {"robots": TEAM, "task": "rearrange"}  # options that are there if they are others
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,9 @@ class EpisodeFile:
         task: the task.
         policy: name of the policy that played it.
         seed: of the policy.
-        options: of the environment: observation, messages, feedback, max_steps, image_size, execution.
-        actions: T times the numbers of the humanoid's and the drone's action.
+        options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots and
+            task where they are not the benchmark's.
+        actions: T times the number of each robot's action.
         rewards: T shared rewards.
         states: T + 1 state hashes, the first after the reset.
         success: whether X stands on Y at the end.
@@ -38,7 +41,7 @@ class EpisodeFile:
         format: of the file.
     """
 
-    task: Task
+    task: AnyTask
     policy: str
     seed: int | None
     options: dict[str, Any]
@@ -56,29 +59,23 @@ def record_episode(
     policy: Policy,
     name: str,
     seed: int | None,
-    task: Task | str,
+    task: AnyTask | str,
     on_step: OnStep = lambda env: None,
 ) -> EpisodeFile:
     """Play an episode and return its file.
 
     Args:
         env: to play in.
-        policy: drives both robots.
+        policy: drives the robots.
         name: of the policy, for the file.
         seed: of the policy.
         task: the task to play, or its id.
         on_step: watches, see :func:`chmarl_pb.envs.rollout.rollout`.
 
     Raises:
-        OptionError: the environment was given objects, or plays another kind of task.
+        OptionError: the environment was given objects.
     """
-    options = {option: getattr(env.options, option) for option in _OPTIONS}
-    options["observation"] = env.options.observation_name
-    plain = ":" not in options["observation"] and all(isinstance(value, str | int) for value in options.values())
-    if not plain or env.options.task != "rearrange":
-        raise OptionError(
-            "episode files hold the benchmark's own tasks, sensors, channels and advisers; record others yourself"
-        )
+    options = _plain_options(env)
     states: list[str] = []
 
     def note(env: HouseholdEnv) -> None:
@@ -86,11 +83,25 @@ def record_episode(
         on_step(env)
 
     episode = rollout(env, policy, seed, task, note)
-    actions = tuple(tuple(chosen[robot] for robot in AGENTS) for chosen in episode.actions)
+    actions = tuple(tuple(chosen[robot] for robot in env.possible_agents) for chosen in episode.actions)
     home = home_hash(episode.task.home)
     rewards = tuple(episode.rewards.tolist())
-    assert isinstance(episode.task, Task)  # as the options say
     return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home)
+
+
+def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
+    """Return what an environment was made with, as plain data."""
+    given = env.options
+    options = {option: getattr(given, option) for option in _OPTIONS} | {"observation": given.observation_name}
+    robots = tuple(str(robot) if isinstance(robot, Path) else robot for robot in given.robots)
+    others = {"robots": robots, "task": given.task}
+    names = (*options.values(), *robots, given.task)
+    if ":" in options["observation"] or not all(isinstance(name, str | int) for name in names):
+        raise OptionError(
+            "episode files hold names of sensors, channels, advisers, robots and tasks, no objects; record those "
+            "yourself"
+        )
+    return options | {name: value for name, value in others.items() if value != _DEFAULTS[name]}
 
 
 def replay_episode(file: EpisodeFile) -> str | None:
@@ -113,7 +124,7 @@ def _first_difference(file: EpisodeFile, again: EpisodeFile, names: dict[str, tu
     if file.states[0] != again.states[0]:
         return "the state differs at the start, before any action"
     for step, numbers in enumerate(file.actions, start=1):
-        doing = ", ".join(f"{robot} {names[robot][number]}" for robot, number in zip(AGENTS, numbers, strict=True))
+        doing = ", ".join(f"{robot} {names[robot][number]}" for robot, number in zip(names, numbers, strict=True))
         if step >= len(again.states):
             return f"the episode ends after step {step - 1} of {len(file.actions)}"
         if file.states[step] != again.states[step]:
@@ -154,7 +165,8 @@ def _parse(data: dict[str, Any]) -> EpisodeFile:
     file = EpisodeFile(**data)
     file = replace(
         file,
-        task=Task(**data["task"]),
+        task=task_of(data["task"]),
+        options={name: tuple(value) if name == "robots" else value for name, value in data["options"].items()},
         actions=tuple(tuple(map(int, numbers)) for numbers in file.actions),
         rewards=tuple(map(float, file.rewards)),
         states=tuple(map(str, file.states)),
@@ -162,10 +174,11 @@ def _parse(data: dict[str, Any]) -> EpisodeFile:
     steps = len(file.actions)
     if len(file.states) != steps + 1 or len(file.rewards) != steps:
         raise ValueError(f"{steps} actions, {len(file.rewards)} rewards and {len(file.states)} states do not fit")
-    if any(len(numbers) != len(AGENTS) for numbers in file.actions):
-        raise ValueError(f"an action is not {len(AGENTS)} numbers")
+    robots = file.options.get("robots", TEAM)
+    if any(len(numbers) != len(robots) for numbers in file.actions):
+        raise ValueError(f"an action is not {len(robots)} numbers")
     if not (file.seed is None or (isinstance(file.seed, int) and file.seed >= 0)):
         raise ValueError(f"its seed {file.seed!r} is not a whole number from 0 on")
-    if set(file.options) != set(_OPTIONS):
+    if set(file.options) - set(_DEFAULTS) != set(_OPTIONS):
         raise ValueError(f"its options are {sorted(file.options)}, not {sorted(_OPTIONS)}")
     return file

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
+from chmarl_pb.evaluation.optimum import Optimum, optimum, plays_with_team
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 RESAMPLES = 2000
@@ -26,7 +28,8 @@ class Played:
         steps: L, joint steps taken.
         success: whether X stood on Y at the end.
         potential: phi at the end.
-        actions: the numbers of both robots' actions in every step.
+        actions: the numbers of the robots' actions in every step.
+        optimum: of a success with other robots than the benchmark's, their L*; else the task has it.
     """
 
     task: AnyTask
@@ -35,6 +38,7 @@ class Played:
     success: bool
     potential: float
     actions: tuple[tuple[int, ...], ...] = ()
+    optimum: Optimum | None = None
 
     @property
     def job(self) -> tuple[AnyTask, int]:
@@ -44,7 +48,12 @@ class Played:
     @property
     def score(self) -> float:
         """The episode's share of PLW."""
-        return path_weighted(self.success, self.steps, self.task.optimal_steps)
+        return path_weighted(self.success, self.steps, self.optimal_steps)
+
+    @property
+    def optimal_steps(self) -> int:
+        """L* of the robots; of other robots than the benchmark's only where they have solved the task."""
+        return self.optimum.steps if self.optimum else self.task.optimal_steps
 
 
 @dataclass(frozen=True)
@@ -99,10 +108,20 @@ def path_weighted(success: bool, steps: int, optimal_steps: int) -> float:
     return optimal_steps / max(steps, optimal_steps) if success else 0.0
 
 
-def played(episode: Episode, seed: int) -> Played:
-    """Return what results keep of an episode."""
+def score_now(env: HouseholdEnv, episode: Episode) -> float:
+    """Return the share of PLW of an episode that an environment has just played."""
+    return path_weighted(True, len(episode), optimum(env).steps) if episode.success else 0.0
+
+
+def played(env: HouseholdEnv, episode: Episode, seed: int) -> Played:
+    """Return what results keep of an episode that an environment has just played.
+
+    Raises:
+        TaskError: other robots than the benchmark's have solved a task that the planner cannot solve with them.
+    """
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
-    return Played(episode.task, seed, episode.steps, episode.success, float(episode.potential), actions)
+    shortest = optimum(env) if episode.success and not plays_with_team(env) else None
+    return Played(episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest)
 
 
 def summarize(episodes: Sequence[Played], intervals: bool = True) -> Summary:

@@ -76,7 +76,8 @@ class Player:
     def play(self, job: Job) -> Played:
         """Play one job; its result does not depend on those before it."""
         task, seed = job
-        return played(rollout(self.env, self.policy, episode_seed(task, seed), task), seed)
+        episode = rollout(self.env, self.policy, episode_seed(task, seed), task)
+        return played(core_of_parallel(self.env), episode, seed)
 
     def close(self) -> None:
         """Disconnect from physics."""

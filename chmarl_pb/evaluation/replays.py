@@ -1,13 +1,15 @@
-"""The report's replays: chosen episodes played again and drawn as a plan of the home with both robots' ways."""
+"""The report's replays: chosen episodes played again and drawn as a plan of the home with the robots' ways."""
 
 import hashlib
 import json
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import AssetError
 from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode, save_episode
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import episode_seed
@@ -29,16 +31,14 @@ Place = tuple[float, float]
 class _Ways:
     """Where the robots and X have been, one place for the start and for each step."""
 
-    robots: dict[str, list[Place]] = field(default_factory=lambda: {"humanoid": [], "drone": []})
+    robots: dict[str, list[Place]] = field(default_factory=lambda: defaultdict(list))
     items: list[Place] = field(default_factory=list)
 
     def note(self, env: HouseholdEnv) -> None:
-        stage = env.stage
-        x, y, _ = stage.humanoid.lattice.pose(stage.humanoid.pose)
-        self.robots["humanoid"].append((float(x), float(y)))
-        drone = stage.drone.lattice.points[stage.drone.pose]
-        self.robots["drone"].append((float(drone[0]), float(drone[1])))
-        place = stage.world.grip(env.setting.goal.item)
+        for name, robot in env.stage.robots.items():
+            x, y, _ = robot.lattice.pose(robot.pose)
+            self.robots[name].append((float(x), float(y)))
+        place = env.world.grip(env.setting.goal.item)
         self.items.append((float(place[0]), float(place[1])))
 
 
@@ -64,14 +64,17 @@ def replays(reports: Iterable[Report], folder: Path) -> str:
 def _card(report: Report, episode: Played, folder: Path) -> str:
     ending = f"solved in {episode.steps} steps" if episode.success else f"failed after {episode.steps} steps"
     name = f"{title_of(report)}, {report.settings['observation'].replace('_', ' ')}"
-    title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.task.optimal_steps})"
+    title = f"{name}: {episode.task.id}, seed {episode.seed}, {ending} (L* {episode.optimal_steps})"
     head = f"<summary>{escape(title)}</summary>"
     home = episode.task.home
-    if report.changed or not isinstance(episode.task, Task):
-        return f"<details>{head}<p>Played in a changed environment: {escape(report.changed)}.</p></details>"
+    if report.foreign or not isinstance(episode.task, Task):
+        return f"<details>{head}<p>Played in a changed environment: {escape(report.foreign)}.</p></details>"
     if report.settings["homes_sha256"].get(home) != home_hash(home):
         return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"
-    env = HouseholdEnv(report.settings["observation"], home=home, **report.settings["options"])
+    try:
+        env = HouseholdEnv(report.settings["observation"], home=home, **report.settings["options"])
+    except AssetError as error:  # robots that are not here
+        return f"<details>{head}<p>{escape(str(error))}</p></details>"
     try:
         ways, policy = _Ways(), ReplayPolicy(episode.actions, env)
         seed = episode_seed(episode.task, episode.seed)
@@ -104,16 +107,18 @@ def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:
             f"<td>{kinds[number].replace('_', ' ')}</td>" for kinds, number in zip(names, numbers, strict=True)
         )
         rows.append(f"<tr><td>{step}</td>{actions}<td>{f'{reward:+.0f}' if reward else 0}</td></tr>")
-    head = "<tr><th>step</th><th>humanoid</th><th>drone</th><th>reward</th></tr>"
+    robots = "".join(f'<th class="r{place}">{escape(name)}</th>' for place, name in enumerate(env.action_names))
+    head = f"<tr><th>step</th>{robots}<th>reward</th></tr>"
     return f'<div class="scroll"><table class="steps"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
 
 
 def _drawing(env: HouseholdEnv, ways: _Ways) -> str:
-    """Return a plan of the home as SVG: furniture, targets, both ways, X at its start and end."""
+    """Return a plan of the home as SVG: furniture, targets, the robots' ways, X at its start and end."""
     plan = _Plan(env.stage.home)
     goals = set(env.setting.goal.receptacles)
     parts = plan.home_shapes(goals)
-    parts += [plan.way(ways.robots["drone"], "drone"), plan.way(ways.robots["humanoid"], "humanoid")]
+    for place, (name, model) in reversed(list(enumerate(env.stage.models.items()))):
+        parts.append(plan.way(ways.robots[name], name, f"r{place}{' flies' if model.flies else ''}"))
     (x, y), (u, v) = plan.pixel(ways.items[0]), plan.pixel(ways.items[-1])
     parts.append(f'<circle class="item" cx="{x:.0f}" cy="{y:.0f}" r="7"><title>X at the start</title></circle>')
     parts.append(f'<circle class="item end" cx="{u:.0f}" cy="{v:.0f}" r="7"><title>X at the end</title></circle>')
@@ -150,11 +155,11 @@ class _Plan:
         points = " ".join(f"{x:.0f},{y:.0f}" for x, y in corners)
         return f'<polygon class="{kind}" points="{points}"><title>{escape(name)}</title></polygon>'
 
-    def way(self, places: Sequence[Place], robot: str) -> str:
+    def way(self, places: Sequence[Place], robot: str, kind: str) -> str:
         """Return a robot's way: a line, a dot for each step, a ring at its start."""
         dots = [self.pixel(place) for place in places]
         line = " ".join(f"{x:.0f},{y:.0f}" for x, y in dots)
         marks = "".join(f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5"/>' for x, y in dots)
         start = f'<circle class="start" cx="{dots[0][0]:.0f}" cy="{dots[0][1]:.0f}" r="8"/>'
-        title = f"<title>{robot}</title>"
-        return f'<g class="{robot}">{title}<polyline points="{line}"/>{marks}{start}</g>'
+        title = f"<title>{escape(robot)}</title>"
+        return f'<g class="{kind}">{title}<polyline points="{line}"/>{marks}{start}</g>'

@@ -11,6 +11,7 @@ from typing import Any
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
+from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
@@ -54,11 +55,22 @@ class Report:
 
     @property
     def changed(self) -> str:
-        """Names of the environment and of the objects that are not the benchmark's own; empty if there are none."""
+        """Names of the environment, robots and objects that are not the benchmark's own; empty if there are none."""
+        robots = self.settings["options"].get("robots")
+        return ", ".join(part for part in (self.foreign, f"robots {', '.join(robots)}" if robots else "") if part)
+
+    @property
+    def foreign(self) -> str:
+        """Names of the environment and of the objects that the settings do not hold; empty if there are none."""
         options = (self.settings["observation"], *self.settings["options"].values())
         names = [self.settings["env"]["name"]] if "env" in self.settings else []
         names += [f"task {name}" for name in (self.settings["options"].get("task"),) if name]
         return ", ".join([*names, *(value for value in options if isinstance(value, str) and ":" in value)])
+
+    @property
+    def bounded(self) -> int:
+        """Number of the solved episodes whose L* is an upper bound, so that their share of PLW is one, too."""
+        return sum(episode.optimum is not None and not episode.optimum.proven for episode in self.episodes)
 
     @cached_property
     def cooperation(self) -> Cooperation | None:
@@ -154,14 +166,16 @@ def _json(value: Any) -> str:
 
 
 def episode_row(episode: Played) -> dict[str, Any]:
-    """Return an episode as plain data for JSON."""
-    return asdict(episode)
+    """Return an episode as plain data for JSON; L* only where the task does not have it."""
+    row = asdict(episode)
+    return row if episode.optimum else {name: value for name, value in row.items() if name != "optimum"}
 
 
 def episode_of(row: dict[str, Any]) -> Played:
     """Return the episode of a row that ``episode_row`` made."""
     actions = tuple(tuple(pair) for pair in row["actions"])
-    return replace(Played(**row), task=task_of(row["task"]), actions=actions)
+    optimum = Optimum(**row["optimum"]) if "optimum" in row else None
+    return replace(Played(**row), task=task_of(row["task"]), actions=actions, optimum=optimum)
 
 
 def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:

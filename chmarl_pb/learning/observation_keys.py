@@ -5,13 +5,17 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from chmarl_pb.envs.parallel import AGENTS
+from chmarl_pb.robots.file import packaged
+from chmarl_pb.robots.registry import MOST, TEAM
 
 NODE_CLASS, NODE_STATE, EDGES = GRAPH = ("node_class", "node_state", "edges")
 INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
 MESSAGES, SELF, GOAL = "messages", "self", "goal"
 
-PREFIXES = ("", *(f"{name}_" for name in AGENTS))
+_KINDS = dict.fromkeys((*TEAM, *packaged()))
+_NUMBERS = ("", *(f"{number}_" for number in range(MOST)))  # where a kind repeats
+#: What stands before the keys of the package's robots where all robots are seen as one; before others nothing is known.
+PREFIXES = ("", *(f"{kind}_{number}" for kind in _KINDS for number in _NUMBERS))
 _MOST_IDS = 2**16  # of a table of embeddings; larger numbers are no ids
 
 

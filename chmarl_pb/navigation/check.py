@@ -8,7 +8,7 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.navigation.free_space import Size, Space, grip_point, space_of
 
-#: Most furniture and scenery of one home: a scene graph has room for these, the objects and the robots.
+#: Most furniture and scenery of one home: a scene graph has room for these, the objects and two robots.
 MOST_THINGS = 64
 #: Most rooms of one home, for the same reason.
 MOST_ROOMS = 8
@@ -59,12 +59,12 @@ def check_home(name_or_path: str | Path) -> HomeReport:
     return HomeReport(home, places, tuple(problems))
 
 
-def limits(home: Home) -> list[str]:
-    """Return a sentence for each thing about a home for which no environment can play in it."""
-    problems = []
+def limits(home: Home, robots: int = 2) -> list[str]:
+    """Return a sentence for each thing about a home for which no environment of so many robots can play in it."""
+    problems, most_things = [], MOST_THINGS - max(0, robots - 2)
     if not home.goto_rooms:
         problems.append(f"no room is one of {', '.join(catalog.ROOM_KINDS)}; robots could not be sent anywhere")
-    for kind, count, most in (("things", len(home.things), MOST_THINGS), ("rooms", len(home.rooms), MOST_ROOMS)):
+    for kind, count, most in (("things", len(home.things), most_things), ("rooms", len(home.rooms), MOST_ROOMS)):
         if count > most:
             problems.append(f"{count} {kind}, but a scene graph has room for {most}; remove some")
     return problems

@@ -1,10 +1,12 @@
-"""Where robots can be: the humanoid's 0.25 m lattice with twelve headings, the drone's 0.5 m lattice.
+"""Where robots can be: those that drive on a 0.25 m lattice with twelve headings, those that fly on a 0.5 m lattice.
 
 The lattices are laid on the world's origin, so that they do not depend on the order of links.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +17,29 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.solids import Points, Solid, apart, inside, segments_hit
 
-SPACING = 0.25  # metres between neighbouring positions of the humanoid
+SPACING = 0.25  # metres between neighbouring positions of robots that drive
 HEADINGS = 12  # of 30 degrees each; heading 0 looks along +x, 3 along +y
 FORWARD = 0.5  # metres of one Move Forward
-FOOTPRINT_RADIUS = 0.25  # metres, of the humanoid's base with its safety margin
-BODY = (0.06, 1.7)  # metres: lower things are driven over, higher ones passed under
-
 DRONE_SPACING = 0.5
 DRONE_MOVE = 1.0
-DRONE_HEIGHT = 3.5
-DRONE_HEADING = np.pi / 2  # its forward is +y, so that its picture lies like the plan
+DRONE_HEADING = np.pi / 2  # of robots that fly: forward is +y, so that a picture lies like the plan
+
+
+class Footprint(NamedTuple):
+    """The room that a driving robot takes.
+
+    Attributes:
+        radius: of the base with its safety margin, metres.
+        low: height in metres below which things are driven over.
+        high: height in metres above which things are passed under.
+    """
+
+    radius: float = 0.25
+    low: float = 0.06
+    high: float = 1.7
+
+
+FOOTPRINT = Footprint()
 
 #: Forward moves in cells: 0.5 m along the heading, to the nearest lattice position.
 FORWARD_CELLS = np.array(
@@ -49,7 +64,7 @@ def heading_angle(heading: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """The humanoid's lattice of one home.
+    """Where robots of one footprint can drive in one home.
 
     A pose is one integer: ``position * HEADINGS + heading``.
 
@@ -60,6 +75,7 @@ class Lattice:
         rooms: (n,) index of each position's room in ``list(home.rooms)``.
         anchors: Goto room -> pose that Goto drives to.
         obstacles: what the base can touch.
+        footprint: of the robots.
     """
 
     points: Points
@@ -68,16 +84,37 @@ class Lattice:
     rooms: NDArray[np.int32]
     anchors: dict[str, int]
     obstacles: tuple[Solid, ...]
+    footprint: Footprint
+
+    steps: ClassVar[tuple[str, ...]] = ("move_forward", "turn_left", "turn_right")
 
     @cached_property
     def moves(self) -> NDArray[np.int32]:
-        """The pose (poses, rooms + 3) after each Goto, Move Forward, Turn Left and Turn Right; -1 where blocked."""
-        position, heading = np.divmod(np.arange(len(self.points) * HEADINGS), HEADINGS)
+        """The pose (poses, rooms + 3) after each Goto, then after each of ``steps``; -1 where blocked."""
+        position, heading = np.divmod(np.arange(self.count), HEADINGS)
         ahead = self.forward[position, heading]
         gotos = [np.full(len(position), pose) for pose in self.anchors.values()]
         forward = np.where(ahead < 0, -1, ahead * HEADINGS + heading)
         turns = [position * HEADINGS + (heading + turn) % HEADINGS for turn in (1, -1)]
         return np.stack([*gotos, forward, *turns], axis=1).astype(np.int32)
+
+    @property
+    def count(self) -> int:
+        """Number of poses."""
+        return len(self.points) * HEADINGS
+
+    def cell(self, pose: int) -> int:
+        """Return the position of a pose: robots on one lattice never stand in one."""
+        return pose // HEADINGS
+
+    def heading(self, pose: int) -> int:
+        """Return the heading of a pose, in steps of 30 degrees from +x."""
+        return pose % HEADINGS
+
+    def nearest(self, pose: int, taken: Collection[int]) -> int:
+        """Return the pose of the same heading in the nearest cell that is not taken; -1 if all are."""
+        cell = _nearest(self.points, self.cell(pose), taken)
+        return -1 if cell < 0 else cell * HEADINGS + self.heading(pose)
 
     @cached_property
     def _rows(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]]:
@@ -108,7 +145,7 @@ class Lattice:
         while corners[-1] != path[-1]:
             rest = path[path.index(corners[-1]) + 1 :]
             starts = np.repeat(self.points[corners[-1]][None], len(rest), axis=0)
-            free = ~_blocked(list(self.obstacles), starts, self.points[list(rest)])
+            free = ~_blocked(list(self.obstacles), starts, self.points[list(rest)], self.footprint.radius)
             free[0] = True
             corners.append(rest[int(np.flatnonzero(free)[-1])])
         return self.points[corners]
@@ -122,48 +159,82 @@ class Lattice:
 
 @dataclass(frozen=True, eq=False)
 class DroneLattice:
-    """The drone's lattice of one home: positions over its floors, at ``DRONE_HEIGHT``.
+    """Where robots can fly in one home: positions over its floors, all with the same heading.
 
     Attributes:
         points: (n, 2) positions in metres.
-        moves: (n, 4) position after a move forward, backward, left, right; -1 outside the outline.
+        neighbours: (n, 4) position after a move forward, backward, left, right; -1 outside the outline.
         rooms: (n,) index of each position's room in ``list(home.rooms)``.
         anchors: Goto room -> position above its centre.
     """
 
     points: Points
-    moves: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
     rooms: NDArray[np.int32]
     anchors: dict[str, int]
 
+    steps: ClassVar[tuple[str, ...]] = ("move_forward", "move_backward", "move_left", "move_right")
 
-def build_lattice(home: Home) -> Lattice:
-    """Derive the humanoid's lattice from the home's collision geometry.
+    @cached_property
+    def moves(self) -> NDArray[np.int32]:
+        """The position (n, rooms + 4) after each Goto, then after each of ``steps``; -1 where blocked."""
+        gotos = [np.full(self.count, pose) for pose in self.anchors.values()]
+        return np.column_stack([*gotos, self.neighbours]).astype(np.int32)
+
+    @property
+    def count(self) -> int:
+        """Number of positions."""
+        return len(self.points)
+
+    def pose(self, pose: int) -> tuple[float, float, float]:
+        """Return x, y (metres) and heading (radians) at a position."""
+        x, y = self.points[pose].tolist()
+        return x, y, DRONE_HEADING
+
+    def cell(self, pose: int) -> int:
+        """Return the position itself."""
+        return pose
+
+    def heading(self, pose: int) -> int:
+        """Return the heading, in steps of 30 degrees from +x."""
+        return round(DRONE_HEADING / heading_angle(1))
+
+    def nearest(self, pose: int, taken: Collection[int]) -> int:
+        """Return the nearest position that is not taken; -1 if all are."""
+        return _nearest(self.points, pose, taken)
+
+
+AnyLattice = Lattice | DroneLattice
+
+
+def build_lattice(home: Home, footprint: Footprint = FOOTPRINT) -> Lattice:
+    """Derive the lattice of robots of a footprint from the home's collision geometry.
 
     Raises:
         HomeError: a room cannot be reached from the largest connected part of the home.
     """
     cells, rooms = _cells_on_floors(home, SPACING)
-    obstacles = [solid for solid in home.solids if solid.spans(*BODY)]
+    obstacles = [solid for solid in home.solids if solid.spans(footprint.low, footprint.high)]
     here = cells * SPACING
-    free = ~_blocked(obstacles, here, here)
+    free = ~_blocked(obstacles, here, here, footprint.radius)
     cells, rooms = cells[free], rooms[free]
-    starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles)
+    starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles, footprint.radius)
     count, part = connected_components(_graph(cells, starts, ends), directed=False)
     kept = part == np.bincount(part, minlength=count).argmax() if len(cells) else np.zeros(0, dtype=bool)
     for number, name in enumerate(home.rooms):
         if not (rooms[kept] == number).any():
             raise HomeError(
-                f"{home.path}: room {name!r} cannot be reached; doors need a free width of at least 0.75 m "
-                "and a free way of 0.5 m beside the furniture"
+                f"{home.path}: room {name!r} cannot be reached; doors need a free width of at least "
+                f"{2 * footprint.radius + 0.25:.2f} m and a free way of {2 * footprint.radius:.1f} m beside the "
+                "furniture"
             )
     cells, rooms = cells[kept], rooms[kept]
     renumbered = np.cumsum(kept) - 1
     starts, ends = renumbered[starts[kept[starts]]], renumbered[ends[kept[ends]]]
     points = cells * SPACING
-    forward = _forward(cells, obstacles)
+    forward = _forward(cells, obstacles, footprint.radius)
     anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}
-    return Lattice(points, forward, _graph(cells, starts, ends), rooms, anchors, tuple(obstacles))
+    return Lattice(points, forward, _graph(cells, starts, ends), rooms, anchors, tuple(obstacles), footprint)
 
 
 def build_drone_lattice(home: Home) -> DroneLattice:
@@ -208,38 +279,38 @@ def _neighbours(cells: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray
 
 
 def _links(
-    cells: NDArray[np.int64], offsets: NDArray[np.int64], obstacles: list[Solid]
+    cells: NDArray[np.int64], offsets: NDArray[np.int64], obstacles: list[Solid], radius: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return start, end and number of the offset of all moves by an offset that stay free all the way."""
     neighbours = _neighbours(cells, offsets)
     numbers, starts = np.nonzero(neighbours.T >= 0)
     ends = neighbours[starts, numbers].astype(int)
-    free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING)
+    free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING, radius)
     return starts[free], ends[free], numbers[free]
 
 
-def _blocked(obstacles: list[Solid], starts: Points, ends: Points) -> NDArray[np.bool_]:
-    """Return which straight drives of the humanoid's footprint touch an obstacle."""
+def _blocked(obstacles: list[Solid], starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
+    """Return which straight drives of a base of a radius touch an obstacle."""
     blocked = np.zeros(len(starts), dtype=bool)
     for corners in sorted({len(solid.polygon) for solid in obstacles}):
         outlines = np.stack([solid.polygon for solid in obstacles if len(solid.polygon) == corners], axis=1)
         for first in range(0, outlines.shape[1], _OBSTACLES_AT_ONCE):
             some, left = outlines[:, first : first + _OBSTACLES_AT_ONCE], np.flatnonzero(~blocked)
-            drives, solids = _near(some, starts[left], ends[left])
+            drives, solids = _near(some, starts[left], ends[left], radius)
             step = _CORNERS_AT_ONCE // corners + 1
             for part in (slice(at, at + step) for at in range(0, len(drives), step)):
                 there, outline = left[drives[part]], some[:, solids[part]]
-                close = ~apart(outline, starts[there], ends[there], FOOTPRINT_RADIUS)
+                close = ~apart(outline, starts[there], ends[there], radius)
                 there, outline = there[close], outline[:, close]
                 # A hair less than the radius: a doorway of exactly the footprint's width is passable.
-                hit = segments_hit(outline, starts[there], ends[there], FOOTPRINT_RADIUS - 1e-6)
+                hit = segments_hit(outline, starts[there], ends[there], radius - 1e-6)
                 blocked[there[hit]] = True
     return blocked
 
 
-def _near(outlines: Points, starts: Points, ends: Points) -> tuple[NDArray[np.intp], ...]:
+def _near(outlines: Points, starts: Points, ends: Points, radius: float) -> tuple[NDArray[np.intp], ...]:
     """Return the numbers of drives and of outlines (k, n, 2) whose bounding boxes meet."""
-    low, high = np.minimum(starts, ends) - FOOTPRINT_RADIUS, np.maximum(starts, ends) + FOOTPRINT_RADIUS
+    low, high = np.minimum(starts, ends) - radius, np.maximum(starts, ends) + radius
     (x0, y0), (x1, y1) = outlines.min(axis=0).T, outlines.max(axis=0).T
     return np.nonzero((low[:, :1] < x1) & (low[:, 1:] < y1) & (high[:, :1] > x0) & (high[:, 1:] > y0))
 
@@ -249,11 +320,19 @@ def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np
     return csr_array((lengths, (starts, ends)), shape=(len(cells), len(cells)))
 
 
-def _forward(cells: NDArray[np.int64], obstacles: list[Solid]) -> NDArray[np.int32]:
+def _forward(cells: NDArray[np.int64], obstacles: list[Solid], radius: float) -> NDArray[np.int32]:
     forward = np.full((len(cells), HEADINGS), -1, dtype=np.int32)
-    starts, ends, headings = _links(cells, FORWARD_CELLS, obstacles)
+    starts, ends, headings = _links(cells, FORWARD_CELLS, obstacles, radius)
     forward[starts, headings] = ends
     return forward
+
+
+def _nearest(points: Points, cell: int, taken: Collection[int]) -> int:
+    """Return the cell nearest to one that is not taken, of equally near ones the first; -1 if all are."""
+    distance = np.linalg.norm(points - points[cell], axis=1)
+    distance[list(taken)] = np.inf
+    nearest = int(distance.argmin())
+    return nearest if np.isfinite(distance[nearest]) else -1
 
 
 def _anchor(home: Home, room: str, points: Points, own: NDArray[np.bool_]) -> int:

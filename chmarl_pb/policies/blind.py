@@ -9,8 +9,9 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from chmarl_pb.policies.narrow_views import BlindView, Narrowed, blind_view
-from chmarl_pb.policies.search import SWEEP
+from chmarl_pb.policies.narrow_views import BlindView, Chooser, Narrowed, blind_view
+from chmarl_pb.policies.policy import grasps
+from chmarl_pb.policies.search import sweep_of
 
 VERBS = ("pick", "place")
 _ROUND = 11  # turns of 30 degrees after the first look
@@ -123,15 +124,15 @@ class BlindHumanoid(Generic[View]):
 class BlindDrone:
     """Looks into all rooms, then sweeps them, until messages name a room of X and one of Y."""
 
-    def __init__(self, rooms: tuple[str, ...]):
-        """Remember the rooms."""
-        self.rooms = rooms
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
+        """Remember the names of actions and rooms."""
+        self.rooms, self._sweep = rooms, sweep_of(actions)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last episode."""
         order = _shuffled(self.rooms, rng)
         peeks = [f"goto_{room}" for room in order]
-        sweeps = [move for room in (*order[-1:], *order[:-1]) for move in (f"goto_{room}", *SWEEP)]
+        sweeps = [move for room in (*order[-1:], *order[:-1]) for move in (f"goto_{room}", *self._sweep)]
         self._plan = [*peeks, *sweeps[1:]]  # the first sweep begins where the last peek ended
 
     def choose(self, view: BlindView) -> str:
@@ -142,11 +143,14 @@ class BlindDrone:
 
 
 class BlindPolicy(Narrowed[BlindView]):
-    """Both robots, by :class:`BlindView` alone."""
+    """All robots, by :class:`BlindView` alone."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
         """Remember the names of each robot's actions and of the rooms."""
-        super().__init__(actions, rooms, blind_view, {"humanoid": BlindHumanoid(rooms), "drone": BlindDrone(rooms)})
+        choosers: dict[str, Chooser[BlindView]] = {
+            name: BlindHumanoid(rooms) if grasps(names) else BlindDrone(names, rooms) for name, names in actions.items()
+        }
+        super().__init__(actions, rooms, blind_view, choosers)
 
 
 def _shuffled(rooms: Sequence[str], rng: np.random.Generator) -> list[str]:

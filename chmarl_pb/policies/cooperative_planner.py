@@ -1,8 +1,8 @@
-"""The cooperative planner: the humanoid acts optimally, the drone finds what it will need next.
+"""The cooperative planner: robots that grasp act optimally, those that fly find what will be needed next.
 
-Privileged: it knows where everything is. The drone flies the shortest way to where it sees X, if it gets
-there before the humanoid sees X itself; then on to where it sees the receptacle that the humanoid
-will use, without waiting for the Pick, and hovers there. So both messages are sent as early as possible.
+Privileged: it knows where everything is. A robot that flies takes the shortest way to where it sees X, if it gets
+there before the robot that grasps sees X itself; then on to where it sees the receptacle that will be used, without
+waiting for the Pick, and hovers there. So both messages are sent as early as possible. All others stay.
 
 It may be asked in any state, also after actions that it did not choose, and plans anew only in states
 that none of its plans has led through.
@@ -11,130 +11,147 @@ that none of its plans has led through.
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.navigation.lattice import DRONE_HEIGHT
+from chmarl_pb.errors import TaskError
 from chmarl_pb.policies.policy import Actions, Infos, Observations, PolicyEnv
-from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.tasks.order import plan_all
-from chmarl_pb.tasks.planner import Oracle, breadth_first
+from chmarl_pb.robots.robot import Robot, neighbours_cells
+from chmarl_pb.tasks.order import plan_team
+from chmarl_pb.tasks.planner import Cells, Oracle, breadth_first, free_moves
 from chmarl_pb.tasks.targets import is_done
 
-_HumanoidState = tuple[int, str | None]  # pose on the lattice, what is held
+_State = tuple[int, str | None]  # pose on the lattice, what is held
 
 
-class CooperativePlanner:
-    """Plans for both robots how to reach one goal."""
+class GraspingPlanner:
+    """Plans how one robot reaches one goal.
+
+    Attributes:
+        goal: what it works for.
+        found: names of the things that any robot has seen since it works for this goal.
+        target: the receptacle that it will use.
+    """
 
     def __init__(self, oracle: Oracle, goal: Goal, goals: tuple[Goal, ...]):
         """Plan from where a world is now.
 
         Args:
-            oracle: plans for the humanoid.
-            goal: what both robots work for.
+            oracle: plans for the robot.
+            goal: what it works for.
             goals: all goals of the task.
         """
-        self.oracle, self.goal, self.goals = oracle, goal, goals
-        self._found: set[str] = set()
-        self._target = goal.receptacles[0]
-        self._ways: dict[_HumanoidState, list[str]] = {}
-        self._flights: dict[tuple[str, int], list[str] | None] = {}
+        self.oracle, self.goal, self._goals = oracle, goal, goals
+        self.found: set[str] = set()
+        self.target = goal.receptacles[0]
+        self._ways: dict[_State, list[str]] = {}
 
-    def choose(self, seen: dict[str, tuple[str, ...]]) -> dict[str, str]:
-        """Return the name of each robot's next action.
+    def way(self) -> list[str]:
+        """Return the shortest list of actions from here to the goal.
 
-        Args:
-            seen: robot -> names of the things visible to it now.
+        Raises:
+            TaskError: there is none.
         """
-        self._found.update(*seen.values())
-        way = self._humanoid_way()
-        return {"humanoid": way[0] if way else "stay", "drone": self._drone_action(way, seen["drone"])}
-
-    # The humanoid
-
-    def _humanoid_way(self) -> list[str]:
-        """Return the humanoid's shortest list of actions from here to success."""
-        here = (self.oracle.humanoid.pose, self.oracle.world.held)
-        if here not in self._ways:
-            self._plan_way(here)
+        robot = self.oracle.robot
+        here, taken = (robot.pose, robot.held), neighbours_cells(self.oracle.robots, robot)
+        way = self._ways.get(here)
+        if way is None or (taken and self._is_blocked(way, taken)):
+            self._plan_way(here, taken)
         return self._ways[here]
 
-    def _plan_way(self, state: _HumanoidState) -> None:
-        """Plan, and remember what is left to do in every state on the way."""
-        way = self.oracle.plan(self.goal, self.goals)
-        moving = [name for name in self.oracle.humanoid.actions if name not in ("pick", "place", "stay")]
-        moves = self.oracle.space.lattice.moves
+    def _is_blocked(self, way: list[str], taken: Cells) -> bool:
+        """Return whether another robot stands where the first action leads."""
+        action = way[0] if way else "stay"
+        return action not in self.oracle.robot.arm_actions and self.oracle.robot.plan(action, taken=taken) is None
+
+    def _plan_way(self, state: _State, taken: Cells) -> None:
+        """Plan, and remember what is left to do in every state on the way; others stay where they are."""
+        way, robot = self.oracle.plan(self.goal, self._goals), self.oracle.robot
+        moving = [name for name in robot.actions if name not in (*robot.arm_actions, "stay")]
+        pose, held = state
+        moves = free_moves(robot.lattice, taken)
         for number, action in enumerate(way):
-            self._ways[state] = way[number:]
-            pose, held = state
+            self._ways[pose, held] = way[number:]
             if action == "pick":
-                stand = self.oracle.space.stand(self.oracle.world.grip(self.goal.item))
+                stand = robot.stand(self.goal.item, taken)
                 assert stand is not None, "the oracle has planned this Pick"
-                state = stand, self.goal.item
+                pose, held = stand, self.goal.item
             elif action != "place":
-                state = int(moves[pose, moving.index(action)]), held
-        self._ways.setdefault(state, [])
-        self._target = self._target_seen_from(state[0])
+                pose = int(moves[pose, moving.index(action)])
+        self._ways.setdefault((pose, held), [])
+        self.target = self._target_seen_from(pose)
 
     def _target_seen_from(self, pose: int) -> str:
-        """Return the nearest target receptacle that the humanoid sees where it will place."""
-        seen = set(self.oracle.seen_from("humanoid", pose))
+        """Return the nearest target receptacle that the robot sees where it will place."""
+        robot = self.oracle.robot
+        seen = set(self.oracle.seen_from(robot.name, pose))
         targets = [name for name in self.goal.receptacles if name in seen] or list(self.goal.receptacles)
-        x, y, _ = self.oracle.space.lattice.pose(pose)
+        x, y, _ = robot.lattice.pose(pose)
         return min(targets, key=lambda name: float(np.hypot(*(self.oracle.centre(name)[:2] - (x, y)))))
 
-    # The drone
 
-    def _drone_action(self, way: list[str], seen: tuple[str, ...]) -> str:
-        if "pick" in way and self.goal.item not in self._found:
-            flight = self._flight(self.goal.item)
+class FlightPlanner:
+    """Plans where one robot that flies looks for what a robot that grasps needs."""
+
+    def __init__(self, robot: Robot, oracle: Oracle):
+        """Plan for a robot; the oracle tells what it would see."""
+        self._robot, self._oracle = robot, oracle
+        self._flights: dict[tuple[str, int], list[str] | None] = {}
+
+    def choose(self, plan: GraspingPlanner, way: list[str], seen: tuple[str, ...]) -> str:
+        """Return the name of the next action.
+
+        Args:
+            plan: of the robot that grasps.
+            way: what is left of it.
+            seen: names of the things in this robot's view.
+        """
+        if "pick" in way and plan.goal.item not in plan.found:
+            flight = self._flight(plan.goal.item)
             if flight and len(flight) < way.index("pick"):
                 return flight[0]
-        if self._target in seen:
+        if plan.target in seen:
             return "stay"
-        flight = self._flight(self._target)
+        flight = self._flight(plan.target)
         return flight[0] if flight else "stay"
 
     def _flight(self, wanted: str) -> list[str] | None:
-        """Return the drone's shortest list of actions to where it sees a thing; None if it sees it from nowhere."""
-        here = wanted, self.oracle.drone.pose
+        """Return the shortest list of actions to where the robot sees a thing; None if it sees it from nowhere."""
+        here = wanted, self._robot.pose
         if not self._flights.get(here, []):  # not known, or its end has been reached in vain
             self._plan_flight(wanted)
         return self._flights[here]
 
     def _plan_flight(self, wanted: str) -> None:
         """Plan, and remember what is left to fly at every position on the way."""
+        pose, lattice = self._robot.pose, self._robot.lattice
         if (wanted, -1) in self._flights:
-            self._flights[wanted, self.oracle.drone.pose] = None
+            self._flights[wanted, pose] = None
             return
-        lattice, names = self.oracle.drone.lattice, self.oracle.drone.actions
-        gotos = [np.full(len(lattice.points), pose) for pose in lattice.anchors.values()]
-        moves = np.concatenate([np.stack(gotos, axis=1), lattice.moves], axis=1)
-        pose = self.oracle.drone.pose
-        found = breadth_first(pose, moves, lambda poses: self._drone_sees(poses, wanted))
+        found = breadth_first(pose, lattice.moves, lambda poses: self._sees(poses, wanted))
         if found is None:
             self._flights[wanted, pose] = self._flights[wanted, -1] = None
             return
-        flight = [names[number] for number in found]
+        flight = [self._robot.actions[number] for number in found]
         for number, move in enumerate(found):
             self._flights[wanted, pose] = flight[number:]
-            pose = int(moves[pose, move])
+            pose = int(lattice.moves[pose, move])
         self._flights.setdefault((wanted, pose), [])
 
-    def _drone_sees(self, poses: NDArray[np.int64], wanted: str) -> NDArray[np.bool_]:
-        """Return whether the drone sees a thing from poses; true for the first of them alone."""
-        slope = np.tan(np.radians(CAMERAS["drone"].fov) / 2)
-        reach = DRONE_HEIGHT * slope + self.oracle.radius(wanted)  # metres along the floor: it surely sees no farther
-        away = np.abs(self.oracle.drone.lattice.points[poses] - self.oracle.centre(wanted)[:2]).max(axis=1)
+    def _sees(self, poses: NDArray[np.int64], wanted: str) -> NDArray[np.bool_]:
+        """Return whether the robot sees a thing from poses; true for the first of them alone."""
+        model, oracle = self._robot.model, self._oracle
+        slope = np.tan(np.radians(model.camera.fov) / 2)
+        reach = model.altitude * slope + oracle.radius(wanted)  # metres along the floor: it surely sees no farther
+        away = np.abs(self._robot.lattice.points[poses] - oracle.centre(wanted)[:2]).max(axis=1)
         sees = np.zeros(len(poses), dtype=bool)
         for number in np.flatnonzero(away < reach):
-            if wanted in self.oracle.seen_from("drone", int(poses[number])):
+            if wanted in oracle.seen_from(self._robot.name, int(poses[number])):
                 sees[number] = True
                 break
         return sees
 
 
 class PlannerPolicy:
-    """Drives both robots by the privileged planner: the humanoid optimally, the drone to where it can tell."""
+    """Drives all robots by the privileged planner: those that grasp optimally, those that fly to find."""
 
     def __init__(self, env: PolicyEnv):
         """Plan for the episodes of an environment."""
@@ -142,21 +159,56 @@ class PlannerPolicy:
 
     def reset(self, seed: int | None) -> None:
         """Plan the episode that has just begun."""
-        goals = self.env.setting.goals
-        self._order = goals if len(goals) == 1 else plan_all(self.env.stage.oracle, goals).goals
-        self._planner: CooperativePlanner | None = None
+        stage, self._goals = self.env.stage, self.env.setting.goals
+        self._orders: dict[str, tuple[Goal, ...]]
+        if len(self._goals) == len(stage.oracles) == 1:
+            self._orders = dict.fromkeys(stage.oracles, self._goals)
+        else:
+            self._orders = {name: plan.goals for name, plan in plan_team(stage.oracles, self._goals).plans.items()}
+        self._planners: dict[str, GraspingPlanner] = {}
+        self._flights: dict[tuple[str, Goal], FlightPlanner] = {}
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return the planner's action of each robot in the present state."""
-        goal = self._next_goal()
-        if self._planner is None or self._planner.goal != goal:
-            self._planner = CooperativePlanner(self.env.stage.oracle, goal, self.env.setting.goals)
-        chosen = self._planner.choose({name: info["visible"] for name, info in infos.items()})
-        return {name: self.env.action_names[name].index(action) for name, action in chosen.items()}
+        seen = {name: info["visible"] for name, info in infos.items()}
+        ways = {name: self._way(name, seen) for name in self._orders}
+        chosen = {name: way[0] if way else "stay" for name, way in ways.items()}
+        leaders = [name for name, order in self._orders.items() if order] or list(self._orders)
+        fliers = [name for name in seen if self.env.stage.models[name].flies]
+        for number, name in enumerate(fliers):
+            chosen[name] = self._flight(name, leaders[number % len(leaders)], ways, seen[name])
+        return {name: names.index(chosen.get(name, "stay")) for name, names in self.env.action_names.items()}
 
-    def _next_goal(self) -> Goal:
-        """Return the goal of what the humanoid holds, or the first in the planned order that is left."""
-        state = self.env.stage.world.state
-        held = [goal for goal in self._order if goal.item in state.held]
-        left = [goal for goal in self._order if not is_done(goal, state)]
-        return (held or left or self._order)[0]
+    def _way(self, robot: str, seen: dict[str, tuple[str, ...]]) -> list[str]:
+        """Return what a robot that grasps has to do for its next goal."""
+        goal = self._next_goal(robot)
+        if goal is None:
+            return []
+        planner = self._planners.get(robot)
+        if planner is None or planner.goal != goal:
+            planner = self._planners[robot] = GraspingPlanner(self.env.stage.oracles[robot], goal, self._goals)
+        planner.found.update(*seen.values())
+        try:
+            return planner.way()
+        except TaskError:
+            if len(self._orders) == 1:
+                raise
+            return []  # another robot is in the way; it will move on
+
+    def _flight(self, robot: str, leader: str, ways: dict[str, list[str]], seen: tuple[str, ...]) -> str:
+        """Return the action of a robot that flies for one that grasps."""
+        planner, stage = self._planners.get(leader), self.env.stage
+        if planner is None:
+            return "stay"
+        key = robot, planner.goal
+        if key not in self._flights:
+            self._flights[key] = FlightPlanner(stage.robots[robot], stage.oracles[leader])
+        return self._flights[key].choose(planner, ways[leader], seen)
+
+    def _next_goal(self, robot: str) -> Goal | None:
+        """Return the goal of what a robot holds, or the first in its order that is left and that nobody holds."""
+        state, order = self.env.stage.world.state, self._orders[robot]
+        own = self.env.stage.robots[robot].held
+        held = [goal for goal in self._goals if goal.item == own]
+        left = [goal for goal in order if not is_done(goal, state) and goal.item not in state.held]
+        return next(iter((*held, *left, *order[:1])), None)

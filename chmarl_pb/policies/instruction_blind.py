@@ -8,7 +8,8 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.policies.blind import VERBS, BlindDrone, BlindHumanoid
-from chmarl_pb.policies.narrow_views import Narrowed, SeeingView, seeing_view
+from chmarl_pb.policies.narrow_views import Chooser, Narrowed, SeeingView, seeing_view
+from chmarl_pb.policies.policy import grasps
 
 _KINDS = (frozenset(catalog.GRASPABLES), frozenset(catalog.RECEPTACLES))  # that X and Y are of
 
@@ -37,10 +38,12 @@ class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
 
 
 class InstructionBlindPolicy(Narrowed[SeeingView]):
-    """Both robots, by :class:`SeeingView` alone."""
+    """All robots, by :class:`SeeingView` alone."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
         """Remember the names of each robot's actions and of the rooms."""
-        super().__init__(
-            actions, rooms, seeing_view, {"humanoid": InstructionBlindHumanoid(rooms), "drone": BlindDrone(rooms)}
-        )
+        choosers: dict[str, Chooser[SeeingView]] = {
+            name: InstructionBlindHumanoid(rooms) if grasps(names) else BlindDrone(names, rooms)
+            for name, names in actions.items()
+        }
+        super().__init__(actions, rooms, seeing_view, choosers)

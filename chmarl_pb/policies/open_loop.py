@@ -9,14 +9,14 @@ from functools import cache
 from itertools import chain, cycle
 from pathlib import Path
 
-from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.tasks.language import parse_instruction
 
 FILE = Path(__file__).parent / "open_loop.json"
 
 
 class OpenLoopPolicy:
-    """Reads the instruction once and plays the tour of its Y to the end, over and over; the drone stays."""
+    """Reads the instruction once and plays the tour of its Y to the end, over and over; who cannot grasp stays."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]]):
         """Remember the names of each robot's actions."""
@@ -25,18 +25,18 @@ class OpenLoopPolicy:
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
-        self._tour: Iterator[str] | None = None
+        self._tours: dict[str, Iterator[str]] = {}
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action."""
-        if self._tour is None:
-            self._tour = self._begin(infos["humanoid"]["instruction"])
-        chosen = {"humanoid": next(self._tour), "drone": "stay"}
-        return {robot: self.actions[robot].index(action) for robot, action in chosen.items()}
+        for robot in self.actions.keys() - self._tours.keys():
+            self._tours[robot] = self._begin(robot, infos[robot]["instruction"])
+        return {robot: names.index(next(self._tours[robot])) for robot, names in self.actions.items()}
 
-    def _begin(self, instruction: str) -> Iterator[str]:
+    def _begin(self, robot: str, instruction: str) -> Iterator[str]:
         _, target = parse_instruction(instruction)
-        return cycle(_possible(tours()[target], self.actions["humanoid"]) or ["stay"])
+        tour = tours()[target] if grasps(self.actions[robot]) else []
+        return cycle(_possible(tour, self.actions[robot]) or ["stay"])
 
 
 @cache

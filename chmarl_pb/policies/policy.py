@@ -1,6 +1,6 @@
 """What drives the robots: a Policy sees observations and infos and answers with actions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -63,6 +63,11 @@ class PolicyEnv(Protocol):
     rooms: tuple[str, ...]
     stage: Any
     setting: Any
+
+
+def grasps(actions: Sequence[str]) -> bool:
+    """Return whether a robot with these actions can grasp."""
+    return "pick" in actions
 
 
 #: Makes the policy that drives an environment.

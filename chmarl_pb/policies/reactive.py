@@ -1,10 +1,10 @@
-"""The reactive policy: a humanoid without memory beside the drone of the search policy."""
+"""The reactive policy: robots that grasp have no memory; the others search as in the search policy."""
 
 import numpy as np
 
-from chmarl_pb.policies.narrow_views import FullView, Narrowed, full_view
-from chmarl_pb.policies.policy import Actions, Infos, Observations
-from chmarl_pb.policies.search import DroneSearch
+from chmarl_pb.policies.narrow_views import Chooser, FullView, Narrowed, full_view
+from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
+from chmarl_pb.policies.search import SearchPolicy
 
 _TRY = 0.85  # how often it picks or places what it sees; else it moves on, lest it fails for ever
 _MOVES = ("turn_left", "move_forward", "goto")
@@ -34,19 +34,24 @@ class ReactiveHumanoid:
 
 
 class ReactivePolicy:
-    """The humanoid by what it is shown now, the drone by the search policy, which has a memory."""
+    """Robots that grasp by what they are shown now, the others by the search policy, which has a memory."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
         """Remember the names of each robot's actions and of the rooms."""
-        self._humanoid = Narrowed(actions, rooms, full_view, {"humanoid": ReactiveHumanoid(rooms)})
-        self._drone = DroneSearch(actions["drone"], rooms)
+        choosers: dict[str, Chooser[FullView]] = {
+            name: ReactiveHumanoid(rooms) for name, names in actions.items() if grasps(names)
+        }  # fmt: skip
+        self._reactive = Narrowed(actions, rooms, full_view, choosers)
+        searches = SearchPolicy(actions, rooms).searches
+        self._searches = {name: search for name, search in searches.items() if name not in choosers}
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
-        self._humanoid.reset(seed)
-        self._drone.reset(seed)
+        self._reactive.reset(seed)
+        for search in self._searches.values():
+            search.reset(seed)
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action."""
-        drone = self._drone.act(observations["drone"], infos["drone"])
-        return {**self._humanoid.act(observations, infos), "drone": drone}
+        searched = {name: search.act(observations[name], infos[name]) for name, search in self._searches.items()}
+        return {**self._reactive.act(observations, infos), **searched}

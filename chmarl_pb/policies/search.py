@@ -3,26 +3,33 @@
 What is in view it reads from ``info["visible"]``. With scene graphs that is what they show; with pictures it is the
 truth, which a learner would have to recognise first.
 
-The drone sweeps room after room; the humanoid goes where a message says that the thing it needs has
-been seen, looks around there, and otherwise searches the rooms itself, in the opposite order.
+A robot that does not grasp, as the drone, sweeps room after room; one that does, as the humanoid, goes where a message
+says that the thing it needs has been seen, looks around there, and otherwise searches the rooms itself, in the opposite
+order. Where there are several of a kind, they begin with different rooms.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.tasks.language import parse_instruction
 
 _SIDES = ("turn_left", "turn_right")
 _TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
 _PACES = 3  # forward moves before it looks around again
-#: Moves that show the drone the surroundings of a room's centre: one round of eight places.
+#: Moves that show a robot that flies the surroundings of a room's centre: one round of eight places.
 SWEEP = (
     "move_forward", "move_left", "move_backward", "move_backward",
     "move_right", "move_right", "move_forward", "move_forward",
 )  # fmt: skip
+
+
+def sweep_of(actions: Sequence[str]) -> tuple[str, ...]:
+    """Return the moves by which a robot with these actions looks at the surroundings of where it is."""
+    return SWEEP if set(SWEEP) <= set(actions) else _SIDES[:1] * _TURNS
 
 
 class HumanoidSearch:
@@ -31,9 +38,9 @@ class HumanoidSearch:
     As a policy it does what it proposes. A teacher's proposals are followed or not: it goes on from what was done.
     """
 
-    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
-        """Remember the names of actions and rooms, in the order of their numbers."""
-        self.actions, self.rooms = actions, rooms
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...], order: tuple[str, ...] | None = None):
+        """Remember the names of actions and rooms, in the order of their numbers, and the order in which to search."""
+        self.actions, self.rooms, self._order = actions, rooms, order or rooms
         self.reset(None)
 
     def reset(self, seed: int | None) -> None:
@@ -90,10 +97,10 @@ class HumanoidSearch:
     def _next_room(self, here: str | None) -> str:
         if here is not None:
             self._searched.add(here)
-        left = [room for room in self.rooms if room not in self._searched]
+        left = [room for room in self._order if room not in self._searched]
         if not left:
             self._searched = set() if here is None else {here}
-            left = [room for room in self.rooms if room not in self._searched] or list(self.rooms)
+            left = [room for room in self._order if room not in self._searched] or list(self._order)
         return f"goto_{left[-1]}"
 
     def _round(self) -> list[str]:
@@ -102,17 +109,21 @@ class HumanoidSearch:
 
 
 class DroneSearch:
-    """Sweeps the rooms with the drone until X and Y have been seen, then waits where X was."""
+    """Sweeps the rooms with a robot that does not grasp until X and Y have been seen, then waits where X was.
 
-    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
-        """Remember the names of actions and rooms, in the order of their numbers."""
-        self.actions, self.rooms = actions, rooms
+    One that flies sweeps a room by ``SWEEP``, one that drives by turning round.
+    """
+
+    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...], order: tuple[str, ...] | None = None):
+        """Remember the names of actions and rooms, in the order of their numbers, and the order in which to search."""
+        self.actions, self.rooms, self._order = actions, rooms, order or rooms
+        self._round = sweep_of(actions)
         self.reset(None)
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
         self._moves: list[str] = []
-        self._left = list(self.rooms)
+        self._left = list(self._order)
         self._seen: set[str] = set()
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
@@ -132,27 +143,29 @@ class DroneSearch:
         """Go on from the action that was taken, whatever was proposed."""
         done = self.actions[action]
         if done.startswith("goto_"):
-            self._moves = list(SWEEP[::-1])
+            self._moves = list(self._round[::-1])
             self._left = [room for room in self._left if f"goto_{room}" != done]
         elif self._moves[-1:] == [done]:
             self._moves.pop()
 
     def _sweep(self) -> str:
         if not self._moves:
-            self._left = self._left or list(self.rooms)
+            self._left = self._left or list(self._order)
             return f"goto_{self._left[0]}"
         return self._moves[-1]
 
 
 class SearchPolicy:
-    """Both searches together."""
+    """The searches of all robots together."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Remember the names of each robot's actions and of the rooms."""
-        self.searches: dict[str, HumanoidSearch | DroneSearch] = {
-            "humanoid": HumanoidSearch(actions["humanoid"], rooms),
-            "drone": DroneSearch(actions["drone"], rooms),
-        }
+        """Remember the names of each robot's actions and of the rooms, in the order of their numbers."""
+        self.searches: dict[str, HumanoidSearch | DroneSearch] = {}
+        for kind, able in ((HumanoidSearch, True), (DroneSearch, False)):
+            robots = [name for name, names in actions.items() if grasps(names) == able]
+            for number, name in enumerate(robots):
+                first = number * len(rooms) // len(robots)
+                self.searches[name] = kind(actions[name], rooms, rooms[first:] + rooms[:first])
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -164,7 +177,7 @@ class SearchPolicy:
         return {name: search.act(observations[name], infos[name]) for name, search in self.searches.items()}
 
     def propose(self, observations: Observations, infos: Infos) -> Actions:
-        """Return what both would do now; a teacher's proposals need not be followed."""
+        """Return what all would do now; a teacher's proposals need not be followed."""
         return {name: search.propose(observations[name], infos[name]) for name, search in self.searches.items()}
 
     def note(self, actions: Actions) -> None:

@@ -1,11 +1,11 @@
-"""Policies made of others: without messages, and without the drone."""
+"""Policies made of others: without messages, and without the robots that cannot grasp."""
 
 from typing import Any
 
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
 from chmarl_pb.tasks.language import parse_instruction
 
 
@@ -27,30 +27,33 @@ class Unheard:
 
 
 class Alone:
-    """The humanoid without the drone, which stays at its start; the messages hold only what the humanoid saw."""
+    """Robots that grasp without the others, which stay at their starts; messages hold what each has seen itself."""
 
     def __init__(self, policy: Policy, action_names: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Take the drone out of a policy."""
+        """Take the robots that cannot grasp out of a policy."""
         self.policy, self.rooms = policy, rooms
-        self._stay = action_names["drone"].index("stay")
-        self._notes = np.zeros((2, len(rooms)), dtype=np.int8)
+        self._staying = {name: names.index("stay") for name, names in action_names.items() if not grasps(names)}
+        self._notes = {name: np.zeros((2, len(rooms)), dtype=np.int8) for name in action_names}
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
         self.policy.reset(seed)
-        self._notes[:] = 0
+        for notes in self._notes.values():
+            notes[:] = 0
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return what the humanoid does by itself."""
-        self._note(observations["humanoid"]["messages"], infos["humanoid"])
-        own = {name: {**seen, "messages": self._notes.copy()} for name, seen in observations.items()}
-        return {**self.policy.act(own, infos), "drone": self._stay}
+        """Return what the robots that grasp do by themselves."""
+        own = {}
+        for name, seen in observations.items():
+            self._note(self._notes[name], seen["messages"], infos[name])
+            own[name] = {**seen, "messages": self._notes[name].copy()}
+        return {**self.policy.act(own, infos), **self._staying}
 
-    def _note(self, messages: np.ndarray, info: dict[str, Any]) -> None:
-        """Keep the bits that the humanoid's own view explains; X is in one room until it is carried."""
+    def _note(self, notes: np.ndarray, messages: np.ndarray, info: dict[str, Any]) -> None:
+        """Keep the bits that a robot's own view explains; X is in one room until it is carried."""
         graspable, receptacle = parse_instruction(info["instruction"])
         for name in info["visible"]:
             if catalog.class_of(name) == graspable:
-                self._notes[0] |= messages[0]
+                notes[0] |= messages[0]
             elif catalog.class_of(name) == receptacle:
-                self._notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)
+                notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)

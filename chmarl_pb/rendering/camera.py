@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.rendering.placing import lens_of
 from chmarl_pb.rendering.triangles import Lens, Light
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Pose, Vector
 from chmarl_pb.world.bullet import pybullet
 
@@ -51,6 +52,12 @@ def _projection(camera: Camera) -> Vector:
     return tuple(pybullet.computeProjectionMatrixFOV(camera.fov, 1.0, camera.near, camera.far))
 
 
+@cache
+def camera_of(model: RobotModel) -> Camera:
+    """Return the camera of a kind of robot; where it is tells :meth:`chmarl_pb.robots.model.RobotModel.eye`."""
+    return Camera(fov=model.camera.fov)
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """What a camera sees.
@@ -69,6 +76,12 @@ class Picture:
     def rgb(self) -> NDArray[np.uint8]:
         """The colours as (size, size, 3) uint8."""
         return np.ascontiguousarray(self.colour.view(np.uint8).reshape(*self.colour.shape, 4)[..., :3])
+
+
+def empty_picture(size: int) -> Picture:
+    """Return a picture of nothing, of a width and height in pixels."""
+    shape = (size, size)
+    return Picture(np.zeros(shape, np.uint32), np.ones(shape, np.float32), np.full(shape, -1, np.int32))
 
 
 def view_matrix(eye: Pose) -> Vector:

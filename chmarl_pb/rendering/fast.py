@@ -4,7 +4,8 @@ It gives the pictures of :mod:`chmarl_pb.rendering.tiny` bit by bit.
 """
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,43 +13,45 @@ from numpy.typing import NDArray
 
 from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
-from chmarl_pb.rendering.camera import Picture
+from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, view_matrix
 from chmarl_pb.rendering.home_views import HomeView, HomeViews, home_views
-from chmarl_pb.rendering.movables import Bodies, draw_over, image_over, movables
+from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
 from chmarl_pb.rendering.triangles import clean_canvas
-from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.world import Objects, World
+from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.world import Objects, World, yaw_quaternion
 
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
 
-#: A robot, its pose, whether it holds something.
-Stand = tuple[str, int, bool]
+#: A robot, its pose, its joints.
+Stand = tuple[str, int, Joints]
 #: Robot, its pose, the robots that could be in view -> what it sees.
 Seen = dict[tuple[str, int, tuple[Stand, ...]], tuple[str, ...]]
-_seen: OrderedDict[int, tuple[Objects, Seen]] = OrderedDict()
+_seen: OrderedDict[tuple[int, Team], tuple[Objects, Seen]] = OrderedDict()
 #: Robot, its pose, another robot (or itself: its arm) -> whether something of that could be in view.
 InView = dict[tuple[str, int, Stand], bool]
-_in_view: WeakKeyDictionary[HomeViews, InView] = WeakKeyDictionary()  # shared by all who play in a home
+_in_view: WeakKeyDictionary[HomeViews, dict[Team, InView]] = WeakKeyDictionary()  # shared by all who play in a home
 
 
 class FastRenderer:
     """Draws what the robots of one world see; see :class:`chmarl_pb.rendering.renderer.Renderer`."""
 
-    def __init__(self, world: World):
+    def __init__(self, world: World, robots: Mapping[str, RobotModel]):
         """Share the process's views of the home and models of what moves."""
-        self._world = world
+        self._world, self._models = world, robots
         self._views = home_views(world.home)
-        self._bodies = Bodies()
-        self._body_numbers = movables().numbers
+        self._team = team_in(world, robots)
+        self._movables = movables(self._team)
+        self._bodies = Bodies(self._movables)
+        self._body_numbers = self._movables.numbers
         self.names = renderer_names(world)
         self._first = len(world.links)
-        self._counts = {robot: can_be_visible(self.names, robot) for robot in world.robots}
+        self._counts = {robot: can_be_visible(self.names, robots, robot) for robot in robots}
         self._objects: Objects | None = None  # those that the bodies and what follows are of
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
-        self._in_view = _in_view.setdefault(self._views, {})
+        self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
         self._canvas = clean_canvas(VISIBILITY_SIZE)
 
     def picture(self, robot: str, size: int) -> Picture:
@@ -91,14 +94,16 @@ class FastRenderer:
 
     def _empty(self, robot: str, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it."""
-        return self._views.look(robot, self._world.state.robots[robot].pose, size)
+        return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size)
 
     def _others(self, robot: str) -> list[Stand]:
-        """Return the robots that a robot might see: not its own body, but for an arm that carries something."""
-        state = self._world.state
-        grips = state.grips
+        """Return the robots that a robot might see: of its own body only an arm that it holds before its camera."""
+        robots = self._world.state.robots
+        own = robots[robot].joints
         return [
-            (name, other.pose, name in grips) for name, other in state.robots.items() if name != robot or name in grips
+            (name, other.pose, other.joints)
+            for name, other in robots.items()
+            if name != robot or _sees_itself(self._team, robot, own)
         ]
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
@@ -108,9 +113,9 @@ class FastRenderer:
         if shows is None:
             if len(self._in_view) == _KEPT:
                 self._in_view.clear()
-            name, _, holds = other
+            name, _, joints = other
             (x, y, z), _ = self._world.state.robots[name].base
-            height, radius = movables().balls[name, _arm(holds)]
+            height, radius = self._movables.ball(name, joints)
             home = self._empty(robot, VISIBILITY_SIZE)
             ball = np.array((x, y, z + height, radius))
             shows = self._in_view[key] = bool(bounds.may_show(ball, home.lens, home.tiles, VISIBILITY_SIZE))
@@ -120,8 +125,8 @@ class FastRenderer:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
         present = np.empty(len(self._numbers) + len(robots), np.int32)
         present[: len(self._numbers)] = self._numbers
-        for place, (name, _, holds) in enumerate(robots, start=len(self._numbers)):
-            self._bodies.put_robot(name, self._world.state.robots[name].base, _arm(holds))
+        for place, (name, _, joints) in enumerate(robots, start=len(self._numbers)):
+            self._bodies.put_robot(name, self._world.state.robots[name].base, joints)
             present[place] = self._body_numbers[name]
         return present
 
@@ -136,13 +141,13 @@ class FastRenderer:
         if objects is not self._objects:
             self._bodies.put_objects(objects.poses)
             self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
-            self._seen = _seen_of(objects)
+            self._seen = _seen_of(objects, self._team)
             self._objects = objects
 
 
-def _seen_of(objects: Objects) -> Seen:
+def _seen_of(objects: Objects, team: Team) -> Seen:
     """Return what has been seen of these very objects, in all worlds of this process: tasks are played repeatedly."""
-    number = id(objects)  # nobody else's as long as they are kept
+    number = id(objects), team  # nobody else's as long as the objects are kept
     _, seen = _seen.setdefault(number, (objects, {}))
     _seen.move_to_end(number)
     if len(_seen) > _ARRANGEMENTS:
@@ -150,5 +155,16 @@ def _seen_of(objects: Objects) -> Seen:
     return seen
 
 
-def _arm(holds: bool) -> Configuration:
-    return Arm.carry if holds else Arm.rest
+@cache
+def _sees_itself(team: Team, robot: str, joints: Joints) -> bool:
+    """Return whether a robot's camera shows its own body: it is drawn alone, in four headings."""
+    models, bodies = {name: model for name, model, _ in team}, Bodies(movables(team))
+    camera, mount = camera_of(models[robot]), models[robot].camera
+    number = np.array([movables(team).numbers[robot]], np.int32)
+    for yaw in np.arange(4) * np.pi / 2:
+        base = (0.0, 0.0, 0.0), yaw_quaternion(float(yaw))
+        bodies.put_robot(robot, base, joints)
+        view = HomeView(view_matrix(mount.eye(base, float(yaw))), empty_picture(VISIBILITY_SIZE), camera)
+        if (draw_over(view, bodies, number, 0).segmentation >= 0).any():
+            return True
+    return False

@@ -24,13 +24,12 @@ from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, space_of
-from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.rendering import bounds
-from chmarl_pb.rendering.camera import Camera, Picture, lens, render, view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.camera import Camera, Picture, camera_of, lens, render, view_matrix
 from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_store
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Client, Vector, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
 
@@ -39,6 +38,7 @@ from chmarl_pb.world.bullet import distribution, pybullet
 DRAWING = 1
 CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
 
+_SAMPLED = 12  # camera poses that stand for all in the names of files, with the lattice
 _OWN = 4096  # bytes of a kept view beside its picture
 _numbers = count()
 
@@ -104,7 +104,7 @@ class HomeViews:
         self.space: Space = space_of(home)
         self._number = next(_numbers)
         self._store = view_store()
-        self._files: dict[tuple[str, int], ViewFile | None] = {}
+        self._files: dict[tuple[RobotModel, int], ViewFile | None] = {}
         self._kept = _kept()
 
     @property
@@ -134,11 +134,11 @@ class HomeViews:
         with self._loaded() as (client, _):
             return client
 
-    def look(self, robot: str, pose: int, size: int) -> HomeView:
+    def look(self, robot: RobotModel, pose: int, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
 
         Args:
-            robot: "humanoid" or "drone".
+            robot: its kind.
             pose: its pose on its lattice.
             size: width and height in pixels.
 
@@ -148,15 +148,15 @@ class HomeViews:
         key = (self._number, robot, pose, size)
         view = self._kept.get(key)
         if view is None:
-            matrix = view_matrix(eye(self.space, robot, pose))
+            matrix, camera = view_matrix(robot.eye(self.space, pose)), camera_of(robot)
             file, taken = self._file(robot, size), _OWN
             picture = file.get(pose, matrix) if file else None
             if picture is None:
-                drawn = self.draw(CAMERAS[robot], matrix, size).picture
+                drawn = self.draw(camera, matrix, size).picture
                 picture = file.put(pose, matrix, drawn) if file else None
                 if picture is None:
                     picture, taken = drawn, _OWN + _bytes(drawn)
-            view = HomeView(matrix, picture, CAMERAS[robot])
+            view = HomeView(matrix, picture, camera)
             self._kept.put(key, view, taken)
         return view
 
@@ -191,24 +191,24 @@ class HomeViews:
         with loaded_home(client.number, home) as body:
             yield client, body
 
-    def _file(self, robot: str, size: int) -> ViewFile | None:
+    def _file(self, robot: RobotModel, size: int) -> ViewFile | None:
         """Return the views on disk of a robot's camera at a size, or None if there is no store."""
         key = (robot, size)
         if key not in self._files:
-            poses, name = _poses(self.space, robot), self._file_name(robot, size)
+            poses, name = robot.lattice(self.space).count, self._file_name(robot, size)
             self._files[key] = self._store.open(name, poses, size) if self._store else None
         return self._files[key]
 
-    def _file_name(self, robot: str, size: int) -> str:
+    def _file_name(self, robot: RobotModel, size: int) -> str:
         """Return a name with a hash of everything that the pictures depend on."""
-        lattice = self.space.drone_lattice if robot == "drone" else self.space.lattice
-        some_views = [view_matrix(eye(self.space, robot, pose)) for pose in range(min(HEADINGS, len(lattice.points)))]
-        facts = (self.space.home.content, robot, size, FORMAT, DRAWING, some_views, _library())
+        lattice = robot.lattice(self.space)
+        some_views = [view_matrix(robot.eye(self.space, pose)) for pose in range(min(_SAMPLED, lattice.count))]
+        facts = (self.space.home.content, camera_of(robot), size, FORMAT, DRAWING, some_views, _library())
         depends_on = [repr(facts).encode(), lattice.points.tobytes()]
-        return f"{self.space.home.name[:40]}_{robot}_{size}_{sha256_of(depends_on)}"
+        return f"{self.space.home.name[:40]}_{robot.name[:20]}_{size}_{sha256_of(depends_on)}"
 
 
-Key = tuple[int, str, int, int]  # number of the home's views, robot, pose, size
+Key = tuple[int, RobotModel, int, int]  # number of the home's views, robot, pose, size
 
 
 class KeptViews:
@@ -242,10 +242,6 @@ def _kept() -> KeptViews:
 
 def _bytes(picture: Picture) -> int:
     return picture.colour.nbytes + picture.depth.nbytes + picture.segmentation.nbytes
-
-
-def _poses(space: Space, robot: str) -> int:
-    return len(space.drone_lattice.points) if robot == "drone" else len(space.lattice.points) * HEADINGS
 
 
 @cache

@@ -1,11 +1,11 @@
-"""What moves: the models of every graspable object and of both robots, and where they are.
+"""What moves: the models of every graspable object and of the robots, and where they are.
 
-One :class:`Movables` serves a process. A :class:`Bodies` holds where the bodies of one world are, ready
-to be drawn; only what has moved since the last look is worked out again.
+One :class:`Movables` serves all worlds of a process with the same robots. A :class:`Bodies` holds where the bodies
+of one world are, ready to be drawn; only what has moved since the last look is worked out again.
 """
 
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,22 @@ from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.home_views import HomeView
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
 from chmarl_pb.rendering.triangles import Canvas, clean_canvas
-from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.robots.drone import load_drone
-from chmarl_pb.robots.humanoid import load_humanoid
-from chmarl_pb.world import UPRIGHT, Client, Pose, load_graspable, quiet
+from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.world import UPRIGHT, Client, Pose, World, load_graspable, quiet
 from chmarl_pb.world.bullet import pybullet
 
 _KEPT = 8192  # poses of robots
 
+#: Robot, its kind and the PyBullet joint indices of its movable joints; in the order of the world.
+Team = tuple[tuple[str, RobotModel, tuple[int, ...]], ...]
+Joints = tuple[float, ...]
 Frames = NDArray[np.float64]  # (frames, 7) x, y, z in metres and quaternion x, y, z, w
+
+
+def team_in(world: World, models: Mapping[str, RobotModel]) -> Team:
+    """Return what is to be known of the robots of a world to draw them."""
+    bodies = world.physics.robots
+    return tuple((name, model, tuple(bodies[name].joints)) for name, model in models.items())
 
 
 class Movables:
@@ -37,18 +44,16 @@ class Movables:
         first_frame: name -> number of its first frame.
         frames: number of frames in all.
         scratch: room for drawing, see :func:`chmarl_pb.rendering.raster.draw`.
-        balls: name of a robot and configuration of the arm -> height above its base's origin and radius of a ball that
-            holds the robot however it is turned, metres.
     """
 
-    def __init__(self) -> None:
-        """Load all graspables and robots once, to read their meshes."""
+    def __init__(self, robots: Team) -> None:
+        """Load all graspables and the robots once, to read their meshes."""
         self._connection = Client()
         self._client = client = self._connection.number
         with quiet():
             objects = {f"{name}_1": load_graspable(client, name) for name in catalog.GRASPABLES}
-            self._robots = {"humanoid": load_humanoid(client), "drone": load_drone(client)}
-        self._arm = Arm(client, self._robots["humanoid"])
+            self._robots = {name: model.load(client) for name, model, _ in robots}
+        self._joints = {name: joints for name, _, joints in robots}
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
         bodies = {name: thing.body for name, thing in objects.items()} | self._robots
         parts = {name: parts_of(client, body) for name, body in bodies.items()}
@@ -64,42 +69,45 @@ class Movables:
              self.first_frame.items()],
         )  # fmt: skip
         self.scratch = np.empty((len(self.models.vertices), 6), np.float32)
-        self._kept: dict[tuple[str, Pose, Configuration], Frames] = {}
-        self.balls = {(name, arm): self._ball(name, arm) for name in self._robots for arm in (Arm.rest, Arm.carry)}
+        self._kept: dict[tuple[str, Pose, Joints], Frames] = {}
+        self._balls: dict[tuple[str, Joints], tuple[float, float]] = {}
 
     def object_frames(self, name: str, pose: Pose) -> Frames:
         """Return where an object's frame is, from the pose of its origin."""
         centre, _ = pybullet.multiplyTransforms(*pose, self._inertial[name], UPRIGHT)
         return np.array([[*centre, *pose[1]]])
 
-    def robot_frames(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+    def robot_frames(self, name: str, pose: Pose, joints: Joints) -> Frames:
         """Return where a robot's frames are.
 
         Args:
-            name: "humanoid" or "drone".
+            name: of the robot.
             pose: of its base.
-            configuration: of the humanoid's arm.
+            joints: positions of its movable joints.
         """
-        key = (name, pose, configuration)
+        key = (name, pose, joints)
         frames = self._kept.get(key)
         if frames is None:
             if len(self._kept) >= _KEPT:
                 del self._kept[next(iter(self._kept))]
-            frames = self._kept[key] = self._ask(name, pose, configuration)
+            frames = self._kept[key] = self._ask(name, pose, joints)
         return frames
 
-    def _ball(self, name: str, configuration: Configuration) -> tuple[float, float]:
-        bodies = Bodies(self)
-        bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), configuration)
-        x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()
-        return height, radius + float(np.hypot(x, y))
+    def ball(self, name: str, joints: Joints) -> tuple[float, float]:
+        """Return the height above its base and the radius of a ball that holds a robot however it is turned, metres."""
+        if (name, joints) not in self._balls:
+            bodies = Bodies(self)
+            bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), joints)
+            x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()
+            self._balls[name, joints] = height, radius + float(np.hypot(x, y))
+        return self._balls[name, joints]
 
-    def _ask(self, name: str, pose: Pose, configuration: Configuration) -> Frames:
+    def _ask(self, name: str, pose: Pose, joints: Joints) -> Frames:
         """Let PyBullet work out a robot's frames."""
         body = self._robots[name]
         pybullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
-        if name == "humanoid":
-            self._arm.set(configuration)
+        for index, value in zip(self._joints[name], joints, strict=True):
+            pybullet.resetJointState(body, index, value, physicsClientId=self._client)
         rows = []
         for link in self._links[name]:
             where: Pose = pose
@@ -116,10 +124,10 @@ def _links(parts: Iterable[Part]) -> list[int]:
     return list(dict.fromkeys(part.link for part in parts))
 
 
-@cache
-def movables() -> Movables:
-    """Return the process's models of what moves."""
-    return Movables()
+@lru_cache(maxsize=8)
+def movables(robots: Team) -> Movables:
+    """Return the process's models of what moves where these robots are."""
+    return Movables(robots)
 
 
 class Bodies:
@@ -131,9 +139,9 @@ class Bodies:
         scratch: room for drawing.
     """
 
-    def __init__(self, models: Movables | None = None) -> None:
-        """Begin with nothing in place; models are the process's unless given."""
-        self._movables = models or movables()
+    def __init__(self, models: Movables) -> None:
+        """Begin with nothing in place."""
+        self._movables = models
         self.models, self.scratch = self._movables.models, self._movables.scratch
         frames, inverses = np.zeros((2, self._movables.frames, 4, 4), np.float32)
         sides, balls = np.zeros((len(self.models.corners), 6)), np.zeros((len(self._movables.numbers), 4))
@@ -150,9 +158,9 @@ class Bodies:
             first_frames = np.array([self._movables.first_frame[name] for name in moved])
             _put_objects(numbers, first_frames, frames, self.models, self.placed)
 
-    def put_robot(self, name: str, pose: Pose, configuration: Configuration) -> None:
-        """Put a robot at the pose of its base, the humanoid's arm into a configuration."""
-        frames = self._movables.robot_frames(name, pose, configuration)
+    def put_robot(self, name: str, pose: Pose, joints: Joints) -> None:
+        """Put a robot at the pose of its base, and its joints into their positions."""
+        frames = self._movables.robot_frames(name, pose, joints)
         if self._poses.get(name) is not frames:
             self._poses[name] = frames
             placing.put(

@@ -5,6 +5,7 @@ Whoever wants to know what a robot sees asks a :class:`Renderer` and needs to re
 about a hundred times as fast.
 """
 
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.rendering.camera import Picture
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import World
 
 VISIBILITY_SIZE = 128  # pixels: width and height of the pictures that decide what is visible
@@ -62,6 +64,12 @@ def renderer_names(world: World) -> tuple[str, ...]:
     return (*world.links, *world.physics.objects, *world.physics.robots)
 
 
-def can_be_visible(names: tuple[str, ...], robot: str) -> NDArray[np.bool_]:
+def classes_of(names: Iterable[str], robots: Mapping[str, RobotModel]) -> list[str]:
+    """Return the class of each name that can be visible: of a robot the one that its model names."""
+    return [robots[name].class_name if name in robots else catalog.class_of(name) for name in names]
+
+
+def can_be_visible(names: tuple[str, ...], robots: Mapping[str, RobotModel], robot: str) -> NDArray[np.bool_]:
     """Return which of some names count if a robot's picture shows them."""
-    return np.array([name != robot and catalog.class_of(name) in catalog.CLASSES for name in names])
+    known = [name in catalog.CLASSES for name in classes_of(names, robots)]
+    return np.array([name != robot and counts for name, counts in zip(names, known, strict=True)])

@@ -1,32 +1,34 @@
 """The plain renderer: PyBullet's TinyRenderer draws the whole world anew for every picture. Slow, but easy to read."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.navigation.free_space import space_of
-from chmarl_pb.rendering.camera import Picture, render, view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.camera import Picture, camera_of, render, view_matrix
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import World
 
 
 class TinyRenderer:
     """Draws what the robots of one world see; see :class:`chmarl_pb.rendering.renderer.Renderer`."""
 
-    def __init__(self, world: World):
+    def __init__(self, world: World, robots: Mapping[str, RobotModel]):
         """Draw in the world's own client."""
-        self._world, self._space = world, space_of(world.home)
+        self._world, self._space, self._robots = world, space_of(world.home), robots
         self.names = renderer_names(world)
 
     def picture(self, robot: str, size: int) -> Picture:
         """Return what a robot's camera shows."""
         self._world.sync()
-        client = self._world.client
-        view = view_matrix(eye(self._space, robot, self._world.robots[robot].pose))
-        drawn = render(client, CAMERAS[robot], view, size)
+        client, model = self._world.client, self._robots[robot]
+        view = view_matrix(model.eye(self._space, self._world.robots[robot].pose))
+        drawn = render(client, camera_of(model), view, size)
         # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: odd
         # pictures of a client are equal, and this one of a single pixel makes the next one odd again.
-        render(client, CAMERAS[robot], view, 1)
+        render(client, camera_of(model), view, 1)
         return Picture(drawn.colour, drawn.depth, self._named(drawn.segmentation))
 
     def image(self, robot: str, size: int) -> NDArray[np.uint8]:
@@ -37,7 +39,7 @@ class TinyRenderer:
         """Return the names of the things that a robot sees."""
         segmentation = self.picture(robot, VISIBILITY_SIZE).segmentation
         pixels = np.bincount(segmentation.ravel() + 1, minlength=len(self.names) + 1)[1:]
-        seen = can_be_visible(self.names, robot) & (pixels >= VISIBLE_PIXELS)
+        seen = can_be_visible(self.names, self._robots, robot) & (pixels >= VISIBLE_PIXELS)
         return tuple(self.names[number] for number in np.flatnonzero(seen))
 
     def _named(self, segmentation: NDArray[np.integer]) -> NDArray[np.int32]:

@@ -6,11 +6,13 @@ configuration at most. ``Arm.solve`` works out a fixed grid of such choices at o
 no iteration, no randomness, no trace in the simulation. Lengths are metres, angles radians, quaternions (x, y, z, w).
 """
 
+from pathlib import Path
 from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.reach import REACH
 from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
@@ -33,6 +35,9 @@ JOINTS = (
     "left_finger_slide",
     "right_finger_slide",
 )
+
+#: Links whose places are the arm's measures: the axes of shoulder, elbow and wrist, and the point between fingertips.
+LINKS = ("shoulder", "forearm", "wrist", "grasp")
 
 #: How far an open finger is from the closing plane.
 OPEN = 0.05
@@ -72,18 +77,27 @@ class Arm:
     rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
     carry: ClassVar[Configuration] = (0.0, -0.029, -0.482, -0.512, 2.558, -0.919, -1.017, 0.365, 0.03, 0.03)
 
-    def __init__(self, client: int, body: int) -> None:
-        """Look up the joints and measure the arm of a loaded humanoid.
+    def __init__(self, client: int, body: int, urdf: Path) -> None:
+        """Look up the joints and measure the arm of a loaded robot.
 
         Args:
             client: PyBullet client id.
-            body: body id of a loaded ``humanoid.urdf``.
+            body: body id of a robot with the joints ``JOINTS`` and the links ``LINKS``.
+            urdf: its file, for messages.
+
+        Raises:
+            AssetError: it has not all of these joints and links.
         """
         self.client, self.body = client, body
         count = p.getNumJoints(body, physicsClientId=client)
         infos = [p.getJointInfo(body, index, physicsClientId=client) for index in range(count)]
         joints = {info[1].decode(): info for info in infos}
         links = {info[12].decode(): info[0] for info in infos}
+        if missing := [*({*JOINTS} - joints.keys()), *({*LINKS} - links.keys())]:
+            raise AssetError(
+                f"{urdf}: an arm needs the joints {', '.join(JOINTS)} and the links {', '.join(LINKS)}; "
+                f"missing: {', '.join(sorted(missing))}"
+            )
         self.indices = tuple(joints[name][0] for name in JOINTS)
         self.grasp_link = links["grasp"]
         self.lower, self.upper, efforts, self.speeds = np.array([joints[name][8:12] for name in JOINTS]).T
@@ -141,8 +155,7 @@ class Arm:
         self.set((0.0,) * len(JOINTS))
         base, turn = p.getBasePositionAndOrientation(self.body, physicsClientId=self.client)
         rotation = np.reshape(p.getMatrixFromQuaternion(turn), (3, 3))
-        names = ("shoulder", "forearm", "wrist", "grasp")
-        indices = [links[name] for name in names]
+        indices = [links[name] for name in LINKS]
         states = p.getLinkStates(self.body, indices, computeForwardKinematics=True, physicsClientId=self.client)
         places = np.round((np.array([state[4] for state in states]) - base) @ rotation, 6)
         self._shoulder = places[0]

@@ -14,34 +14,36 @@ from chmarl_pb.world import TIME_STEP
 _NO_MOVE = 1e-4  # metres, radians or seconds at full speed that are not worth a step
 _ALIGNED = 0.12  # radians: a base this near to its way need not turn first
 _JOINT_RAMP = 0.25  # seconds in which joints come to full speed
-# Highest speed and mean acceleration on the way to it.
-_DRIVE = (1.2, 1.5)  # m/s, m/s^2
-_TURN = (2.2, 4.0)  # rad/s, rad/s^2
-_FLY = (2.5, 2.0)  # m/s, m/s^2
+# Mean accelerations on the way to the highest speed.
+_DRIVING, _TURNING, _FLYING = 1.5, 4.0, 2.0  # m/s^2, rad/s^2, m/s^2
 
 
-def drive(corners: Points, start: float, end: float) -> Iterator[tuple[float, float, float]]:
+def drive(
+    corners: Points, start: float, end: float, speed: float, turn_speed: float
+) -> Iterator[tuple[float, float, float]]:
     """Yield a base's x, y (metres) and yaw (radians) at every step: turn to each straight piece, drive it, turn.
 
     Args:
         corners: (m, 2) of the way, metres; the first is where the base stands.
         start: yaw that the base has, radians.
         end: yaw that it shall have at the last corner, radians.
+        speed: highest, m/s.
+        turn_speed: highest, rad/s.
     """
     (x, y), yaw = corners[0].tolist(), start
     for goal_x, goal_y in corners[1:].tolist():
         ahead = float(np.arctan2(goal_y - y, goal_x - x))
         if abs(wrap(ahead - yaw)) > _ALIGNED:
-            yield from ((x, y, angle) for angle in _turn(yaw, ahead))
+            yield from ((x, y, angle) for angle in _turn(yaw, ahead, turn_speed))
             yaw = ahead
-        yield from ((*point, yaw) for point in _line((x, y), (goal_x, goal_y), _DRIVE))
+        yield from ((*point, yaw) for point in _line((x, y), (goal_x, goal_y), (speed, _DRIVING)))
         x, y = goal_x, goal_y
-    yield from ((x, y, angle) for angle in _turn(yaw, end))
+    yield from ((x, y, angle) for angle in _turn(yaw, end, turn_speed))
 
 
-def fly(start: ArrayLike, end: ArrayLike) -> Iterator[tuple[float, float]]:
-    """Yield x and y (metres) of a straight flight at every step."""
-    return _line(start, end, _FLY)
+def fly(start: ArrayLike, end: ArrayLike, speed: float) -> Iterator[tuple[float, float]]:
+    """Yield x and y (metres) of a straight flight at every step; ``speed`` is the highest, m/s."""
+    return _line(start, end, (speed, _FLYING))
 
 
 def move_joints(
@@ -87,9 +89,9 @@ def wrap(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _turn(start: float, goal: float) -> Iterator[float]:
+def _turn(start: float, goal: float, speed: float) -> Iterator[float]:
     change = wrap(goal - start)
-    return (start + share * change for share in profile(abs(change), *_TURN).tolist())
+    return (start + share * change for share in profile(abs(change), speed, _TURNING).tolist())
 
 
 def _line(start: ArrayLike, end: ArrayLike, limits: tuple[float, float]) -> Iterator[tuple[float, float]]:

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.navigation.free_space import Space
+from chmarl_pb.rendering.renderer import classes_of
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.sensing.relations import Facts, describe
 from chmarl_pb.world import Grip, Objects, Support, WorldState
 
@@ -56,13 +58,14 @@ class SceneGraph:
 class SceneGraphs:
     """Makes the scene graphs of one home."""
 
-    def __init__(self, space: Space, links: Collection[str], names: tuple[str, ...]):
+    def __init__(self, space: Space, links: Collection[str], names: tuple[str, ...], robots: Mapping[str, RobotModel]):
         """Prepare to describe a home.
 
         Args:
             space: what the home offers.
             links: names of the parts of the home.
             names: every name that can be visible, see :class:`chmarl_pb.rendering.renderer.Renderer`.
+            robots: robot -> its kind.
         """
         self._space = space
         self._rooms = list(space.home.rooms)
@@ -73,7 +76,7 @@ class SceneGraphs:
         static = [self._rooms.index(catalog.room_of(name)) if name in links else -1 for name in names]
         count = len(names)
         self._facts = Facts(
-            kind=np.array([catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in names], dtype=np.int16),
+            kind=np.array([catalog.CLASS_IDS.get(name, 0) for name in classes_of(names, robots)], dtype=np.int16),
             state=np.zeros(count, dtype=np.int16),
             room=np.array(static, dtype=np.int32),
             carrier=np.full(count, -1, dtype=np.int32),

@@ -8,8 +8,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.rendering.camera_poses import CAMERAS
-from chmarl_pb.rendering.renderer import Renderer
+from chmarl_pb.rendering.camera import Camera, camera_of
+from chmarl_pb.rendering.renderer import Renderer, classes_of
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.sensing.scene_graph import MAX_EDGES, MAX_NODES, SceneGraph, SceneGraphs
 from chmarl_pb.world import WorldState
 
@@ -19,6 +20,7 @@ class View(NamedTuple):
 
     Attributes:
         robot: its name.
+        models: robot -> its kind, of all robots.
         actions: names of its actions, in the order of their numbers.
         state: of the world; it is the truth, so a fair sensor reads no more of it than the robot's own part.
         room: name of the room that it is in.
@@ -35,6 +37,7 @@ class View(NamedTuple):
     """
 
     robot: str
+    models: Mapping[str, RobotModel]
     actions: tuple[str, ...]
     state: WorldState
     room: str
@@ -60,13 +63,14 @@ class View(NamedTuple):
     def depth(self, size: int) -> NDArray[np.float32]:
         """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
         buffer = self.renderer.picture(self.robot, size).depth
-        near, far = CAMERAS[self.robot].near, CAMERAS[self.robot].far
+        camera = camera_of(self.models[self.robot])
+        near, far = camera.near, camera.far
         return (near * far / (far - (far - near) * buffer)).clip(near, far).astype(np.float32)
 
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
         picture = self.renderer.picture(self.robot, size)
-        ids = [catalog.CLASS_IDS.get(catalog.class_of(name), 0) for name in self.renderer.names]
+        ids = [catalog.CLASS_IDS.get(name, 0) for name in classes_of(self.renderer.names, self.models)]
         ids.append(0)  # for -1, which is nothing
         classes: NDArray[np.int16] = np.array(ids, dtype=np.int16)[picture.segmentation]
         return classes
@@ -143,8 +147,7 @@ class DepthSensor:
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of pictures; the camera's far plane is its end."""
-        far = max(camera.far for camera in CAMERAS.values())
-        return {"depth": spaces.Box(0, far, (self.size, self.size), np.float32)}
+        return {"depth": spaces.Box(0, Camera.far, (self.size, self.size), np.float32)}
 
     def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
         """Return the picture."""

@@ -1,6 +1,6 @@
 """The text sensor: what a robot sees, knows and was told, in plain sentences, for whoever plays by reading."""
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,7 @@ def _self(view: View) -> str:
     """Return where the robot is, and what it holds."""
     grip = view.state.grips.get(view.robot)
     holding = f" You hold the {_name(grip.item)}." if grip else ""
-    return f"You are the {view.robot}, in the {_name(view.room)}.{holding}"
+    return f"You are the {_robot(view.robot)}, in the {_name(view.room)}.{holding}"
 
 
 def _seen(view: View) -> Iterator[str]:
@@ -56,7 +56,7 @@ def _seen(view: View) -> Iterator[str]:
     rooms: dict[str, list[str]] = {}
     places = {source: (relation, target) for source, target, relation in graph.relations() if relation in _PLACES}
     inside = {source: target for source, target, relation in graph.relations() if relation == "in_room"}
-    for name, thing in zip(graph.names, _things(graph, places), strict=True):
+    for name, thing in zip(graph.names, _things(graph, places, view.models), strict=True):
         if name in inside:
             rooms.setdefault(inside[name], []).append(thing)
     if not rooms:
@@ -65,13 +65,13 @@ def _seen(view: View) -> Iterator[str]:
         yield f"You see in the {_name(room)}: {', '.join(things)}."
 
 
-def _things(graph: SceneGraph, places: dict[str, tuple[str, str]]) -> Iterator[str]:
+def _things(graph: SceneGraph, places: dict[str, tuple[str, str]], robots: Container[str]) -> Iterator[str]:
     """Yield the words for each node: its name, where it is, and its state."""
     for name, state in zip(graph.names, graph.states, strict=True):
-        words = _name(name)
+        words = _robot(name) if name in robots else _name(name)
         if name in places:
             relation, target = places[name]
-            words += f" {_WORDS.get(relation, relation)} the {_name(target)}"
+            words += f" {_WORDS.get(relation, relation)} the {_robot(target) if target in robots else _name(target)}"
         yield words + (f" ({state})" if state not in ("fixed", "free", "held") else "")
 
 
@@ -83,6 +83,11 @@ def _messages(view: View) -> Iterator[str]:
         rooms = [_name(room) for room, bit in zip(view.rooms, bits, strict=True) if bit]
         if rooms:
             yield f"{what} has been seen in the {' and the '.join(rooms)}."
+
+
+def _robot(name: str) -> str:
+    """Return a robot's name in words: ``humanoid_1`` -> humanoid 1."""
+    return name.replace("_", " ")
 
 
 def _name(name: str) -> str:

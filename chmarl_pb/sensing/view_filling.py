@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from chmarl_pb.errors import OptionError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import in_processes
-from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.rendering.home_views import HomeViews, home_views
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.rendering.view_store import ViewFile, ViewStore, view_store
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.registry import TEAM
 
 MB = 2**20
 _AT_ONCE = 64  # views that a process draws before it answers
@@ -22,7 +23,7 @@ class Job:
 
     Attributes:
         home: name or path of the home.
-        robot: whose camera.
+        robot: name of a robot of the package, whose camera it is.
         size: width and height in pixels.
         poses: lattice poses.
     """
@@ -57,7 +58,7 @@ class Filling:
         self._files: dict[tuple[str, str, int], ViewFile] = {}
         for home in dict.fromkeys(homes):
             views = HomeViews(load_home(home))
-            for robot in CAMERAS:
+            for robot in TEAM:
                 for pixels in sorted({VISIBILITY_SIZE, size}):
                     self._files[home, robot, pixels] = _file_of(store, views, robot, pixels)
         self.bytes = sum(file.length for file in self._files.values())
@@ -104,14 +105,14 @@ def draw(jobs: Sequence[Job], workers: int) -> Iterator[int]:
 def _draw(job: Job) -> int:
     views = home_views(load_home(job.home))
     for pose in job.poses:
-        views.look(job.robot, pose, job.size)
+        views.look(find_model(job.robot), pose, job.size)
     return len(job.poses)
 
 
 def _file_of(store: ViewStore, views: HomeViews, robot: str, size: int) -> ViewFile:
     """Return the file in which a robot's views of a home are stored."""
     before = set(store.files)
-    views.look(robot, 0, size)  # opens it
+    views.look(find_model(robot), 0, size)  # opens it
     for file in set(store.files) - before:
         return file
     raise OptionError(f"{store.folder}: cannot be used; set CHMARL_CACHE to a folder that can be written")

@@ -5,12 +5,14 @@ from typing import Protocol, runtime_checkable
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.robots.robot import neighbours_cells
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.targets import target_of
+from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 Goals = tuple[Goal, ...]
@@ -48,29 +50,35 @@ class Adviser(Protocol):
 
 
 class Critic(Protocol):
-    """Watches the humanoid and knows what would have been better."""
+    """Watches a robot with an arm and knows what would have been better."""
 
     def before(self, action: str, outcome: Outcome) -> None:
-        """Take note of the action that the humanoid is about to take in a state with that outcome."""
+        """Take note of the action that the robot is about to take in a state with that outcome."""
 
     def after(self, succeeded: bool) -> str | None:
         """Return the action that would have been better, or None, once the action has been taken."""
 
 
+#: Makes the critic of a robot in an episode that begins on a stage, where goals are to be reached.
+MakeCritic = Callable[[Stage, str, Goals], Critic]
+
+
 class MissedChance:
     """The paper's critic: notices a Pick or Place that would have worked and was not taken."""
 
-    def __init__(self, stage: Stage, goals: Goals):
-        """Watch an episode that begins on a stage."""
-        self._humanoid, self._goals = stage.humanoid, goals
+    def __init__(self, stage: Stage, robot: str, goals: Goals):
+        """Watch a robot in an episode that begins on a stage."""
+        self._robots, self._robot, self._goals = stage.robots, stage.robots[robot], goals
         self._missed: str | None = None
 
     def before(self, action: str, outcome: Outcome) -> None:
-        """Ask whether Pick or Place would work now, unless that is what the humanoid does."""
-        seen = outcome.seen["humanoid"]
-        goal = target_of(self._goals, outcome.state, "humanoid", seen)
-        missed = within_sight(goal, outcome)
-        if missed == action or (missed and self._humanoid.plan(missed, goal, seen) is None):
+        """Ask whether Pick or Place would work now, unless that is what the robot does."""
+        robot, seen = self._robot, outcome.seen[self._robot.name]
+        goal = target_of(self._goals, outcome.state, robot.name, seen)
+        missed = within_sight(goal, outcome, robot.name)
+        if missed == action or (
+            missed and robot.plan(missed, goal, seen, neighbours_cells(self._robots, robot)) is None
+        ):
             missed = None
         self._missed = missed
 
@@ -82,9 +90,9 @@ class MissedChance:
 class Detour:
     """The planner's critic: notices every action that does not shorten the optimal plan; plans anew only after such."""
 
-    def __init__(self, stage: Stage, goals: Goals):
-        """Plan an episode that begins on a stage."""
-        self._oracle, self._goals = stage.oracle, goals
+    def __init__(self, stage: Stage, robot: str, goals: Goals):
+        """Plan for a robot in an episode that begins on a stage."""
+        self._oracle, self._goals = stage.oracles[robot], goals
         self._plan = self._optimal()
         self._action = ""
 
@@ -111,30 +119,36 @@ class Detour:
 class SpokenAdviser:
     """Says in plain English what a critic knows."""
 
-    def __init__(self, critic: Callable[[Stage, Goals], Critic]):
-        """Ask a critic of this kind in every episode."""
+    def __init__(self, critic: MakeCritic):
+        """Ask a critic of this kind about each robot with an arm in every episode."""
         self.critic = critic
 
     def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:
         """Watch an episode that begins on a stage."""
-        self._task, self._goals, self._critic = task, goals, self.critic(stage, goals)
+        self._task, self._goals = task, goals
+        self._critics = {robot: self.critic(stage, robot, goals) for robot in stage.oracles}
+        self._about: dict[str, tuple[Task, str, bool]] = {}
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
-        """Take note of the humanoid's action, and of what it holds."""
-        goal = target_of(self._goals, outcome.state, "humanoid", outcome.seen["humanoid"])
-        self._action, self._holding = actions["humanoid"], outcome.held == goal.item
-        self._move = self._task.moves[self._goals.index(goal)]
-        self._critic.before(self._action, outcome)
+        """Take note of the actions, and of what the robots hold."""
+        for robot, critic in self._critics.items():
+            goal = target_of(self._goals, outcome.state, robot, outcome.seen[robot])
+            grip = outcome.state.grips.get(robot)
+            holding = grip is not None and grip.item == goal.item
+            self._about[robot] = self._task.moves[self._goals.index(goal)], actions[robot], holding
+            critic.before(actions[robot], outcome)
 
     def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
-        """Return a sentence for the humanoid if something would have been better."""
-        better = self._critic.after(succeeded["humanoid"])
-        if better is None:
-            return {}
-        advice = language.Advice(self._action, succeeded["humanoid"], better, self._holding)
-        return {"humanoid": language.say(self._move, step, advice)}
+        """Return a sentence for each robot for which something would have been better."""
+        feedback = {}
+        for robot, critic in self._critics.items():
+            better = critic.after(succeeded[robot])
+            if better is not None:
+                move, action, holding = self._about[robot]
+                feedback[robot] = language.say(move, step, language.Advice(action, succeeded[robot], better, holding))
+        return feedback
 
 
 #: Style of feedback -> the critic behind it.
-CRITICS: dict[str, Callable[[Stage, Goals], Critic]] = {"paper": MissedChance, "planner": Detour}
+CRITICS: dict[str, MakeCritic] = {"paper": MissedChance, "planner": Detour}
 STYLES = tuple(CRITICS)

@@ -1,4 +1,4 @@
-"""When the humanoid is told what it should have done.
+"""When a robot with an arm is told what it should have done.
 
 Two styles. ``paper`` (CH-MARL): it could have picked X, or placed it on Y, and did something else.
 ``planner``: it did something that does not shorten the optimal plan. Whether Pick or Place would
@@ -10,12 +10,12 @@ from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.outcome import Outcome
 
 
-def within_sight(goal: Goal, outcome: Outcome) -> str | None:
-    """Return "pick" or "place" if the humanoid sees what that needs and its hand is ready for it, else None."""
-    seen = outcome.seen["humanoid"]
-    if outcome.held is None and goal.item in seen:
-        return "pick"
-    if outcome.held == goal.item and not set(goal.receptacles).isdisjoint(seen):
+def within_sight(goal: Goal, outcome: Outcome, robot: str) -> str | None:
+    """Return "pick" or "place" if a robot sees what that needs and its hand is ready for it, else None."""
+    seen, grip = outcome.seen[robot], outcome.state.grips.get(robot)
+    if grip is None:
+        return "pick" if goal.item in seen and goal.item in outcome.supports else None
+    if grip.item == goal.item and not set(goal.receptacles).isdisjoint(seen):
         return "place"
     return None
 

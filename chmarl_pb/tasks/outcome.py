@@ -1,6 +1,6 @@
 """The outcome of a step: the facts that observation, reward, messages, feedback and metrics read."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from chmarl_pb.robots.goal import Goal
@@ -29,55 +29,58 @@ class Outcome:
 
     @property
     def held(self) -> str | None:
-        """Name of the object in the gripper, or None."""
+        """Name of the first object in a gripper, or None."""
         for grip in self.state.grips.values():
             return grip.item
         return None
 
     @property
     def supports(self) -> Mapping[str, Support]:
-        """Object -> what carries it; the held object is not in it."""
+        """Object -> what carries it; one in a gripper is not in it."""
         return self.state.objects.supports
 
 
-def potential(success: bool, grasped: bool, item_seen_by: set[str], target_seen_by: set[str]) -> float:
+def potential(success: bool, grasped: bool, seen_by: Collection[str], graspers: Collection[str]) -> float:
     """Return phi: the first row of CH-MARL's table that holds.
+
+    The table's "visible to the humanoid" is read as "to any robot that can grasp", "to the drone" as "to any other".
 
     Args:
         success: X is placed on Y.
-        grasped: X is in the gripper.
-        item_seen_by: the robots that see X.
-        target_seen_by: the robots that see Y.
+        grasped: X is in a gripper.
+        seen_by: the robots that see what is wanted: X, or Y once X is in a gripper.
+        graspers: the robots that can grasp.
     """
     if success:
         return 10.0
-    seen_by = target_seen_by if grasped else item_seen_by
-    humanoid, drone, nobody = (6.0, 5.0, 4.0) if grasped else (2.0, 1.0, 0.0)
-    if "humanoid" in seen_by:
-        return humanoid
-    return drone if "drone" in seen_by else nobody
+    grasper, other, nobody = (6.0, 5.0, 4.0) if grasped else (2.0, 1.0, 0.0)
+    if not seen_by:
+        return nobody
+    return other if set(seen_by).isdisjoint(graspers) else grasper
 
 
-def judge(state: WorldState, goal: Goal, seen: dict[str, tuple[str, ...]], humanoid_room: str) -> Outcome:
+def judge(
+    state: WorldState, goal: Goal, seen: dict[str, tuple[str, ...]], graspers: Collection[str], rooms: Sequence[str]
+) -> Outcome:
     """Return the outcome of a state.
 
     Args:
         state: of the world after the actions.
         goal: what Pick and Place act on.
         seen: robot -> names of the things visible to it.
-        humanoid_room: the humanoid's room, which is X's while it is held.
+        graspers: the robots that can grasp.
+        rooms: names of the home's rooms, in the order of a robot's ``room``.
     """
     support = state.objects.supports.get(goal.item)
-    success = support is not None and support.receptacle in goal.receptacles
-    targets = set(goal.receptacles)
-    phi = potential(
-        success,
-        goal.item in state.held,
-        {robot for robot, names in seen.items() if goal.item in names},
-        {robot for robot, names in seen.items() if not targets.isdisjoint(names)},
-    )
-    room = humanoid_room if support is None else support.receptacle.split("/")[0]
-    return Outcome(state, seen, room, phi, success)
+    if support is None:
+        holder = next(robot for robot, grip in state.grips.items() if grip.item == goal.item)
+        seen_by = [robot for robot, names in seen.items() if not set(goal.receptacles).isdisjoint(names)]
+        phi = potential(False, True, seen_by, graspers)
+        return Outcome(state, seen, rooms[state.robots[holder].room], phi, False)
+    success = support.receptacle in goal.receptacles
+    seen_by = [robot for robot, names in seen.items() if goal.item in names]
+    phi = potential(success, False, seen_by, graspers)
+    return Outcome(state, seen, support.receptacle.split("/")[0], phi, success)
 
 
 def reward(previous: Outcome, outcome: Outcome) -> float:

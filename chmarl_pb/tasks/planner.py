@@ -3,65 +3,76 @@
 Pick and Place drive by themselves, and the pose after a Pick depends on the object alone. So an
 optimal plan is a shortest way to a pose from which X is seen, Pick, a shortest way to a pose from
 which a Y with a free place is seen, Place. Both ways are found by breadth-first search over the
-lattice; whether a pose sees a thing is answered by the camera itself. The drone never shortens a
-plan: only the humanoid's view counts for Pick and Place. What it does meanwhile is planned in
+lattice; whether a pose sees a thing is answered by the camera itself. No other robot ever shortens a
+plan: only the own view of a robot that can grasp counts. What the others do meanwhile is planned in
 :mod:`chmarl_pb.policies.cooperative_planner`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import TaskError
+from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
-from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.robots.manipulator import MobileManipulator
+from chmarl_pb.robots.robot import Robot, neighbours_cells
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
 Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+Cells = tuple[int, ...]  # of a lattice, in which other robots stand
 
 
 class Oracle:
-    """Plans for one world, from whatever state it is in."""
+    """Plans for one robot that can grasp, from whatever state its world is in."""
 
-    def __init__(self, humanoid: Humanoid, drone: Drone, renderer: Renderer):
-        """Plan for these robots of a world, looking with their eyes."""
-        self.world, self.space, self.renderer = humanoid.world, humanoid.space, renderer
-        self.outlook = Outlook(self.space)
-        self.humanoid, self.drone = humanoid, drone
+    def __init__(self, robot: MobileManipulator, robots: Mapping[str, Robot], renderer: Renderer):
+        """Plan for a robot.
 
-    def plan(self, goal: Goal, goals: Sequence[Goal] = ()) -> list[str]:
-        """Return the humanoid's shortest list of actions that reach a goal from the present state.
+        Args:
+            robot: picks and places.
+            robots: all robots of its world.
+            renderer: tells what they see.
+        """
+        self.world, self.space, self.renderer = robot.world, robot.space, renderer
+        self.outlook = Outlook(self.space, robot.model)
+        self.robot, self.robots = robot, robots
+
+    def plan(self, goal: Goal, goals: Sequence[Goal] = (), alone: bool = False) -> list[str]:
+        """Return the robot's shortest list of actions that reach a goal from the present state.
 
         Args:
             goal: the goal.
             goals: all goals of the task, of which Pick takes the nearest object; this one alone if empty.
+            alone: let the other robots not be in the way; else they stay in their cells.
 
         Raises:
             TaskError: the object cannot be picked, or cannot be placed on any target.
         """
-        if self.world.held == goal.item:
-            return self._to_place(goal, self.humanoid.pose)
+        robot, taken = self.robot, () if alone else neighbours_cells(self.robots, self.robot)
+        if robot.held == goal.item:
+            return self._to_place(goal, robot.pose, taken)
+        if goal.item not in self.world.supports:
+            raise TaskError(f"another robot holds {goal.item}")
         support = self.world.supports[goal.item]
         if support.receptacle in goal.receptacles:
             return []
-        motion_end = self.space.stand(self.world.grip(goal.item))
+        motion_end = robot.stand(goal.item, taken)
         if motion_end is None:
             raise TaskError(f"{goal.item} on {support.receptacle} cannot be reached; choose another place or seed")
-        to_pick = self._search(
-            self.humanoid.pose, self._sees_item(goal, goals or (goal,)), f"{goal.item} on {support.receptacle}"
-        )
+        what = f"{goal.item} on {support.receptacle}"
+        to_pick = self._search(robot.pose, self._sees_item(goal, goals or (goal,), taken), what, taken)
         with self._holding(goal.item, motion_end):
-            return [*to_pick, "pick", *self._to_place(goal, motion_end)]
+            return [*to_pick, "pick", *self._to_place(goal, motion_end, taken)]
 
     def seen_from(self, robot: str, pose: int) -> tuple[str, ...]:
         """Return the names of the things that a robot would see at another pose."""
         before = self.world.state
-        (self.humanoid if robot == self.humanoid.name else self.drone).spawn(pose)
+        self.robots[robot].spawn(pose)
         try:
             return self.renderer.visible(robot)
         finally:
@@ -82,38 +93,39 @@ class Oracle:
         low, high = self._box(name)
         return float(np.linalg.norm(high - low)) / 2 + 0.1  # what is drawn may jut out a little
 
-    def _to_place(self, goal: Goal, start: int) -> list[str]:
+    def _to_place(self, goal: Goal, start: int, taken: Cells) -> list[str]:
         """Return the actions from a pose with the object in hand up to Place."""
-        if self.humanoid.plan("place", goal, goal.receptacles) is None:
+        if self.robot.plan("place", goal, goal.receptacles, taken) is None:
             raise TaskError(f"{goal.item} has no free place within reach on {' or '.join(goal.receptacles)}")
-        return [*self._search(start, self._sees_target(goal), " or ".join(goal.receptacles)), "place"]
+        sees = self._sees_target(goal, taken)
+        return [*self._search(start, sees, " or ".join(goal.receptacles), taken), "place"]
 
-    def _search(self, start: int, sees: Seer, what: str) -> list[str]:
-        names = self.humanoid.actions
-        moving = [name for name in names if name not in ("pick", "place", "stay")]
-        found = breadth_first(start, self.space.lattice.moves, sees)
+    def _search(self, start: int, sees: Seer, what: str, taken: Cells) -> list[str]:
+        moving = [name for name in self.robot.actions if name not in ("pick", "place", "stay")]
+        found = breadth_first(start, free_moves(self.robot.lattice, taken), sees)
         if found is None:
-            raise TaskError(f"{self.space.home.name}: the humanoid cannot see {what} from any pose")
+            raise TaskError(f"{self.space.home.name}: the {self.robot.name} cannot see {what} from any pose")
         return [moving[number] for number in found]
 
-    def _sees_item(self, goal: Goal, goals: Sequence[Goal]) -> Seer:
+    def _sees_item(self, goal: Goal, goals: Sequence[Goal], taken: Cells) -> Seer:
+        robot = self.robot
+
         def works() -> bool:
-            seen = self.renderer.visible("humanoid")
-            meant = target_of(goals, self.world.state, "humanoid", seen) == goal
-            return meant and self.humanoid.plan("pick", goal, seen) is not None
+            seen = self.renderer.visible(robot.name)
+            meant = target_of(goals, self.world.state, robot.name, seen) == goal
+            return meant and robot.plan("pick", goal, seen, taken) is not None
 
         return self._seer([(self.centre(goal.item), self.radius(goal.item))], works)
 
-    def _sees_target(self, goal: Goal) -> Seer:
+    def _sees_target(self, goal: Goal, taken: Cells) -> Seer:
+        robot = self.robot
         balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
-        return self._seer(balls, lambda: self._works("place", goal))
-
-    def _works(self, action: str, goal: Goal) -> bool:
-        """Return whether an action of the humanoid works where it stands now."""
-        return self.humanoid.plan(action, goal, self.renderer.visible(self.humanoid.name)) is not None
+        return self._seer(
+            balls, lambda: robot.plan("place", goal, self.renderer.visible(robot.name), taken) is not None
+        )  # fmt: skip
 
     def _seer(self, balls: list[tuple[NDArray[np.float64], float]], works: Callable[[], bool]) -> Seer:
-        """Return a test of poses: the action works when the humanoid stands there."""
+        """Return a test of poses: the action works when the robot stands there."""
 
         def sees(poses: NDArray[np.int64]) -> NDArray[np.bool_]:
             maybe = np.logical_or.reduce([self.outlook.may_see(poses, centre, radius) for centre, radius in balls])
@@ -129,7 +141,7 @@ class Oracle:
 
     @contextmanager
     def acting(self, actions: Sequence[str], goal: Goal) -> Iterator[None]:
-        """Let the humanoid carry out actions for a goal, with physics, for a while.
+        """Let the robot carry out actions for a goal, with physics, for a while.
 
         Raises:
             TaskError: one of them fails.
@@ -137,8 +149,9 @@ class Oracle:
         before = self.world.state
         try:
             for action in actions:
-                motion = self.humanoid.plan(action, goal, self.renderer.visible("humanoid"))
-                if motion is None or not self.humanoid.finish(motion):
+                seen, taken = self.renderer.visible(self.robot.name), neighbours_cells(self.robots, self.robot)
+                motion = self.robot.plan(action, goal, seen, taken)
+                if motion is None or not self.robot.finish(motion):
                     raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")
             yield
         finally:
@@ -146,9 +159,9 @@ class Oracle:
 
     @contextmanager
     def _standing(self, pose: int) -> Iterator[None]:
-        """Let the humanoid stand at a pose for a while."""
+        """Let the robot stand at a pose for a while."""
         before = self.world.state
-        self.humanoid.spawn(pose)
+        self.robot.spawn(pose)
         try:
             yield
         finally:
@@ -156,9 +169,9 @@ class Oracle:
 
     @contextmanager
     def _holding(self, item: str, stand: int) -> Iterator[None]:
-        """Let the humanoid hold an object as after a Pick for a while."""
+        """Let the robot hold an object as after a Pick for a while."""
         with self._standing(stand):
-            self.humanoid.hold(item, self.humanoid.turn_of(item, stand))
+            self.robot.hold(item, self.robot.turn_of(item, stand))
             yield
 
     def _box(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -166,6 +179,19 @@ class Oracle:
         low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
         high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
         return low, high
+
+
+def free_moves(lattice: AnyLattice, taken: Cells) -> NDArray[np.int32]:
+    """Return a lattice's moves where others stand: Goto takes the nearest free cell, other moves are blocked."""
+    if not taken:
+        return lattice.moves
+    moves, gotos = lattice.moves.copy(), len(lattice.anchors)
+    blocked = np.isin([lattice.cell(pose) for pose in range(lattice.count)], taken)
+    moves[:, gotos:][blocked[moves[:, gotos:]] & (moves[:, gotos:] >= 0)] = -1
+    for column, anchor in enumerate(lattice.anchors.values()):
+        if lattice.cell(anchor) in taken:
+            moves[:, column] = lattice.nearest(anchor, taken)
+    return moves
 
 
 def breadth_first(start: int, moves: NDArray[np.int32], sees: Seer) -> list[int] | None:

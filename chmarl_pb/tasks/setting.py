@@ -1,6 +1,7 @@
-"""Set up a task in a world: where everything lies and stands, drawn from the task's seed alone."""
+"""Set up a task in a world: where everything lies, and where robots start, drawn from the task's seed alone."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -9,14 +10,14 @@ from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, grip_point
-from chmarl_pb.navigation.lattice import HEADINGS
+from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Objects, World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
-_STREAMS = (0, 3, 4)  # of a task's seed: places, starts, states; words use 1 and 2
+_PLACES, _STARTS, _STATES = 0, 3, 4  # streams of a task's seed; words use 1 and 2
 _OBJECTS = np.array([f"{name}_1" for name in catalog.GRASPABLES])
 _KEPT = 2048  # layouts of one home, 8 kB each
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
@@ -29,14 +30,14 @@ class Setting:
     Attributes:
         goals: what Pick and Place act on, one goal for each object, in the order of the instruction.
         states: name of a static thing or an object -> its symbolic state.
-        humanoid: pose that the humanoid starts from.
-        drone: position that the drone starts from.
+        graspers: the robots that can grasp.
+        rooms: names of the home's rooms, in the order of a robot's ``room``.
     """
 
     goals: tuple[Goal, ...]
     states: dict[str, str]
-    humanoid: int
-    drone: int
+    graspers: tuple[str, ...]
+    rooms: tuple[str, ...]
 
     @property
     def goal(self) -> Goal:
@@ -51,21 +52,17 @@ class Layout:
     Attributes:
         objects: where the objects are.
         states: of the home's things, then of the objects.
-        humanoid: pose that the humanoid starts from.
-        drone: position that the drone starts from.
     """
 
     objects: Objects
     states: tuple[str, ...]
-    humanoid: int
-    drone: int
 
 
 _layouts: WeakKeyDictionary[Space, dict[AnyTask, Layout]] = WeakKeyDictionary()
 
 
 def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Setting:
-    """Clear a world and lay out a task in it: each X on its source, the distractors, the states, the starts.
+    """Clear a world and lay out a task in it: each X on its source, the distractors, the states.
 
     Args:
         world: the world.
@@ -86,13 +83,14 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
         kept[task] = layout
     world.arrange(layout.objects)
     names = (*(thing.name for thing in space.home.things), *world.objects)
-    return Setting(goals, dict(zip(names, layout.states, strict=True)), layout.humanoid, layout.drone)
+    states = dict(zip(names, layout.states, strict=True))
+    return Setting(goals, states, world.graspers, tuple(space.home.rooms))
 
 
 def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Layout:
     """Draw a task's layout, with the objects put into the world one by one."""
     # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
-    things, starts, moods = (np.random.default_rng([task.seed, stream]) for stream in _STREAMS)
+    things, moods = (np.random.default_rng([task.seed, stream]) for stream in (_PLACES, _STATES))
     world.clear()
     for move in moves:
         sources = list(receptacles_of(space.home, move.source))
@@ -102,10 +100,24 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...])
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
     _dress(world, space, task, [move.item for move in moves], things)
-    states = _states(space.home, world.objects, moods)
-    humanoid = int(starts.integers(len(space.lattice.points) * HEADINGS))
-    drone = int(starts.integers(len(space.drone_lattice.points)))
-    return Layout(world.state.objects, states, humanoid, drone)
+    return Layout(world.state.objects, _states(space.home, world.objects, moods))
+
+
+@lru_cache(maxsize=_KEPT)
+def draw_starts(seed: int, lattices: tuple[AnyLattice, ...]) -> tuple[int, ...]:
+    """Return the pose that each robot starts from: uniform, but never in a cell where one before it stands.
+
+    Args:
+        seed: of the task.
+        lattices: where each robot can be, in the order of the robots.
+    """
+    rng = np.random.default_rng([seed, _STARTS])
+    starts: list[int] = []
+    for place, lattice in enumerate(lattices):
+        taken = {lattice.cell(pose) for pose, other in zip(starts, lattices[:place], strict=True) if other is lattice}
+        pose = int(rng.integers(lattice.count))
+        starts.append(lattice.nearest(pose, taken) if lattice.cell(pose) in taken else pose)
+    return tuple(starts)
 
 
 def receptacles_of(home: Home, class_name: str) -> tuple[str, ...]:

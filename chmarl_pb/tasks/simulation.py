@@ -1,17 +1,21 @@
 """A stage: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
+from collections.abc import Mapping
+
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import limits
 from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.rendering.registry import RENDERERS
-from chmarl_pb.robots.drone import Drone
-from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.robots.manipulator import MobileManipulator
+from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.registry import TEAM, make_robot, team_of
+from chmarl_pb.robots.robot import Robot
 from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
-from chmarl_pb.tasks.order import plan_all
+from chmarl_pb.tasks.order import TeamPlan, plan_team
 from chmarl_pb.tasks.planner import Oracle
-from chmarl_pb.tasks.setting import Setting
+from chmarl_pb.tasks.setting import Setting, draw_starts
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
 
@@ -22,26 +26,27 @@ class Stage(Uncopied):
     Attributes:
         space: what the home offers.
         world: the physics.
-        humanoid: the humanoid.
-        drone: the drone.
+        models: robot -> what is known of its kind.
         robots: name -> robot.
         renderer: draws what they see.
         graphs: the scene graphs of what they see.
-        oracle: the privileged planner of this world.
+        oracles: robot that can grasp -> the privileged planner of what it does.
     """
 
-    def __init__(self, home: str, renderer: str = "fast"):
+    def __init__(self, home: str, models: Mapping[str, RobotModel] | None = None, renderer: str = "fast"):
         """Load a home.
 
         Args:
             home: its name or path.
+            models: robot -> its kind; the benchmark's robots if None.
             renderer: one of :data:`chmarl_pb.rendering.registry.RENDERERS`.
 
         Raises:
             HomeError: the home cannot be used.
+            AssetError: a robot cannot be loaded.
         """
-        self.home = load_home(home)
-        for problem in limits(self.home):
+        self.home, self.models = load_home(home), team_of(TEAM) if models is None else models
+        for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
         # Derive lattice and surfaces first: a home that robots cannot move in is refused before physics loads it.
@@ -53,12 +58,17 @@ class Stage(Uncopied):
         ]
         self.world = World(self.home)
         try:
-            self.humanoid = Humanoid(self.world, self.space)
-            self.drone = Drone(self.world, self.space)
-            self.robots: dict[str, Humanoid | Drone] = {"humanoid": self.humanoid, "drone": self.drone}
-            self.renderer = RENDERERS[renderer](self.world)
-            self.graphs = SceneGraphs(self.space, self.world.links, self.renderer.names)
-            self.oracle = Oracle(self.humanoid, self.drone, self.renderer)
+            self.robots: dict[str, Robot] = {
+                name: make_robot(model, self.world, self.space, name) for name, model in self.models.items()
+            }
+            self._lattices = tuple(robot.lattice for robot in self.robots.values())
+            self.renderer = RENDERERS[renderer](self.world, self.models)
+            self.graphs = SceneGraphs(self.space, self.world.links, self.renderer.names, self.models)
+            self.oracles = {
+                name: Oracle(robot, self.robots, self.renderer)
+                for name, robot in self.robots.items()
+                if isinstance(robot, MobileManipulator)
+            }
         except BaseException:
             self.close()
             raise
@@ -75,17 +85,22 @@ class Stage(Uncopied):
             TaskError: the home cannot hold the task.
         """
         setting = kind.set_up(self.world, self.space, task)
-        self.humanoid.spawn(setting.humanoid)
-        self.drone.spawn(setting.drone)
+        for robot, pose in zip(self.robots.values(), draw_starts(task.seed, self._lattices), strict=True):
+            robot.spawn(pose)
         return setting
 
-    def solve(self, task: AnyTask, kind: TaskKind = REARRANGE) -> list[str]:
-        """Begin a task and return the planner's actions of the humanoid.
+    def solve(self, task: AnyTask, kind: TaskKind = REARRANGE) -> TeamPlan:
+        """Begin a task and return the planner's plan of the robots that can grasp.
 
         Raises:
             TaskError: the task cannot be solved.
         """
-        return plan_all(self.oracle, self.begin(task, kind).goals).actions
+        return plan_team(self.oracles, self.begin(task, kind).goals)
+
+    @property
+    def oracle(self) -> Oracle:
+        """The planner of the first robot that can grasp, in most environments the only one."""
+        return next(iter(self.oracles.values()))
 
     def close(self) -> None:
         """Disconnect from physics."""

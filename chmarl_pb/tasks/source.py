@@ -80,7 +80,7 @@ def draw_solvable(
     for _ in range(_DRAWS):
         task = kind.sample(stage.space, home, rng, task_id)
         try:
-            return replace(task, optimal_steps=len(stage.solve(task, kind)))
+            return replace(task, optimal_steps=stage.solve(task, kind).steps)
         except TaskError as error:
             reason = str(error)
     raise TaskError(f"{stage.home.path}: none of {_DRAWS} drawn tasks can be solved; the last: {reason}")

@@ -17,9 +17,10 @@ def is_done(goal: Goal, state: WorldState) -> bool:
 def target_of(goals: Sequence[Goal], state: WorldState, robot: str, seen: Sequence[str]) -> Goal:
     """Return the goal that a robot's Pick or Place is about.
 
-    That of the object that it holds. If it holds none: of the objects that it sees and that do not stand where they
-    belong yet, the nearest, by the distance along the floor from the robot's base to the object's bottom centre; of
-    equally near ones, the one that the instruction names first. If it sees none: the first that is not done yet.
+    That of the object that it holds. If it holds none: of the objects that it sees, that nobody holds and that do not
+    stand where they belong yet, the nearest, by the distance along the floor from the robot's base to the object's
+    bottom centre; of equally near ones, the one that the instruction names first. If it sees none: the first that is
+    not done yet.
 
     Args:
         goals: of the task, in the order of its instruction.
@@ -31,7 +32,7 @@ def target_of(goals: Sequence[Goal], state: WorldState, robot: str, seen: Sequen
         return goals[0]
     if grip := state.grips.get(robot):
         return next((goal for goal in goals if goal.item == grip.item), goals[0])
-    left = [goal for goal in goals if not is_done(goal, state)] or list(goals)
+    left = [goal for goal in goals if goal.item not in state.held and not is_done(goal, state)] or list(goals)
     x, y, _ = state.robots[robot].base[0]
 
     def distance(goal: Goal) -> float:

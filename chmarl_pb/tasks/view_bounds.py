@@ -5,25 +5,26 @@ from numpy.typing import NDArray
 
 from chmarl_pb.homes.solids import Outlines, Points
 from chmarl_pb.navigation.free_space import Space
-from chmarl_pb.navigation.lattice import BODY, HEADINGS
-from chmarl_pb.rendering.camera_poses import CAMERAS, HUMANOID_EYE, PITCH
+from chmarl_pb.navigation.lattice import FOOTPRINT, HEADINGS
+from chmarl_pb.robots.model import CameraMount, RobotModel
 
-_WALL_HEIGHT = 2.2  # metres: a wall at least this high hides all that lies behind it from the humanoid
+_WALL_HEIGHT = 2.2  # metres: a wall at least this high hides all that lies behind it from an eye below its top
 
 
 class Outlook:
-    """Which poses of the humanoid may see a ball in which a thing lies; a refusal is always right."""
+    """Which poses of a robot that drives may see a ball in which a thing lies; a refusal is always right."""
 
-    def __init__(self, space: Space):
-        """Collect the home's walls."""
-        self.lattice = space.lattice
+    def __init__(self, space: Space, model: RobotModel):
+        """Collect the walls that are higher than the robot's camera."""
+        self.lattice, self.camera = space.lattice_of(model.footprint), model.camera
+        height = model.camera.position[2]
         self._walls = Outlines(
             [
                 solid.polygon
                 for thing in space.home.structure
                 if thing.class_name == "wall"
                 for solid in thing.solids
-                if solid.top >= _WALL_HEIGHT and solid.bottom <= BODY[0]
+                if solid.top >= _WALL_HEIGHT > height and solid.bottom <= FOOTPRINT.low
             ]
         )
 
@@ -37,8 +38,10 @@ class Outlook:
         """
         position, heading = np.divmod(poses, HEADINGS)
         yaw = 2 * np.pi * heading / HEADINGS
-        eyes = self.lattice.points[position] + HUMANOID_EYE[0] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-        seen = _in_cone(eyes, yaw, centre, radius)
+        (forward, left, _), cosine, sine = self.camera.position, np.cos(yaw), np.sin(yaw)
+        offset = forward * np.stack([cosine, sine], axis=1) + left * np.stack([-sine, cosine], axis=1)
+        eyes = self.lattice.points[position] + offset
+        seen = _in_cone(self.camera, eyes, yaw, centre, radius)
         seen[seen] = ~self._behind_wall(eyes[seen], centre[:2], radius)
         return seen
 
@@ -54,15 +57,15 @@ class Outlook:
         return behind
 
 
-def _in_cone(eyes: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-    """Return from which eyes the ball touches the humanoid camera's cone of view."""
+def _in_cone(camera: CameraMount, eyes: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
+    """Return from which eyes the ball touches a camera's cone of view."""
     offset = centre[:2] - eyes
     forward = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
     left = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]
-    up = centre[2] - HUMANOID_EYE[2]
-    depth = np.cos(PITCH) * forward - np.sin(PITCH) * up
-    height = np.sin(PITCH) * forward + np.cos(PITCH) * up
-    slope = np.tan(np.radians(CAMERAS["humanoid"].fov) / 2)
+    up, sine, cosine = centre[2] - camera.position[2], np.sin(camera.pitch), np.cos(camera.pitch)
+    depth = cosine * forward - sine * up
+    height = sine * forward + cosine * up
+    slope = np.tan(np.radians(camera.fov) / 2)
     allowance = radius * np.hypot(1, slope)
     inside = (depth > -radius) & (np.abs(left) <= depth * slope + allowance)
     touches: NDArray[np.bool_] = inside & (np.abs(height) <= depth * slope + allowance)

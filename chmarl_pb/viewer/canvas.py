@@ -13,7 +13,11 @@ CARD: Colour = (255, 255, 255)
 INK: Colour = (38, 42, 51)
 MUTED: Colour = (122, 128, 138)
 FAINT: Colour = (226, 226, 222)
-ROBOTS: dict[str, Colour] = {"humanoid": (22, 110, 122), "drone": (214, 120, 36)}
+#: Of the robots, by their place in the team.
+ROBOTS: tuple[Colour, ...] = (
+    (22, 110, 122), (214, 120, 36), (112, 84, 168), (120, 140, 30), (150, 90, 60), (60, 140, 180), (190, 100, 160),
+    (90, 100, 110),
+)  # fmt: skip
 ITEM: Colour = (196, 48, 92)
 TARGET: Colour = (52, 112, 196)
 GOOD: Colour = (46, 140, 88)

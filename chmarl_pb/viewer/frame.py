@@ -1,4 +1,4 @@
-"""Puts a frame of the video together: the two views, the map and the panel around them."""
+"""Puts a frame of the video together: the views, the map and the panel around them."""
 
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.viewer import panel
-from chmarl_pb.viewer.canvas import PAPER, ROBOTS
+from chmarl_pb.viewer.canvas import PAPER
 from chmarl_pb.viewer.film import Shot
 from chmarl_pb.viewer.plan_map import PlanMap
 from chmarl_pb.viewer.record import Recording
@@ -33,7 +33,7 @@ def compose(recording: Recording, shots: list[Shot], views: Iterable[dict[str, I
             around, around_of = panel.draw_panel(recording, shot.step, shot.done).pixels(), (shot.step, shot.done)
         assert around is not None
         frame = around.copy()
-        for left, robot in zip(panel.COLUMNS, ROBOTS, strict=False):
+        for (robot, _), left in zip(panel.shown(recording), panel.COLUMNS, strict=False):
             _paste(frame, pictures[robot], left)
         _paste(frame, plan_map.draw(shot.scene), panel.COLUMNS[2])
         yield frame

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.lattice import DRONE_HEADING
-from chmarl_pb.rendering.camera import view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, DRONE_EYE, HUMANOID_EYE, PITCH, looking
+from chmarl_pb.rendering.camera import camera_of, view_matrix
 from chmarl_pb.rendering.home_views import HomeView, home_views
-from chmarl_pb.rendering.movables import Bodies, draw_over, movables
-from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, movables
 from chmarl_pb.robots.execution import Snapshot
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Pose, Vector, World
 
 
@@ -26,45 +25,41 @@ class Scene:
 
     Attributes:
         robots: robot -> pose of its base.
-        arm: configuration of the humanoid's arm.
+        joints: robot -> positions of its movable joints.
         objects: object present -> its pose.
     """
 
     robots: dict[str, Pose]
-    arm: Configuration
+    joints: dict[str, Joints]
     objects: dict[str, Pose]
 
-    def eye(self, robot: str) -> Pose:
-        """Return the pose of link "camera" of a robot; its +x looks along the line of sight."""
-        (x, y, z), quaternion = self.robots[robot]
-        if robot == "drone":
-            return (x, y, z + DRONE_EYE), looking(DRONE_HEADING, np.pi / 2)
-        heading = yaw(quaternion)
-        forward, _, height = HUMANOID_EYE
-        lift = self.arm[0]
-        position = (x + forward * float(np.cos(heading)), y + forward * float(np.sin(heading)), height + lift)
-        return position, looking(heading, PITCH)
+    def eye(self, robot: str, model: RobotModel) -> Pose:
+        """Return the pose of the camera of a robot of a kind; its +x looks along the line of sight."""
+        base = self.robots[robot]
+        heading = DRONE_HEADING if model.flies else yaw(base[1])
+        return model.camera.eye(base, heading, self.joints[robot][0] if model.reach else 0.0)
 
 
 def scene_of(world: World) -> Scene:
     """Return the present scene of a world."""
     robots = {name: robot.base for name, robot in world.robots.items()}
-    objects = {name: world.pose(name) for name in world.objects}
-    return Scene(robots, Arm.carry if world.held else Arm.rest, objects)
+    joints = {name: robot.joints for name, robot in world.robots.items()}
+    return Scene(robots, joints, {name: world.pose(name) for name in world.objects})
 
 
 def scene_during(snapshot: Snapshot, after: Scene) -> Scene:
     """Return the scene of a snapshot; things that it does not name are where they are after the motion."""
-    return Scene(snapshot.bases, snapshot.arm, after.objects | snapshot.items)
+    return Scene(snapshot.bases, snapshot.joints, after.objects | snapshot.items)
 
 
 class Replay:
     """Draws scenes of one home; what has not moved since the last picture is not drawn again."""
 
-    def __init__(self, home: Home):
+    def __init__(self, home: Home, team: Team):
         """Share the process's models of the home and of what moves."""
-        self._views = home_views(home)
-        self._bodies = Bodies()
+        self._views, self._movables = home_views(home), movables(team)
+        self._models = {name: model for name, model, _ in team}
+        self._bodies = Bodies(self._movables)
         self._homes: dict[tuple[str, int], HomeView] = {}
         self._pictures: dict[tuple[str, int], tuple[object, NDArray[np.uint8]]] = {}
 
@@ -72,19 +67,19 @@ class Replay:
         """Return what a robot's camera shows of a scene, (size, size, 3).
 
         Args:
-            robot: "humanoid" or "drone".
+            robot: its name.
             scene: the moment.
             size: width and height in pixels.
         """
-        view = view_matrix(scene.eye(robot))
-        shown = (view, scene.objects, scene.robots, scene.arm)
+        view = view_matrix(scene.eye(robot, self._models[robot]))
+        shown = (view, scene.objects, scene.robots, scene.joints)
         kept = self._pictures.get((robot, size))
         if kept is None or kept[0] != shown:
             self._bodies.put_objects(scene.objects)
             for name, pose in scene.robots.items():
-                self._bodies.put_robot(name, pose, scene.arm)
-            names = sorted([*scene.objects, *scene.robots], key=movables().numbers.__getitem__)
-            present = np.array([movables().numbers[name] for name in names], dtype=np.int32)
+                self._bodies.put_robot(name, pose, scene.joints[name])
+            numbers = self._movables.numbers
+            present = np.array(sorted(numbers[name] for name in (*scene.objects, *scene.robots)), dtype=np.int32)
             picture = draw_over(self._look(robot, view, size), self._bodies, present, 0)
             self._pictures[robot, size] = kept = shown, picture.rgb
         return kept[1]
@@ -93,7 +88,7 @@ class Replay:
         """Return the empty home."""
         kept = self._homes.get((robot, size))
         if kept is None or kept.view != view:
-            self._homes[robot, size] = kept = self._views.draw(CAMERAS[robot], view, size)
+            self._homes[robot, size] = kept = self._views.draw(camera_of(self._models[robot]), view, size)
         return kept
 
 

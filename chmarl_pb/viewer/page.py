@@ -19,6 +19,7 @@ from chmarl_pb.viewer.record import Moment, Recording
 Image = NDArray[np.uint8]
 
 _TEMPLATE = Path(__file__).with_name("page.html")
+_ACROSS = 3  # cards beside each other
 _PLAN_SIZE = 800  # pixels
 _PICTURE_QUALITY = 88  # of JPEG
 
@@ -49,8 +50,10 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
         facts=escape(" · ".join(facts)),
         result=escape(wording.result_words(recording)),
         verdict="good" if recording.success else "bad",
-        humanoid=_css(ROBOTS["humanoid"]),
-        drone=_css(ROBOTS["drone"]),
+        robots=" ".join(f".r{place} {{ --own: {_css(ROBOTS[place])}; }}" for place in range(len(recording.team))),
+        first=_css(ROBOTS[0]),
+        across=min(_ACROSS, len(recording.team) + 1),
+        robot_heads="".join(f"<th>{escape(wording.robot_words(robot))}</th>" for robot in recording.models),
         item=_css(ITEM),
         target=_css(TARGET),
         item_words=escape(wording.item_words(recording.task)),
@@ -67,9 +70,11 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
 
 
 def _step(recording: Recording, number: int, pictures: dict[str, Image], overlay: str) -> str:
-    """Return the article of one step: both robots, the map, the score."""
+    """Return the article of one step: the robots, the map, the score."""
     moment = recording.moments[number]
-    robots = "".join(_robot(recording, moment, robot, pictures[robot]) for robot in ROBOTS)
+    robots = "".join(
+        _robot(recording, moment, place, robot, pictures[robot]) for place, robot in enumerate(recording.models)
+    )
     name = f"Step {number} of {recording.steps}" if number else "Start"
     return (
         f'<article class="step" id="step-{number}"><h2>{name}</h2><div class="columns">{robots}'
@@ -78,12 +83,12 @@ def _step(recording: Recording, number: int, pictures: dict[str, Image], overlay
     )
 
 
-def _robot(recording: Recording, moment: Moment, robot: str, picture: Image) -> str:
-    name = wording.ROBOT_WORDS[robot]
+def _robot(recording: Recording, moment: Moment, place: int, robot: str, picture: Image) -> str:
+    name = wording.robot_words(robot)
     feedback = f'<p class="feedback">{escape(moment.feedback[robot])}</p>' if moment.feedback[robot] else ""
     return (
-        f'<section class="card {robot}"><h3>{name}</h3>'
-        f'<img src="{_data_uri(picture, ".jpg")}" alt="What the {robot} sees" width="400" height="400">'
+        f'<section class="card robot r{place}"><h3>{name}</h3>'
+        f'<img src="{_data_uri(picture, ".jpg")}" alt="What {name} sees" width="400" height="400">'
         f'<p class="action">{_action(recording, moment, robot)}</p>{feedback}'
         f'<p class="seen">{_seen(recording, moment, robot)}</p></section>'
     )
@@ -133,11 +138,16 @@ def _lamps(recording: Recording, moment: Moment) -> str:
 def _row(recording: Recording, number: int) -> str:
     moment = recording.moments[number]
     cells = [f'<a href="#step-{number}">{number}</a>']
-    cells += [_action(recording, moment, robot) for robot in ROBOTS]
-    cells += [f"{moment.potential:g}", wording.reward_words(moment.reward) if moment.actions else ""]
-    cells += [", ".join(wording.known_rooms(recording, moment, row)) for row in (0, 1)]
-    cells.append(escape(" ".join(text for text in moment.feedback.values() if text)))
-    return f'<tr id="row-{number}">{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
+    cells += [_action(recording, moment, robot) for robot in recording.models]
+    numbers = [f"{moment.potential:g}", wording.reward_words(moment.reward) if moment.actions else ""]
+    words = [", ".join(wording.known_rooms(recording, moment, row)) for row in (0, 1)]
+    words.append(escape(" ".join(text for text in moment.feedback.values() if text)))
+    row = _cells(cells) + _cells(numbers, ' class="number"') + _cells(words)
+    return f'<tr id="row-{number}">{row}</tr>'
+
+
+def _cells(cells: list[str], kind: str = "") -> str:
+    return "".join(f"<td{kind}>{cell}</td>" for cell in cells)
 
 
 def _css(colour: Colour) -> str:

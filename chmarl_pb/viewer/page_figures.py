@@ -15,19 +15,22 @@ def plan_overlay(recording: Recording, plan: PlanView, number: int) -> str:
     moment = recording.moments[number]
     height, width = plan.rgb.shape[:2]
     parts = []
-    for robot in moment.rest.robots:
+    places = {robot: f"r{place}" for place, robot in enumerate(recording.models)}
+    for robot, model in recording.models.items():
+        own = places[robot]
         earlier = [scene for past in recording.moments[:number] for scene in (*past.motion[::6], past.rest)]
         points = [scene.robots[robot][0][:2] for scene in earlier]
         now = [scene.robots[robot][0][:2] for scene in (*moment.motion[::3], moment.rest)]
-        parts.append(f'<polyline class="past {robot}" points="{_points(plan, [*points, now[0]])}"/>')
-        parts.append(f'<polyline class="way {robot}" points="{_points(plan, now)}"/>')
-        parts.append(f'<polygon class="field {robot}" points="{_points(plan, field_of_view(moment.rest, robot))}"/>')
+        parts.append(f'<polyline class="past {own}" points="{_points(plan, [*points, now[0]])}"/>')
+        parts.append(f'<polyline class="way {own}" points="{_points(plan, now)}"/>')
+        field = _points(plan, field_of_view(moment.rest, robot, model))
+        parts.append(f'<polygon class="field{"" if model.flies else " cone"} {own}" points="{field}"/>')
     for name in recording.targets:
         parts.append(_badge("Y", "y", plan.pixel(*recording.home.receptacles[name].centre)))
     x, y, _ = moment.rest.objects[recording.task.item][0]
     parts.append(_badge("X", "x", plan.pixel(x, y)))
-    for robot in ("drone", "humanoid"):
-        parts.append(_robot(plan, *robot_mark(moment.rest, robot), robot))
+    for robot in reversed(places):
+        parts.append(_robot(plan, *robot_mark(moment.rest, robot, recording.models[robot]), places[robot]))
     return _svg(width, height, f"Map after step {number}", parts)
 
 
@@ -63,10 +66,10 @@ def _points(plan: PlanView, points: list[Point] | list[tuple[float, ...]]) -> st
     return " ".join(f"{column:.1f},{row:.1f}" for column, row in pixels)
 
 
-def _robot(plan: PlanView, discs: list[tuple[float, float, float]], arrow: list[Point], robot: str) -> str:
+def _robot(plan: PlanView, discs: list[tuple[float, float, float]], arrow: list[Point], own: str) -> str:
     """Return a robot's mark: a white rim around all its discs, then the discs, then the arrow."""
     circles = ""
-    for kind in ("rim", robot):
+    for kind in ("rim", f"body {own}"):
         for x, y, radius in discs:
             column, row = plan.pixel(x, y)
             circles += f'<circle class="{kind}" cx="{column:.1f}" cy="{row:.1f}" r="{radius * plan.scale:.1f}"/>'

@@ -21,6 +21,7 @@ from chmarl_pb.viewer.record import Moment, Recording
 
 WIDTH, HEIGHT = 1280, 720
 COLUMNS = (24, 440, 856)  # left edges of the three columns in pixels
+SHOWN = 2  # robots
 COLUMN_WIDTH = 400
 PICTURE_TOP, PICTURE_HEIGHT = 100, 400
 _CARD_TOP, _CARD_BOTTOM = 516, 696
@@ -42,10 +43,15 @@ def draw_panel(recording: Recording, step: int, done: bool) -> Canvas:
     known = now if done else recording.moments[step - 1]
     _header(sheet, recording, step, done)
     _legend(sheet, recording)
-    for left, robot in zip(COLUMNS, ROBOTS, strict=False):
-        _robot_card(sheet, left, recording, now, known, robot)
+    for (robot, colour), left in zip(shown(recording), COLUMNS, strict=False):
+        _robot_card(sheet, left, recording, now, known, robot, colour)
     _score_card(sheet, recording, known, now.reward if done and step else None)
     return sheet
+
+
+def shown(recording: Recording) -> list[tuple[str, Colour]]:
+    """Return the robots whose views a frame has room for, with their colours."""
+    return list(zip(recording.models, ROBOTS, strict=False))[:SHOWN]
 
 
 def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
@@ -57,11 +63,11 @@ def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
     if finished:
         words = f"{'Solved' if recording.success else 'Not solved'} in {recording.steps} steps"
     sheet.text(right, 42, words, 20, colour, "rs")
-    sheet.text(right, 62, f"shortest plan: {recording.task.optimal_steps}", 13, MUTED, "rs")
-    for x, robot in zip(COLUMNS, ROBOTS, strict=False):
-        sheet.disc(x + 5, 85, 5, ROBOTS[robot])
-        words = "Humanoid's view" if robot == "humanoid" else "Drone's view, straight down"
-        sheet.text(x + 17, 90, words, 14, MUTED)
+    sheet.text(right, 62, f"shortest plan: {wording.shortest_words(recording)}", 13, MUTED, "rs")
+    for (robot, colour), x in zip(shown(recording), COLUMNS, strict=False):
+        sheet.disc(x + 5, 85, 5, colour)
+        down = ", straight down" if recording.models[robot].flies else ""
+        sheet.text(x + 17, 90, f"{wording.robot_words(robot)}'s view{down}", 14, MUTED)
 
 
 def _instruction(sheet: Canvas, x: float, words: str, width: float) -> None:
@@ -86,11 +92,13 @@ def _legend(sheet: Canvas, recording: Recording) -> None:
     sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, f"shown at {SPEED}x speed", 12, MUTED, "rs")
 
 
-def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, known: Moment, robot: str) -> None:
+def _robot_card(
+    sheet: Canvas, left: int, recording: Recording, now: Moment, known: Moment, robot: str, colour: Colour
+) -> None:
     sheet.box(left, _CARD_TOP, left + COLUMN_WIDTH, _CARD_BOTTOM, CARD, 10)
-    sheet.box(left, _CARD_TOP + 14, left + 4, _CARD_TOP + 52, ROBOTS[robot], 2)
+    sheet.box(left, _CARD_TOP + 14, left + 4, _CARD_TOP + 52, colour, 2)
     x, width = left + _PAD, COLUMN_WIDTH - 2 * _PAD
-    sheet.text(x, _CARD_TOP + 26, wording.ROBOT_WORDS[robot], 13, MUTED)
+    sheet.text(x, _CARD_TOP + 26, wording.robot_words(robot), 13, MUTED)
     action = now.actions.get(robot)
     words = "Start" if action is None else wording.action_words(action, recording.task)
     end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
@@ -100,8 +108,8 @@ def _robot_card(sheet: Canvas, left: int, recording: Recording, now: Moment, kno
     seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
     lines = [(line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if told else 4)]
     lines += [(line, _AMBER) for line in wrap(told, 14, width, 3)] if told else []
-    for number, (line, colour) in enumerate(lines):
-        sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, colour)
+    for number, (line, shade) in enumerate(lines):
+        sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, shade)
 
 
 def _verdict(sheet: Canvas, x: float, y: float, succeeded: bool) -> None:

@@ -1,4 +1,4 @@
-"""The map: the home from above with both robots, their trails and what they see, X and the Ys."""
+"""The map: the home from above with the robots, their trails and what they see, X and the Ys."""
 
 from collections import deque
 from itertools import pairwise
@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.rendering.camera_poses import CAMERAS
 from chmarl_pb.rendering.plan_view import PlanView, draw_plan
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.viewer.canvas import CARD, ITEM, ROBOTS, TARGET, Colour, badge
 from chmarl_pb.viewer.motion_player import Scene, yaw
 from chmarl_pb.viewer.record import Recording
@@ -16,9 +16,9 @@ from chmarl_pb.viewer.record import Recording
 Image = NDArray[np.uint8]
 Point = tuple[float, float]
 
-CONE_LENGTH = 1.7  # metres of the humanoid's view cone
-BODY_RADIUS = 0.27  # metres of the humanoid's mark
-_ROTOR_ARM, _ROTOR_RADIUS = 0.24, 0.14  # metres of the drone's mark
+CONE_LENGTH = 1.7  # metres of a driving robot's view cone
+BODY_RADIUS = 0.27  # metres of a driving robot's mark
+_ROTOR_ARM, _ROTOR_RADIUS = 0.24, 0.14  # metres of a flying robot's mark
 _RIM = 0.07  # metres of the white rim of marks
 _BADGE = 10  # pixels
 _TRAIL_WIDTH, _FADING = 3, 150  # pixels, and shots until a trail has faded
@@ -39,8 +39,9 @@ class PlanMap:
         self.plan: PlanView = draw_plan(recording.home, width, height)
         self._item = recording.task.item
         self._item_badge = badge("X", ITEM, _BADGE)
-        self._trails: dict[str, deque[Point]] = {robot: deque() for robot in ROBOTS}
-        self._worn = {robot: np.zeros(self.plan.rgb.shape[:2], dtype=np.uint8) for robot in ROBOTS}
+        self._models, self._colours = recording.models, dict(zip(recording.models, ROBOTS, strict=False))
+        self._trails: dict[str, deque[Point]] = {robot: deque() for robot in self._models}
+        self._worn = {robot: np.zeros(self.plan.rgb.shape[:2], dtype=np.uint8) for robot in self._models}
         self._base = self.plan.rgb.copy()
         for name in recording.targets:
             _stamp(self._base, badge("Y", TARGET, _BADGE), self.plan.pixel(*recording.home.receptacles[name].centre))
@@ -48,15 +49,15 @@ class PlanMap:
     def draw(self, scene: Scene) -> Image:
         """Draw the next moment; the trails grow to it."""
         picture = self._base.copy()
-        for robot, colour in ROBOTS.items():
+        for robot, colour in self._colours.items():
             _blend(picture, self._grow_trail(robot, scene), 1.0, colour)
-        for robot, colour in ROBOTS.items():
-            field = [self.plan.pixel(*point) for point in field_of_view(scene, robot)]
-            _fill(picture, field, colour, 0.2 if robot == "humanoid" else 0.13)
+        for robot, model in self._models.items():
+            field = [self.plan.pixel(*point) for point in field_of_view(scene, robot, model)]
+            _fill(picture, field, self._colours[robot], 0.13 if model.flies else 0.2)
         x, y, _ = scene.objects[self._item][0]
         _stamp(picture, self._item_badge, self.plan.pixel(x, y))
-        for robot in ("drone", "humanoid"):
-            self._draw_robot(picture, scene, robot, ROBOTS[robot])
+        for robot in reversed(self._models):
+            self._draw_robot(picture, scene, robot, self._colours[robot])
         return picture
 
     def _grow_trail(self, robot: str, scene: Scene) -> Image:
@@ -72,7 +73,7 @@ class PlanMap:
         return strength
 
     def _draw_robot(self, picture: Image, scene: Scene, robot: str, colour: Colour) -> None:
-        discs, arrow = robot_mark(scene, robot)
+        discs, arrow = robot_mark(scene, robot, self._models[robot])
         for grown, shade in ((_RIM, CARD), (0.0, colour)):
             for x, y, radius in discs:
                 reach = round((radius + grown) * self.plan.scale * 2**_SHIFT)
@@ -81,11 +82,11 @@ class PlanMap:
         cv2.fillPoly(picture, [tip], CARD, cv2.LINE_AA, _SHIFT)
 
 
-def field_of_view(scene: Scene, robot: str) -> list[Point]:
-    """Return the corners (metres) of what a robot's camera covers: a cone, or a square on the floor."""
-    (x, y, z), _ = scene.eye(robot)
-    half = np.radians(CAMERAS[robot].fov) / 2
-    if robot == "drone":
+def field_of_view(scene: Scene, robot: str, model: RobotModel) -> list[Point]:
+    """Return the corners (metres) of what a robot's camera covers: a cone, or a square on the floor if it flies."""
+    (x, y, z), _ = scene.eye(robot, model)
+    half = np.radians(model.camera.fov) / 2
+    if model.flies:
         reach = float(z * np.tan(half))
         return [(x + i * reach, y + j * reach) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     angles = yaw(scene.robots[robot][1]) + np.linspace(-half, half, 13)
@@ -93,16 +94,16 @@ def field_of_view(scene: Scene, robot: str) -> list[Point]:
     return [(x, y), *arc]
 
 
-def robot_mark(scene: Scene, robot: str) -> tuple[list[tuple[float, float, float]], list[Point]]:
+def robot_mark(scene: Scene, robot: str, model: RobotModel) -> tuple[list[tuple[float, float, float]], list[Point]]:
     """Return a robot's mark in metres: discs (x, y, radius), and the corners of the arrow that shows its heading.
 
-    The humanoid is one disc; the drone has four rotors around a smaller one.
+    A robot that drives is one disc; one that flies has four rotors around a smaller one.
     """
     (x, y, _), quaternion = scene.robots[robot]
     heading = yaw(quaternion)
-    body = BODY_RADIUS if robot == "humanoid" else 0.8 * BODY_RADIUS
+    body = 0.8 * BODY_RADIUS if model.flies else BODY_RADIUS
     discs = [(x, y, body)]
-    if robot == "drone":
+    if model.flies:
         discs += [(x + i * _ROTOR_ARM, y + j * _ROTOR_ARM, _ROTOR_RADIUS) for i in (-1, 1) for j in (-1, 1)]
     arrow = [(x + r * body * float(np.cos(heading + a)), y + r * body * float(np.sin(heading + a))) for a, r in _ARROW]
     return discs, arrow

@@ -2,18 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.episode_file import EpisodeFile
+from chmarl_pb.evaluation.optimum import Optimum, optimum
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
+from chmarl_pb.rendering.movables import Team, team_in
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
@@ -58,6 +62,8 @@ class Recording:
     Attributes:
         task: the task.
         home: where it was played.
+        team: the robots.
+        optimum: the fewest steps in which they can solve it.
         instruction: in plain English.
         policy: name of the policy that drove the robots.
         observation: what the policy observed, "visual" or "scene_graph".
@@ -69,6 +75,8 @@ class Recording:
 
     task: Task
     home: Home
+    team: Team
+    optimum: Optimum
     instruction: str
     policy: str
     observation: str
@@ -82,9 +90,18 @@ class Recording:
         """Number of joint steps."""
         return len(self.moments) - 1
 
+    @property
+    def models(self) -> dict[str, RobotModel]:
+        """Robot -> what is known of its kind."""
+        return {name: model for name, model, _ in self.team}
+
 
 def record(
-    task: Task, observation: str, policy: str = "planner", on_step: Callable[[], None] = lambda: None
+    task: Task,
+    observation: str,
+    policy: str = "planner",
+    on_step: Callable[[], None] = lambda: None,
+    **options: Any,
 ) -> Recording:
     """Play a task with driven motions and note every step.
 
@@ -93,12 +110,13 @@ def record(
         observation: "visual" or "scene_graph".
         policy: "planner", "search" or "random".
         on_step: called after every step.
+        **options: of the environment, as ``robots``.
 
     Raises:
-        OptionError: the observation or the policy is unknown.
+        OptionError: an option or the policy is unknown.
         TaskError: the task cannot be set up.
     """
-    env = HouseholdEnv(observation, home=task.home, execution="simulated")
+    env = HouseholdEnv(observation, **{"home": task.home, "execution": "simulated"} | options)
     return _recorded(env, task, lambda: make_policy(policy, env), policy, on_step)
 
 
@@ -106,13 +124,16 @@ def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -
     """Play the actions of an episode file with driven motions and note every step; see :func:`record`.
 
     Raises:
-        ResultError: the episode was played in another home, or goes another way than the file says.
+        ResultError: the episode was played in another home, goes another way than the file says, or has a task of
+            several objects.
     """
+    if not isinstance(file.task, Task):
+        raise ResultError(f"{file.task.id} has several objects; episodes of one object are shown")
     if home_hash(file.task.home) != file.home_sha256:
         raise ResultError(f"the home {file.task.home} is not the one that the episode was played in; save it again")
     options = file.options | {"execution": "simulated"}
-    env = HouseholdEnv(home=file.task.home, **options)
-    recording = _recorded(env, file.task, lambda: ReplayPolicy(file.actions, env), file.policy, on_step)
+    env, task = HouseholdEnv(home=file.task.home, **options), file.task
+    recording = _recorded(env, task, lambda: ReplayPolicy(file.actions, env), file.policy, on_step)
     if (recording.steps, recording.success) != (len(file.actions), file.success):
         raise ResultError("the episode goes another way than its file says; `chmarl-pb episode replay` says where")
     return recording
@@ -132,8 +153,9 @@ def _recorded(
 
         episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
         return Recording(
-            task, load_home(task.home), env.instruction, name, env.options.observation_name, env.rooms,
-            env.setting.goal.receptacles, _moments(env, episode, noted), episode.success,
+            task, env.stage.home, team_in(env.world, env.stage.models), optimum(env), env.instruction, name,
+            env.options.observation_name, env.rooms, env.setting.goal.receptacles, _moments(env, episode, noted),
+            episode.success,
         )  # fmt: skip
     finally:
         env.close()
@@ -161,17 +183,18 @@ def _note(env: HouseholdEnv) -> _Noted:
 
 def _moments(env: HouseholdEnv, episode: Episode, noted: list[_Noted]) -> tuple[Moment, ...]:
     rewards = np.concatenate([[0.0], episode.rewards]).tolist()
+    robots = env.possible_agents
     chosen: list[dict[str, str]] = [{}]
     chosen += [{name: env.action_names[name][number] for name, number in acts.items()} for acts in episode.actions]
     return tuple(
         Moment(
             actions,
-            {name: infos[name]["action_success"] for name in AGENTS},
+            {name: infos[name]["action_success"] for name in robots},
             reward,
-            infos[AGENTS[0]]["potential"],
+            infos[robots[0]]["potential"],
             messages,
-            {name: infos[name]["feedback"] for name in AGENTS},
-            {name: infos[name]["visible"] for name in AGENTS},
+            {name: infos[name]["feedback"] for name in robots},
+            {name: infos[name]["visible"] for name in robots},
             motion,
             rest,
         )

@@ -1,17 +1,18 @@
 """Draws the robots' views of all shots, on all processors."""
 
 import os
+import pickle
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import in_processes
+from chmarl_pb.rendering.movables import Team
 from chmarl_pb.viewer.film import Shot
 from chmarl_pb.viewer.motion_player import Replay
 
@@ -23,29 +24,29 @@ _MOST_WORKERS = 8
 _FEW = 16  # shots that are not worth a second process
 
 
-def draw_views(home: Path, shots: list[Shot]) -> Iterator[dict[str, Image]]:
+def draw_views(home: Path, team: Team, shots: list[Shot]) -> Iterator[dict[str, Image]]:
     """Yield, for each shot, robot -> its view (VIEW_SIZE, VIEW_SIZE, 3).
 
     Args:
         home: URDF of the home.
+        team: the robots.
         shots: what to draw.
 
     Raises:
         WorkerError: a process died.
     """
-    jobs = [(home, shot) for shot in shots]
+    draw = partial(_draw, home, pickle.dumps(team))  # bytes, so that a process knows the robots of the last shot again
     workers = min(os.cpu_count() or 1, _MOST_WORKERS)
-    if workers == 1 or len(jobs) <= _FEW:
-        yield from map(_draw, jobs)
+    if workers == 1 or len(shots) <= _FEW:
+        yield from map(draw, shots)
         return
-    yield from in_processes(_draw, jobs, workers, ordered=True)
+    yield from in_processes(draw, shots, workers, ordered=True)
 
 
-def _draw(job: tuple[Path, Shot]) -> dict[str, Image]:
-    home, shot = job
-    replay = _replay(home)
+def _draw(home: Path, team: bytes, shot: Shot) -> dict[str, Image]:
+    replay = _replay(home, team)
     size = VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE)
-    return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in AGENTS}
+    return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in shot.scene.robots}
 
 
 def _shrink(picture: Image) -> Image:
@@ -53,6 +54,6 @@ def _shrink(picture: Image) -> Image:
 
 
 @cache
-def _replay(home: Path) -> Replay:
-    """Return this process's drawer of a home."""
-    return Replay(load_home(home))
+def _replay(home: Path, team: bytes) -> Replay:
+    """Return this process's drawer of a home and its robots."""
+    return Replay(load_home(home), pickle.loads(team))

@@ -5,7 +5,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from chmarl_pb.viewer import wording
-from chmarl_pb.viewer.canvas import ROBOTS
 from chmarl_pb.viewer.record import Moment, Recording
 
 
@@ -17,7 +16,7 @@ def print_table(recording: Recording, console: Console) -> None:
     console.print(f"{escape(task.id)} in {recording.home.name}, {recording.policy} policy; X: {item}, Y: {target}\n")
     table = Table(header_style="bold", pad_edge=False, box=None, padding=(0, 1))
     table.add_column("step", justify="right")
-    for robot in ROBOTS:
+    for robot in recording.models:
         table.add_column(robot)
     for name in ("potential", "reward"):
         table.add_column(name, justify="right")
@@ -32,7 +31,7 @@ def print_table(recording: Recording, console: Console) -> None:
 
 
 def _cells(recording: Recording, moment: Moment) -> list[str]:
-    actions = [_action(moment, robot) for robot in ROBOTS]
+    actions = [_action(moment, robot) for robot in recording.models]
     reward = wording.reward_words(moment.reward) if moment.actions else ""
     rooms = [", ".join(wording.known_rooms(recording, moment, row)) or "-" for row in (0, 1)]
     feedback = " ".join(text for text in moment.feedback.values() if text)

@@ -4,18 +4,10 @@ from chmarl_pb import catalog
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.record import Moment, Recording
 
-#: Word for each robot.
-ROBOT_WORDS = {"humanoid": "Humanoid", "drone": "Drone"}
 
-_ACTIONS = {
-    "move_forward": "Move forward",
-    "move_backward": "Move backward",
-    "move_left": "Move left",
-    "move_right": "Move right",
-    "turn_left": "Turn left",
-    "turn_right": "Turn right",
-    "stay": "Stay",
-}
+def robot_words(robot: str) -> str:
+    """Return what a robot is called: ``humanoid_1`` -> ``Humanoid 1``."""
+    return robot.replace("_", " ").capitalize()
 
 
 def room_words(room: str) -> str:
@@ -31,7 +23,7 @@ def action_words(action: str, task: Task) -> str:
         return f"Pick up the {item_words(task)}"
     if action == "place":
         return f"Place it on the {target_words(task)}"
-    return _ACTIONS[action]
+    return action.replace("_", " ").capitalize()
 
 
 def short_action_words(action: str) -> str:
@@ -75,6 +67,10 @@ def known_rooms(recording: Recording, moment: Moment, row: int) -> list[str]:
 def result_words(recording: Recording) -> str:
     """Return how the episode ended, in one sentence."""
     steps = f"{recording.steps} step{'s' if recording.steps != 1 else ''}"
-    if recording.success:
-        return f"Solved in {steps}; the shortest plan has {recording.task.optimal_steps}."
-    return f"Not solved within {steps}; the shortest plan has {recording.task.optimal_steps}."
+    ending = f"Solved in {steps}" if recording.success else f"Not solved within {steps}"
+    return f"{ending}; the shortest plan has {shortest_words(recording)}."
+
+
+def shortest_words(recording: Recording) -> str:
+    """Return how many steps the shortest plan has: ``9``, or ``9 or fewer`` where that is not certain."""
+    return f"{recording.optimum.steps}{'' if recording.optimum.proven else ' or fewer'}"

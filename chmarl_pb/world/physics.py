@@ -94,6 +94,14 @@ class Physics(Uncopied):
         for index, value in zip(robot.joints, joints, strict=True):
             pybullet.resetJointState(robot.body, index, value, physicsClientId=self.client)
 
+    def read_joints(self, name: str) -> tuple[float, ...]:
+        """Return the present positions of a robot's movable joints."""
+        robot = self.robots[name]
+        if not robot.joints:
+            return ()
+        states = pybullet.getJointStates(robot.body, robot.joints, physicsClientId=self.client)
+        return tuple(state[0] for state in states)
+
     def read_base(self, name: str) -> Pose:
         """Return the present pose of a robot's base."""
         pose: Pose = pybullet.getBasePositionAndOrientation(self.robots[name].body, physicsClientId=self.client)

@@ -100,6 +100,11 @@ class World(Uncopied):
         """Robot -> where it is."""
         return self.state.robots
 
+    @property
+    def graspers(self) -> tuple[str, ...]:
+        """Names of the robots that can grasp."""
+        return tuple(name for name, robot in self.physics.robots.items() if robot.grasp_link is not None)
+
     def set_robot(self, name: str, robot: RobotState) -> None:
         """Let a robot be somewhere."""
         state = self.state

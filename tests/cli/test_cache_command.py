@@ -9,6 +9,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.rendering.view_store import view_store
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.sensing import view_filling as fill
 from tests.helpers.stored_views import SIZE, looks, used
 
@@ -45,7 +46,7 @@ def test_filling_draws_each_view_once(
     draws.clear()
     assert fill_command(home) == 0
     assert "0 are missing" in capsys.readouterr().out
-    HomeViews(home).look("drone", 5, SIZE)
+    HomeViews(home).look(find_model("drone"), 5, SIZE)
     assert not draws
 
 

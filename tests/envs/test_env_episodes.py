@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.homes.solids import inside
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 from tests.helpers.playing import HUMANOID_ACTIONS, STAY, digest, everything, play, random_actions
 
@@ -99,9 +100,9 @@ def test_success_terminates_both_robots(env: HouseholdEnv, tasks: list[Task]) ->
     env.reset(options={"task": tasks[0]})
     plan = env.stage.oracle.plan(env.setting.goal)
     for name in plan:
-        assert env.agents == list(AGENTS)
+        assert env.agents == list(TEAM)
         _, _, terminated, truncated, infos = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 8})
-    assert terminated == dict.fromkeys(AGENTS, True) and truncated == dict.fromkeys(AGENTS, False)
+    assert terminated == dict.fromkeys(TEAM, True) and truncated == dict.fromkeys(TEAM, False)
     assert infos["drone"]["success"] and infos["humanoid"]["potential"] == 10 and env.agents == []
 
 
@@ -110,7 +111,7 @@ def test_max_steps_truncates_both_robots() -> None:
     env.reset(seed=0)
     for number in range(3):
         _, _, terminated, truncated, _ = env.step(STAY)
-        assert terminated == dict.fromkeys(AGENTS, False) and truncated == dict.fromkeys(AGENTS, number == 2)
+        assert terminated == dict.fromkeys(TEAM, False) and truncated == dict.fromkeys(TEAM, number == 2)
     assert env.agents == []
     env.close()
 
@@ -131,16 +132,16 @@ def test_failed_actions_change_nothing(env: HouseholdEnv, tasks: list[Task]) -> 
         rng = np.random.default_rng(number)
         env.reset(options={"task": task})
         while env.agents:
-            chosen = {**STAY, str(rng.choice(AGENTS)): 0}
+            chosen = {**STAY, str(rng.choice(TEAM)): 0}
             chosen = {name: int(rng.integers(env.action_space(name).n)) if chosen[name] == 0 else chosen[name]
-                      for name in AGENTS}  # fmt: skip
+                      for name in TEAM}  # fmt: skip
             before, elapsed = everything(env), env.steps
             _, rewards, _, _, infos = env.step(chosen)
             assert env.steps == elapsed + 1
-            for name in AGENTS:
+            for name in TEAM:
                 if not infos[name]["action_success"]:
                     failed.add(env.action_names[name][chosen[name]])
-                    other = next(agent for agent in AGENTS if agent != name)
+                    other = next(agent for agent in TEAM if agent != name)
                     assert chosen[other] == STAY[other]
                     assert before == everything(env) and rewards[name] == 0
     assert {"pick", "place", "move_forward"} <= failed and failed & {"move_backward", "move_left", "move_right"}
@@ -177,7 +178,7 @@ def random_steps(env: HouseholdEnv, count: int, seed: int) -> None:
         if actions["humanoid"] in (4, 5):
             assert_nothing_lost(env)
         assert terminated["humanoid"] == infos["humanoid"]["success"] == (infos["drone"]["potential"] == 10)
-        for name in AGENTS:
+        for name in TEAM:
             assert env.observation_space(name).contains(observations[name])
 
 
@@ -206,7 +207,7 @@ def test_messages_and_feedback_can_be_switched_off(tasks: list[Task]) -> None:
         rng = np.random.default_rng(0)
         results = [env.reset(options={"task": task}) for env in (loud, quiet)]
         for _ in range(10):
-            for name in AGENTS:
+            for name in TEAM:
                 heard, silent = results[0][0][name], results[1][0][name]
                 told += int(heard["messages"].any()) + int(heard["feedback"].any())
                 assert not silent["messages"].any() and not silent["feedback"].any()
@@ -240,7 +241,7 @@ def test_self_tells_room_heading_and_hand(env: HouseholdEnv, tasks: list[Task]) 
     for name in plan[: plan.index("pick") + 1]:
         observations, *_ = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 1})
     own = observations["humanoid"]["self"]
-    x, y, yaw = env.stage.humanoid.lattice.pose(env.stage.humanoid.pose)
+    x, y, yaw = env.stage.oracle.robot.lattice.pose(env.stage.oracle.robot.pose)
     assert env.world.home.room_at(np.array([x, y])) == (*env.rooms, "hallway")[int(own[:5].argmax())]
     np.testing.assert_allclose(own[5:], [np.cos(yaw), np.sin(yaw), 1], atol=1e-6)
     np.testing.assert_allclose(observations["drone"]["self"], [0, 1, 0, 0, 0, 0, 1, 0], atol=1e-6)

@@ -11,8 +11,9 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 
 import chmarl_pb
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS, digest
 
@@ -58,7 +59,7 @@ def test_flat_actions_are_the_pairs_in_order(make: Callable[..., Any], tasks: li
 def test_infos_hold_what_is_promised(env: HouseholdEnv, tasks: list[Task]) -> None:
     _, infos = env.reset(options={"task": tasks[0]})
     keys = {"instruction", "feedback", "action_success", "success", "potential", "visible", "action_mask", "task_id"}
-    for name in AGENTS:
+    for name in TEAM:
         assert keys <= set(infos[name]) and infos[name]["task_id"] == tasks[0].id
         assert infos[name]["action_mask"].shape == (env.action_space(name).n,)
 

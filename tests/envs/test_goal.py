@@ -12,7 +12,7 @@ from pettingzoo.test import api_test, parallel_api_test
 import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.cli import main
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
@@ -20,6 +20,7 @@ from chmarl_pb.evaluation.result import load_result
 from chmarl_pb.evaluation.tables import title_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.language import parse_instruction
 from tests.helpers.playing import digest
 
@@ -53,17 +54,17 @@ def episodes() -> dict[str, list[list[tuple[Observations, Infos]]]]:
 def test_goal_is_what_the_words_and_the_view_tell(episodes: Any) -> None:
     bits = set()
     for seen, infos in (step for episode in episodes["scene_graph"] for step in episode):
-        for robot in AGENTS:
+        for robot in TEAM:
             wanted = [catalog.CLASS_IDS[name] for name in parse_instruction(infos[robot]["instruction"])]
             in_view = [number in seen[robot]["node_class"] for number in wanted]
             assert seen[robot]["goal"].tolist() == [*wanted, *in_view] and seen[robot]["goal"].dtype == np.int16
             bits.add((robot, *in_view))
-    assert {bits[0] for bits in bits} == set(AGENTS) and len(bits) >= 6  # both robots saw X or Y, and did not
+    assert {bits[0] for bits in bits} == set(TEAM) and len(bits) >= 6  # both robots saw X or Y, and did not
 
 
 def test_bits_follow_the_same_rule_in_pictures(episodes: Any) -> None:
     goals = [
-        [seen[robot]["goal"].tolist() for episode in played for seen, _ in episode for robot in AGENTS]
+        [seen[robot]["goal"].tolist() for episode in played for seen, _ in episode for robot in TEAM]
         for played in episodes.values()
     ]
     assert goals[0] == goals[1] != []

@@ -53,7 +53,7 @@ def layout(stage: Stage, setting: Setting) -> tuple[Any, ...]:
     world.sync()
     poses = {name: (world.pose(name), world.physics.read_object(name)) for name in world.objects}
     robots = [world.physics.read_base(name) for name in world.robots]
-    return setting, poses, dict(world.supports), robots, stage.humanoid.arm.configuration()
+    return setting, poses, dict(world.supports), robots, stage.oracle.robot.arm.configuration()
 
 
 def test_a_task_is_the_same_after_any_other(stage: Stage, tasks: list[Task]) -> None:

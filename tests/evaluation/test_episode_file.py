@@ -37,6 +37,25 @@ def test_replay_is_the_same(episode: EpisodeFile) -> None:
     assert replay_episode(episode) is None
 
 
+def test_other_robots_and_tasks_are_kept(tmp_path: Path) -> None:
+    """Files of the benchmark's own say nothing of robots and tasks, as those from before there was a choice."""
+    path, robots = tmp_path / "episode.json", ("humanoid", "humanoid", "drone")
+    env = HouseholdEnv(home=TASK.home, robots=robots, task="tidy", max_steps=30)
+    env.reset(seed=1)
+    save_episode(record_episode(env, make_policy("planner", env), "planner", 0, env.task), path)
+    env.close()
+    file = load_episode(path)
+    assert (file.options["robots"], file.options["task"]) == (robots, "tidy") and file.success
+    assert {len(numbers) for numbers in file.actions} == {3} and len(file.task.moves) > 1
+    assert replay_episode(file) is None
+    with pytest.raises(ResultError, match="several objects"):
+        record_file(file)
+
+
+def test_the_benchmarks_robots_are_not_named(episode: EpisodeFile) -> None:
+    assert not {"robots", "task"} & set(episode.options)
+
+
 def test_replay_after_other_episodes_is_the_same(env: HouseholdEnv) -> None:
     """The planner's episode in a long-used environment equals its replay in a fresh one."""
     policy = make_policy("planner", env)

@@ -16,9 +16,12 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation import cooperation as accounting
 from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, read_reference, reference_json
+from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played, bootstrap_interval, path_weighted, summarize, summarize_by
+from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
 from chmarl_pb.policies.policy import Policy
@@ -222,6 +225,34 @@ def test_planner_plays_once_and_is_optimal() -> None:
     report = evaluate("planner", tasks=[task.id for task in TASKS], workers=1)
     assert len(report.episodes) == len(TASKS)
     assert (report.success_rate, report.plw) == (1.0, 1.0)
+
+
+def test_other_robots_have_an_optimum_of_their_own(tmp_path: Path) -> None:
+    """PLW counts from the planner's steps with these robots; the result says where they are but an upper bound."""
+    robots, out = ("humanoid", "humanoid", "drone"), tmp_path / "team.json"
+    report = evaluate("planner", workers=1, tasks=TASKS[:2], robots=robots, out=out, max_steps=30)
+    assert load_result(out) == report and report.settings["options"]["robots"] == list(robots)
+    assert report.changed == "robots humanoid, humanoid, drone" and report.cooperation is None
+    env = HouseholdEnv(robots=robots, home=TASKS[0].home)
+    for episode in report.episodes:
+        plan = env.stage.solve(episode.task)
+        assert episode.success and episode.optimum == Optimum(plan.steps, plan.proven)
+        assert episode.score == plan.steps / max(episode.steps, plan.steps)
+        assert {len(numbers) for numbers in episode.actions} == {3}
+    env.close()
+    assert report.bounded == sum(not episode.optimum.proven for episode in report.episodes if episode.optimum)
+    page = replays([report], tmp_path / "episodes")
+    assert '<th class="r2">drone</th>' in page and 'class="r2 flies"' in page
+    (file,) = (tmp_path / "episodes").iterdir()
+    assert replay_episode(load_episode(file)) is None
+
+
+def test_the_benchmarks_robots_keep_their_rows(tmp_path: Path) -> None:
+    """Rows and settings are those of results from before there was a choice of robots."""
+    report = evaluate("planner", workers=1, tasks=TASKS[:1], out=tmp_path / "own.json")
+    (row,) = json.loads((tmp_path / "own.json").read_text())["episodes"]
+    assert set(row) == {"task", "seed", "steps", "success", "potential", "actions"}
+    assert "robots" not in report.settings["options"]
 
 
 def test_a_policy_that_stays_gets_nothing() -> None:

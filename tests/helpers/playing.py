@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.robots.registry import TEAM
 
 HUMANOID_ACTIONS = (
     "goto_kitchen", "goto_bedroom", "goto_bathroom", "goto_livingroom", "pick", "place", "move_forward", "turn_left",
@@ -20,7 +21,7 @@ STAY = {"humanoid": 9, "drone": 8}
 
 
 def random_actions(env: HouseholdEnv, rng: np.random.Generator) -> dict[str, int]:
-    return {name: int(rng.integers(env.action_space(name).n)) for name in AGENTS}
+    return {name: int(rng.integers(env.action_space(name).n)) for name in TEAM}
 
 
 def digest(*values: Any) -> str:
@@ -59,5 +60,5 @@ def everything(env: HouseholdEnv) -> str:
     world.sync()
     poses = {n: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for n, b in world.bodies.items()}
     robots = {name: robot.pose for name, robot in world.robots.items()}
-    arm = env.stage.humanoid.arm.configuration()
+    arm = env.stage.oracle.robot.arm.configuration()
     return digest(poses, robots, arm, world.held, sorted(world.supports.items(), key=str), env.outcome, env.messages)

@@ -9,10 +9,12 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.camera import Picture
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.rendering.view_store import ViewFile, ViewStore
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.registry import TEAM
 
 POSES, SIZE = 20, 24
 VIEW = tuple(float(number) for number in range(16))
-LOOKS = [(robot, pose, size) for robot in ("humanoid", "drone") for pose in (0, 7, 3) for size in (24, 32)]
+LOOKS = [(robot, pose, size) for robot in map(find_model, TEAM) for pose in (0, 7, 3) for size in (24, 32)]
 
 
 def picture(seed: int, size: int = SIZE) -> Picture:

@@ -88,7 +88,7 @@ def test_the_arm_reaches_every_stand(stage: Stage) -> None:
             stand = stage.space.stand(grip)
             if stand is not None:
                 assert stand // HEADINGS < len(stage.space.lattice.points)
-                assert stage.humanoid._reach(stand, grip) is not None
+                assert stage.oracle.robot._reach(stand, grip) is not None
 
 
 def test_every_receptacle_holds_a_small_object(stage: Stage) -> None:

@@ -9,10 +9,9 @@ import pytest
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.solids import segments_hit
 from chmarl_pb.navigation.lattice import (
-    BODY,
     DRONE_CELLS,
     DRONE_SPACING,
-    FOOTPRINT_RADIUS,
+    FOOTPRINT,
     FORWARD,
     FORWARD_CELLS,
     HEADINGS,
@@ -30,10 +29,10 @@ def drives_into(home: Home, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Return which straight drives come nearer to any solid than the footprint's radius."""
     hit = np.zeros(len(starts), dtype=bool)
     for solid in home.solids:
-        if solid.spans(*BODY):
-            low, high = solid.low - FOOTPRINT_RADIUS, solid.high + FOOTPRINT_RADIUS
+        if solid.spans(FOOTPRINT.low, FOOTPRINT.high):
+            low, high = solid.low - FOOTPRINT.radius, solid.high + FOOTPRINT.radius
             near = ((np.minimum(starts, ends) < high) & (np.maximum(starts, ends) > low)).all(axis=1)
-            hit[near] |= segments_hit(solid.polygon, starts[near], ends[near], FOOTPRINT_RADIUS - _HAIR)
+            hit[near] |= segments_hit(solid.polygon, starts[near], ends[near], FOOTPRINT.radius - _HAIR)
     return hit
 
 
@@ -117,12 +116,12 @@ def test_paths_and_waypoints_stay_free(stage: Stage) -> None:
 
 
 def test_moves_table_agrees_with_the_humanoid(stage: Stage) -> None:
-    humanoid, rng = stage.humanoid, np.random.default_rng(1)
+    humanoid, rng = stage.oracle.robot, np.random.default_rng(1)
     moving = [name for name in humanoid.actions if name not in ("pick", "place", "stay")]
     for pose in rng.integers(len(humanoid.lattice.moves), size=100).tolist():
         humanoid.spawn(pose)
         for number, action in enumerate(moving):
-            motion = humanoid._plan_drive(action)
+            motion = humanoid.plan(action)
             assert humanoid.lattice.moves[pose, number] == (-1 if motion is None else motion.pose)
 
 
@@ -132,10 +131,10 @@ def test_drone_stays_inside_and_comes_back(stage: Stage) -> None:
     assert (lattice.points >= low - 1e-9).all() and (lattice.points <= high + 1e-9).all()
     back = [1, 0, 3, 2]
     for kind, cells in enumerate(DRONE_CELLS):
-        starts = np.flatnonzero(lattice.moves[:, kind] >= 0)
-        ends = lattice.moves[starts, kind]
+        starts = np.flatnonzero(lattice.neighbours[:, kind] >= 0)
+        ends = lattice.neighbours[starts, kind]
         np.testing.assert_allclose(lattice.points[ends] - lattice.points[starts], np.tile(cells * 0.5, (len(ends), 1)))
-        np.testing.assert_array_equal(lattice.moves[ends, back[kind]], starts)
+        np.testing.assert_array_equal(lattice.neighbours[ends, back[kind]], starts)
 
 
 def moved_home(source: Path, folder: Path, turn: int, shift: tuple[float, float]) -> Home:

@@ -37,7 +37,7 @@ def act(env: HouseholdEnv, actions: list[str]) -> bool:
 
 
 def state_of(env: HouseholdEnv) -> tuple:
-    return env.stage.humanoid.pose, env.world.held, tuple(sorted(env.world.supports.items()))
+    return env.stage.oracle.robot.pose, env.world.held, tuple(sorted(env.world.supports.items()))
 
 
 def solved_within(env: HouseholdEnv, task: Task, steps: int) -> bool:
@@ -84,7 +84,7 @@ def signature(stage: Stage) -> dict[str, Any]:
         "held": world.held,
         "supports": dict(world.supports),
         "robots": (dict(world.state.grips), dict(world.robots)),
-        "arm": stage.humanoid.arm.configuration(),
+        "arm": stage.oracle.robot.arm.configuration(),
         "constraints": pybullet.getNumConstraints(physicsClientId=client),
     }
 
@@ -95,11 +95,11 @@ def test_planning_leaves_the_world_as_it_is(stage: Stage, tasks: list[Task]) -> 
     before = signature(stage)
     plan = stage.oracle.plan(goal)
     assert signature(stage) == before
-    stage.humanoid.hold(goal.item, 0.3)
+    stage.oracle.robot.hold(goal.item, 0.3)
     held = signature(stage)
     stage.oracle.plan(goal)
     assert signature(stage) == held
-    assert stage.solve(task) == plan
+    assert stage.solve(task).plans["humanoid"].actions == plan
 
 
 def test_the_planner_refuses_what_cannot_be_done(stage_of: Callable[[str], Stage], tasks: list[Task]) -> None:
@@ -122,7 +122,7 @@ def test_nothing_to_do_when_x_is_on_y(stage: Stage, tasks: list[Task]) -> None:
 
 
 def symbolic(env: HouseholdEnv) -> tuple:
-    return env.outcome, env.stage.humanoid.pose, env.stage.drone.pose
+    return env.outcome, env.stage.oracle.robot.pose, env.stage.robots["drone"].pose
 
 
 def both_executions(instant: HouseholdEnv, simulated: HouseholdEnv, task: Task) -> None:

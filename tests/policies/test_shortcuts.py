@@ -8,7 +8,7 @@ import pytest
 
 from chmarl_pb import catalog
 from chmarl_pb.data.build_tours import Views, best_tour, build
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.cooperation import read_reference, reference_scores
 from chmarl_pb.evaluation.play import episode_seed
@@ -16,6 +16,7 @@ from chmarl_pb.policies.open_loop import tours
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import SHORTCUTS, make_policy
 from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -136,5 +137,5 @@ def test_a_home_with_fewer_rooms_plays_what_is_left_of_a_tour(small_home) -> Non
     with_one_room = HouseholdEnv(home=small_home)
     for name in SHORTCUTS:
         episode = rollout(with_one_room, make_policy(name, with_one_room), seed=0)
-        assert set(episode.actions[0]) == set(AGENTS)
+        assert set(episode.actions[0]) == set(TEAM)
     with_one_room.close()

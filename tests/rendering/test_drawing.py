@@ -9,9 +9,9 @@ import pytest
 
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.free_space import space_of
-from chmarl_pb.rendering.camera import view_matrix
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
+from chmarl_pb.rendering.camera import camera_of, view_matrix
 from chmarl_pb.rendering.home_views import DRAWING, HomeViews
+from chmarl_pb.robots.file import find_model
 
 VIEWS = (("humanoid", 5, 48), ("humanoid", 777, 64), ("humanoid", 2001, 33), ("drone", 3, 64), ("drone", 40, 48))
 #: Version of the drawing -> hash of ``VIEWS`` of two homes.
@@ -25,7 +25,9 @@ def test_homes_are_drawn_as_the_version_says() -> None:
     for name in ("home_1", "home_6"):
         home = load_home(name)
         for robot, pose, size in VIEWS:
-            picture = HomeViews(home).draw(CAMERAS[robot], view_matrix(eye(space_of(home), robot, pose)), size).picture
+            model = find_model(robot)
+            view = view_matrix(model.eye(space_of(home), pose))
+            picture = HomeViews(home).draw(camera_of(model), view, size).picture
             for array in (picture.colour, picture.depth, picture.segmentation):
                 digest.update(np.ascontiguousarray(array).tobytes())
     assert digest.hexdigest()[:16] == DRAWN[DRAWING]

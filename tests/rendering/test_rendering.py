@@ -11,7 +11,6 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.lattice import HEADINGS
-from chmarl_pb.rendering.camera_poses import eye
 from chmarl_pb.rendering.meshes import _read_obj
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, Renderer
@@ -41,7 +40,7 @@ def assert_same(stage: Stage, robot: str, size: int) -> None:
 
 def plain_of(stage: Stage) -> Renderer:
     """The readable renderer of the same world."""
-    return RENDERERS["tiny"](stage.world)
+    return RENDERERS["tiny"](stage.world, stage.models)
 
 
 def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
@@ -52,20 +51,20 @@ def begin(stage: Stage, tasks: list[Task], number: int = 0) -> Task:
 
 def wander(stage: Stage, rng: np.random.Generator) -> None:
     """Put both robots anywhere."""
-    stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.moves))))
-    stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
+    stage.oracle.robot.spawn(int(rng.integers(len(stage.space.lattice.moves))))
+    stage.robots["drone"].spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
 
 
 def meet(stage: Stage, rng: np.random.Generator) -> None:
     """Put the humanoid anywhere and the drone above it."""
     wander(stage, rng)
-    x, y, _ = stage.space.lattice.pose(stage.humanoid.pose)
-    stage.drone.spawn(int(np.hypot(*(stage.space.drone_lattice.points - (x, y)).T).argmin()))
+    x, y, _ = stage.space.lattice.pose(stage.oracle.robot.pose)
+    stage.robots["drone"].spawn(int(np.hypot(*(stage.space.drone_lattice.points - (x, y)).T).argmin()))
 
 
 def take(stage: Stage, item: str) -> None:
     """Let the humanoid hold an object where it stands."""
-    stage.humanoid.hold(item, 0.5)
+    stage.oracle.robot.hold(item, 0.5)
 
 
 @pytest.mark.parametrize("size", [64, 128, 224])
@@ -111,7 +110,7 @@ def test_every_object_large_in_the_picture(stage: Stage, tasks: list[Task]) -> N
         if stand is None:
             continue
         for turn in range(-2, 3):
-            stage.humanoid.spawn(stand // HEADINGS * HEADINGS + (stand + turn) % HEADINGS)
+            stage.oracle.robot.spawn(stand // HEADINGS * HEADINGS + (stand + turn) % HEADINGS)
             assert_same(stage, "humanoid", 64)
 
 
@@ -143,8 +142,8 @@ def test_visible_is_what_the_counts_of_all_pixels_say(stage: Stage, tasks: list[
         for step in range(120):
             if step == 60:
                 item = stage.world.objects[number]
-                stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
-                stage.humanoid.hold(item)
+                stage.oracle.robot.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+                stage.oracle.robot.hold(item)
             (meet if step % 2 else wander)(stage, rng)
             for robot in ROBOTS:
                 counts = dict(zip(renderer.names, renderer.pixels(robot).tolist(), strict=True))
@@ -156,7 +155,7 @@ def test_sight_follows_an_object_that_moved(stage: Stage, tasks: list[Task]) -> 
     """Nothing of a kept picture survives a change of the world at the same camera pose."""
     begin(stage, tasks)
     item = stage.world.objects[0]
-    stage.humanoid.spawn(stage.space.stand(stage.world.grip(item)) or 0)
+    stage.oracle.robot.spawn(stage.space.stand(stage.world.grip(item)) or 0)
     assert_same(stage, "humanoid", 128)
     (x, y, z), quaternion = stage.world.pose(item)
     stage.world.place(item, (x + 0.05, y, z + 0.1), quaternion, stage.world.supports[item].receptacle)
@@ -177,7 +176,7 @@ def test_eyes_are_the_cameras_of_the_models(stage: Stage, tasks: list[Task]) -> 
             joints = range(pybullet.getNumJoints(body, physicsClientId=client))
             links = {pybullet.getJointInfo(body, j, physicsClientId=client)[12].decode(): j for j in joints}
             state = pybullet.getLinkState(body, links["camera"], 1, 1, physicsClientId=client)
-            position, quaternion = eye(stage.space, name, robot.pose)
+            position, quaternion = stage.models[name].eye(stage.space, robot.pose)
             np.testing.assert_allclose(position, state[4], atol=1e-5)
             assert abs(np.dot(quaternion, state[5])) == pytest.approx(1, abs=1e-6)
 

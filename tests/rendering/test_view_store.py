@@ -15,6 +15,7 @@ from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.rendering import home_views as home_views_module
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.rendering.view_store import view_store
+from chmarl_pb.robots.file import find_model
 from tests.helpers.small_homes import SMALL_HOME, home_text
 from tests.helpers.stored_views import (
     VIEW,
@@ -59,25 +60,27 @@ def test_stored_views_of_a_furnished_home_equal_those_drawn_in_another_order(
     poses = rng.integers(4000, size=25).tolist()
     views = HomeViews(home)
     for number, pose in enumerate(poses):
-        views.look("humanoid", pose, 64)
+        views.look(find_model("humanoid"), pose, 64)
         if number % 3 == 0:  # somebody draws the home from elsewhere in between
-            home_views_module.render(views.client, home_views_module.CAMERAS["drone"], VIEW, 16)
+            home_views_module.render(views.client, home_views_module.camera_of(find_model("drone")), VIEW, 16)
     stored = HomeViews(home)
     monkeypatch.setenv("CHMARL_CACHE", "off")
     fresh = HomeViews(home)
     for pose in reversed(poses):
-        assert_equal(stored.look("humanoid", pose, 64).picture, fresh.look("humanoid", pose, 64).picture)
+        look = find_model("humanoid"), pose, 64
+        assert_equal(stored.look(*look).picture, fresh.look(*look).picture)
 
 
 SCRIPT = """
 import hashlib, json, sys
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.rendering import home_views
+from chmarl_pb.robots.file import find_model
 drawn, draw = [], home_views.HomeViews.draw
 home_views.HomeViews.draw = lambda *arguments: [drawn.append(1), draw(*arguments)][1]
 views, digest = home_views.HomeViews(load_home(sys.argv[1])), hashlib.sha256()
 for pose in range(60):
-    seen = views.look("humanoid", pose, 48).picture
+    seen = views.look(find_model("humanoid"), pose, 48).picture
     digest.update(seen.colour.tobytes() + seen.depth.tobytes() + seen.segmentation.tobytes())
 print(json.dumps([len(drawn), digest.hexdigest()]))
 """
@@ -141,7 +144,7 @@ def test_a_home_that_changes_after_it_was_read_is_not_drawn(folder: Path, home: 
     views = HomeViews(home)
     home.path.write_text(home_text({"livingroom/floor_1": SMALL_HOME["livingroom/floor_1"]}))
     with pytest.raises(HomeError, match="changed"):
-        views.look("humanoid", 0, 24)
+        views.look(find_model("humanoid"), 0, 24)
 
 
 def test_a_homes_hash_covers_the_materials_of_its_meshes(write_home: Callable[..., Path]) -> None:

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pybullet as p
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 from chmarl_pb import catalog
 from chmarl_pb.robots import arm as arm_module
 from chmarl_pb.robots.arm import JOINTS, REACH, Arm, Configuration
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.world import Pose
 from tools.assets.robots import OUT, build
 
@@ -29,8 +31,8 @@ def client() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def arm(client: int) -> Arm:
-    body = p.loadURDF(str(catalog.robot_urdf("humanoid")), useFixedBase=True, physicsClientId=client)
-    return Arm(client, body)
+    model = find_model("humanoid")
+    return Arm(client, model.load(client), model.urdf)
 
 
 def move_base(arm: Arm, x: float, y: float, yaw: float) -> None:
@@ -117,7 +119,7 @@ def test_depends_on_base_and_target_alone(arm: Arm, place: tuple, other: tuple, 
     assert solve(arm, target) == first
     at = p.getBasePositionAndOrientation(arm.body, physicsClientId=arm.client)
     move_base(arm, 0, 0, 0)  # where it is loaded, and measured
-    assert Arm(arm.client, arm.body).solve(target, at) == first
+    assert Arm(arm.client, arm.body, Path()).solve(target, at) == first
     assert arm.configuration() == arm.carry
 
 
@@ -202,7 +204,8 @@ def test_drone_camera_looks_down(client: int) -> None:
 def test_build_reproduces_the_committed_files(tmp_path) -> None:
     build(tmp_path)
     built = {file.relative_to(tmp_path): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
-    assert built == {file.relative_to(OUT): file.read_bytes() for file in OUT.rglob("*") if file.is_file()}
+    committed = [file for file in OUT.rglob("*") if file.suffix in (".urdf", ".obj")]
+    assert built == {file.relative_to(OUT): file.read_bytes() for file in committed}
 
 
 @settings(max_examples=30, deadline=None)

@@ -11,13 +11,15 @@ from chmarl_pb import catalog
 from chmarl_pb.homes.home import home_names, load_home
 from chmarl_pb.homes.solids import segments_hit
 from chmarl_pb.navigation.free_space import space_of
-from chmarl_pb.navigation.lattice import FOOTPRINT_RADIUS
-from chmarl_pb.robots import execution, trajectory
+from chmarl_pb.navigation.lattice import FOOTPRINT
+from chmarl_pb.robots import driven_arm, trajectory
 from chmarl_pb.robots.arm import Arm
-from chmarl_pb.robots.drone import Drone
 from chmarl_pb.robots.execution import TICKS_PER_FRAME, Snapshot, execute
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.robots.humanoid import Humanoid
+from chmarl_pb.robots.manipulator import MobileManipulator
+from chmarl_pb.robots.mobile import MobileRobot
+from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.robots.robot import Robot
 from chmarl_pb.tasks.setting import put_somewhere
 from chmarl_pb.world import TIME_STEP, Grip, World
 
@@ -30,8 +32,10 @@ class Stage:
     def __init__(self, home: str):
         self.space = space_of(load_home(home))
         self.world = World(self.space.home)
-        self.humanoid, self.drone = Humanoid(self.world, self.space), Drone(self.world, self.space)
-        self.robots = {"humanoid": self.humanoid, "drone": self.drone}
+        models = team_of(TEAM)
+        self.humanoid = MobileManipulator(models["humanoid"], self.world, self.space, "humanoid")
+        self.drone = MobileRobot(models["drone"], self.world, self.space, "drone")
+        self.robots: dict[str, Robot] = {"humanoid": self.humanoid, "drone": self.drone}
         self.goal = Goal("", ())
 
     def set_up(self, seed: int) -> None:
@@ -92,13 +96,13 @@ def stage(stages: dict[str, Stage]) -> Stage:
 def misses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Distances in metres between what was driven and where it was meant to be, one a grip or release."""
     distances: list[float] = []
-    check = execution._check
+    check = driven_arm._check
 
     def record(position: Any, goal: Any) -> None:
         distances.append(float(np.linalg.norm(np.subtract(position, goal))))
         check(position, goal)
 
-    monkeypatch.setattr(execution, "_check", record)
+    monkeypatch.setattr(driven_arm, "_check", record)
     return distances
 
 
@@ -128,7 +132,7 @@ def test_the_base_keeps_clear_and_moves_smoothly(stages: dict[str, Stage], home:
         bases = [snapshot.bases["humanoid"] for snapshot in snapshots]
         points = np.array([position[:2] for position, _ in bases])
         for solid in stage.space.lattice.obstacles:
-            assert not segments_hit(solid.polygon, points, points, FOOTPRINT_RADIUS - 1e-3).any()
+            assert not segments_hit(solid.polygon, points, points, FOOTPRINT.radius - 1e-3).any()
         yaws = np.unwrap([2 * np.arctan2(quaternion[2], quaternion[3]) for _, quaternion in bases])
         assert np.abs(np.diff(points, n=2, axis=0)).max() < 4.0 * FRAME**2
         assert np.abs(np.diff(yaws, n=2)).max() < 10.0 * FRAME**2
@@ -167,7 +171,7 @@ def test_the_arm_moves_at_a_human_pace(stage: Stage) -> None:
         done, snapshots = stage.act("pick", simulated=True)
         assert done
         assert 2.0 < len(snapshots) * FRAME < 4.8
-        joints = np.array([snapshot.arm for snapshot in snapshots])
+        joints = np.array([snapshot.joints["humanoid"] for snapshot in snapshots])
         assert np.abs(np.diff(joints, axis=0)).max() < 2.6 * FRAME
         assert (joints >= stage.humanoid.arm.lower - 0.01).all() and (joints <= stage.humanoid.arm.upper + 0.01).all()
 
@@ -178,7 +182,7 @@ def test_a_miss_leaves_the_world_as_it_was(stage: Stage, monkeypatch: pytest.Mon
     if action == "place":
         assert stage.act("pick", simulated=True)[0]
     before = stage.state()
-    monkeypatch.setattr(execution, "TOLERANCE", 0.0)
+    monkeypatch.setattr(driven_arm, "TOLERANCE", 0.0)
     assert not stage.act(action, simulated=True)[0]
     assert stage.state() == before
     monkeypatch.undo()
@@ -210,7 +214,7 @@ def test_an_undecided_motion_fails_and_the_other_robot_still_acts(stage: Stage) 
     assert stage.humanoid.pose == before and stage.drone.pose == goal.pose
     stage.world.sync()
     assert len(snapshots) > 10 and stage.humanoid.arm.configuration() == Arm.rest
-    assert np.abs(np.subtract([snapshot.arm for snapshot in snapshots], Arm.rest)).max() < 0.01
+    assert np.abs(np.subtract([snapshot.joints["humanoid"] for snapshot in snapshots], Arm.rest)).max() < 0.01
 
 
 def test_profiles_start_and_stop_gently_at_their_speed() -> None:

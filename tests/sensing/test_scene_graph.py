@@ -93,7 +93,7 @@ def test_states_are_the_settings(begun: tuple[Stage, Setting]) -> None:
 def test_held_object(begun: tuple[Stage, Setting]) -> None:
     stage, setting = begun
     item = setting.goal.item
-    stage.humanoid.hold(item)
+    stage.oracle.robot.hold(item)
     graph = graph_of(stage, setting, ("humanoid", item))
     assert graph.states[graph.names.index(item)] == "held"
     assert graph.states[graph.names.index("humanoid")] == "holding"

@@ -13,7 +13,7 @@ import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
-from chmarl_pb.navigation.lattice import DRONE_HEIGHT
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.sensing.text import LENGTH, as_bytes, as_text
 
@@ -56,7 +56,8 @@ def test_depth_is_in_metres(env: Any) -> None:
     observations, _ = env.reset(seed=2)
     depth, classes = observations["drone"]["depth"], observations["drone"]["segmentation"]
     floor = np.median(depth[classes == 0])
-    assert DRONE_HEIGHT - 0.3 < floor < DRONE_HEIGHT + 0.05
+    height = find_model("drone").altitude
+    assert height - 0.3 < floor < height + 0.05
     assert depth[classes > 0].min() < floor
 
 

@@ -16,7 +16,7 @@ from chmarl_pb.tasks.language import templates
 from chmarl_pb.tasks.language.feedback import templates_for
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.world import Grip, WorldState
+from chmarl_pb.world import Grip, Objects, Support, WorldState
 from tests.helpers.feedback_reader import ACTIONS, MOVES, pattern_of, read
 
 
@@ -74,12 +74,15 @@ def test_within_sight() -> None:
 
     def outcome(held: str | None, *seen: str) -> Outcome:
         grips = {} if held is None else {"humanoid": Grip(held, 0.0)}
-        return Outcome(WorldState(grips=grips), {"humanoid": seen, "drone": ("mug_1",)}, "kitchen", 0.0, False)
+        supports = {} if held else {"mug_1": Support("kitchen/stove_1", 1.0)}
+        state = WorldState(Objects(supports=supports), grips)
+        return Outcome(state, {"humanoid": seen, "drone": ("mug_1",)}, "kitchen", 0.0, False)
 
-    assert within_sight(goal, outcome(None, "mug_1")) == "pick"
-    assert within_sight(goal, outcome("mug_1", "mug_1", "bedroom/desk_1")) == "place"
-    assert within_sight(goal, outcome(None, "bedroom/desk_1")) is None
-    assert within_sight(goal, outcome("mug_1", "mug_1")) is None
+    assert within_sight(goal, outcome(None, "mug_1"), "humanoid") == "pick"
+    assert within_sight(goal, outcome("mug_1", "mug_1", "bedroom/desk_1"), "humanoid") == "place"
+    assert within_sight(goal, outcome(None, "bedroom/desk_1"), "humanoid") is None
+    assert within_sight(goal, outcome("mug_1", "mug_1"), "humanoid") is None
+    assert within_sight(goal, outcome("mug_1", "mug_1"), "drone") is None, "another robot holds it"
 
 
 def test_better_action() -> None:

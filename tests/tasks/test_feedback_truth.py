@@ -162,7 +162,7 @@ def test_something_is_said_exactly_when_a_pick_or_place_was_missed(env: Househol
         rng = np.random.default_rng(number)
         env.reset(options={"task": task})
         while env.agents:
-            previous, humanoid, goal = env.outcome, env.stage.humanoid, env.setting.goal
+            previous, humanoid, goal = env.outcome, env.stage.oracle.robot, env.setting.goal
             action = int(rng.choice(10, p=[0.04] * 4 + [0.15, 0.01] + [0.17] * 4))
             name = env.action_names["humanoid"][action]
             verb = "place" if previous.held else "pick"

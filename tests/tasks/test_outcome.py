@@ -16,7 +16,6 @@ from chmarl_pb.world import WorldState
 NOBODY: set[str] = set()
 HUMANOID, DRONE, BOTH = {"humanoid"}, {"drone"}, {"humanoid", "drone"}
 GROUPS = [set(group) for group in chain.from_iterable(combinations(sorted(BOTH), n) for n in range(3))]
-BRANCHES = list(product((True, False), GROUPS, GROUPS))
 
 
 @pytest.mark.parametrize(
@@ -34,21 +33,36 @@ BRANCHES = list(product((True, False), GROUPS, GROUPS))
     ],
 )
 def test_table(grasped: bool, item_seen_by: set[str], target_seen_by: set[str], phi: float) -> None:
-    assert potential(False, grasped, item_seen_by, target_seen_by) == phi
+    assert potential(False, grasped, target_seen_by if grasped else item_seen_by, HUMANOID) == phi
 
 
-@pytest.mark.parametrize(("grasped", "item", "target"), BRANCHES)
-def test_success_is_worth_ten_whatever_else_holds(grasped: bool, item: set[str], target: set[str]) -> None:
-    assert potential(True, grasped, item, target) == 10
+@pytest.mark.parametrize(("grasped", "seen_by"), list(product((True, False), GROUPS)))
+def test_success_is_worth_ten_whatever_else_holds(grasped: bool, seen_by: set[str]) -> None:
+    assert potential(True, grasped, seen_by, HUMANOID) == 10
 
 
-@pytest.mark.parametrize(("grasped", "item", "target"), BRANCHES)
+def test_visible_to_the_humanoid_means_to_any_robot_that_can_grasp() -> None:
+    graspers = {"humanoid_0", "humanoid_1"}
+    for grasped, high, low in ((False, 2, 1), (True, 6, 5)):
+        assert potential(False, grasped, ["humanoid_1"], graspers) == high
+        assert potential(False, grasped, ["scout", "humanoid_0"], graspers) == high
+        assert potential(False, grasped, ["scout"], graspers) == low
+
+
+@pytest.mark.parametrize(("item", "target"), list(product(GROUPS, GROUPS)))
 def test_potential_looks_at_x_until_it_is_grasped_and_then_at_y(
-    grasped: bool, item: set[str], target: set[str]
+    stage: Stage, tasks: list[Task], item: set[str], target: set[str]
 ) -> None:
-    for other in GROUPS:
-        changed = (item, other) if not grasped else (other, target)
-        assert potential(False, grasped, *changed) == potential(False, grasped, item, target)
+    goal = stage.begin(next(task for task in tasks if task.home == stage.home.name)).goal
+    seen: dict[str, tuple[str, ...]] = {
+        robot: ((goal.item,) if robot in item else ()) + (goal.receptacles[:1] if robot in target else ())
+        for robot in sorted(BOTH)
+    }
+    before = judge(stage.world.state, goal, seen, HUMANOID, stage.room_names)
+    stage.oracle.robot.hold(goal.item)
+    after = judge(stage.world.state, goal, seen, HUMANOID, stage.room_names)
+    assert before.potential == potential(False, False, item, HUMANOID)
+    assert after.potential == potential(False, True, target, HUMANOID)
 
 
 def test_reward_is_the_change_of_potential() -> None:
@@ -59,25 +73,26 @@ def test_reward_is_the_change_of_potential() -> None:
 
 def test_judge_reads_the_world(stage: Stage, tasks: list[Task]) -> None:
     task = next(task for task in tasks if task.home == stage.home.name)
-    goal, world = stage.begin(task).goal, stage.world
+    goal, world, rooms = stage.begin(task).goal, stage.world, stage.room_names
     source = world.supports[goal.item].receptacle
     nothing: dict[str, tuple[str, ...]] = {"humanoid": (), "drone": ()}
-    outcome = judge(world.state, goal, nothing, "hallway")
+    outcome = judge(world.state, goal, nothing, HUMANOID, rooms)
     assert (outcome.potential, outcome.success, outcome.held) == (0, False, None)
     assert outcome.item_room == source.split("/")[0]
-    assert judge(world.state, goal, {"humanoid": (goal.item,), "drone": ()}, "hallway").potential == 2
+    assert judge(world.state, goal, {"humanoid": (goal.item,), "drone": ()}, HUMANOID, rooms).potential == 2
     world.place(goal.item, *world.pose(goal.item), goal.receptacles[-1])
-    assert judge(world.state, goal, nothing, "hallway").success
-    assert judge(world.state, Goal(goal.item, (source,)), nothing, "hallway").success is False
-    stage.humanoid.hold(goal.item)
-    held = judge(world.state, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, "hallway")
-    assert (held.potential, held.held, held.item_room, held.success) == (5, goal.item, "hallway", False)
+    assert judge(world.state, goal, nothing, HUMANOID, rooms).success
+    assert judge(world.state, Goal(goal.item, (source,)), nothing, HUMANOID, rooms).success is False
+    stage.oracle.robot.hold(goal.item)
+    held = judge(world.state, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, HUMANOID, rooms)
+    room = rooms[stage.world.robots["humanoid"].room]
+    assert (held.potential, held.held, held.item_room, held.success) == (5, goal.item, room, False)
 
 
 def test_outcome_does_not_change_with_the_world(stage: Stage, tasks: list[Task]) -> None:
     task = next(task for task in tasks if task.home == stage.home.name)
     goal = stage.begin(task).goal
-    outcome = judge(stage.world.state, goal, {"humanoid": (), "drone": ()}, "kitchen")
+    outcome = judge(stage.world.state, goal, {"humanoid": (), "drone": ()}, HUMANOID, stage.room_names)
     kept = dict(outcome.supports)
     assert kept
     stage.world.clear()

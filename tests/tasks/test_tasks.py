@@ -13,7 +13,7 @@ from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.tasks.sampling import sample_task
-from chmarl_pb.tasks.setting import receptacles_of
+from chmarl_pb.tasks.setting import draw_starts, receptacles_of
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import FIELDS, FOLDER, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
 from chmarl_pb.tasks.task import Task
@@ -151,7 +151,7 @@ def test_set_up_is_the_seeds_alone(stage: Stage, tasks: list[Task]) -> None:
     setting, before = stage.begin(first), layout(stage)
     other = stage.begin(second)
     assert layout(stage) != before and other != setting
-    stage.humanoid.hold(second.item)
+    stage.oracle.robot.hold(second.item)
     assert stage.begin(first) == setting and layout(stage) == before
     assert stage.world.held is None
 
@@ -206,7 +206,8 @@ def test_everything_is_inside_the_home(stage: Stage, tasks: list[Task]) -> None:
         for item in stage.world.objects:
             (x, y, z), _ = stage.world.pose(item)
             assert any(inside(floor, np.array([x, y])) for floor in floors) and 0.2 < z < 1.6
-        assert stage.humanoid.pose == setting.humanoid and stage.drone.pose == setting.drone
+        starts = draw_starts(task.seed, (stage.space.lattice, stage.space.drone_lattice))
+        assert tuple(robot.pose for robot in stage.robots.values()) == starts
         assert set(setting.states) == {thing.name for thing in stage.home.things} | set(stage.world.objects)
 
 

@@ -202,8 +202,8 @@ def test_no_order_is_shorter(stage_of: Callable[[str], Stage], task: TidyTask) -
                 break
             length += len(way)
             for action in way:
-                motion = stage.humanoid.plan(action, goal, stage.renderer.visible("humanoid"))
-                assert motion is not None and stage.humanoid.finish(motion)
+                motion = stage.oracle.robot.plan(action, goal, stage.renderer.visible("humanoid"))
+                assert motion is not None and stage.oracle.robot.finish(motion)
             assert is_done(goal, stage.world.state)
         if not failed:
             lengths[order] = length
@@ -254,8 +254,8 @@ def test_evaluation(task: TidyTask, tmp_path: Any) -> None:
 class Near(Rearrange):
     """A kind of one's own: the paper's tasks, but with a reward for nothing but success."""
 
-    def judge(self, state: WorldState, setting: Any, seen: dict[str, tuple[str, ...]], room: str) -> Outcome:
-        outcome = super().judge(state, setting, seen, room)
+    def judge(self, state: WorldState, setting: Any, seen: dict[str, tuple[str, ...]]) -> Outcome:
+        outcome = super().judge(state, setting, seen)
         return replace(outcome, potential=float(outcome.success))
 
 

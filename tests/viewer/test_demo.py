@@ -13,10 +13,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from chmarl_pb.cli.demo import demo, write_files
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.film import Shot, storyboard
@@ -75,6 +76,22 @@ def test_page_has_every_step(folder, recording):
     assert recording.instruction in page and page.count("data:image/jpeg") == 2 * (recording.steps + 1)
 
 
+def test_other_robots_are_shown_too(tmp_path):
+    """The film shows the first two robots and a map of all, the page all; each has its name and its colour."""
+    task = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)
+    recording = record(task, "scene_graph", robots=("humanoid", "humanoid", "drone"))
+    board = [shot for shot in storyboard(recording) if shot.done]
+    write_files(recording, board, tmp_path, Progress(disable=True))
+    assert recording.success and recording.optimum.steps <= recording.steps
+    page = (tmp_path / "demo.html").read_text(encoding="utf-8")
+    assert page.count("data:image/jpeg") == 3 * (recording.steps + 1)
+    for place, name in enumerate(("Humanoid 0", "Humanoid 1", "Drone")):
+        assert page.count(f'r{place}"><h3>{name}</h3>') == recording.steps + 1 and f"<th>{name}</th>" in page
+    assert page.count('class="field cone') == 2 * (recording.steps + 1)
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "demo.mp4"))
+    assert frames == sum(shot.frames for shot in board)
+
+
 def test_no_temporary_files_are_left(folder):
     assert sorted(path.name for path in folder.iterdir()) == ["demo.html", "demo.mp4"]
 
@@ -83,7 +100,7 @@ def test_recording_tells_the_episode(recording):
     assert recording.success and recording.steps == recording.task.optimal_steps
     first, *others = recording.moments
     assert first.actions == {} and first.motion == ()
-    assert all(set(moment.actions) == set(AGENTS) and moment.motion for moment in others)
+    assert all(set(moment.actions) == set(recording.models) and moment.motion for moment in others)
     potentials = [moment.potential for moment in recording.moments]
     assert np.allclose(np.diff(potentials), [moment.reward for moment in others])
 
@@ -111,10 +128,10 @@ def test_pictures_at_rest_are_those_of_the_cameras(recording):
         policy = make_policy("planner", env)
         observations, infos = env.reset(options={"task": recording.task})
         policy.reset(None)
-        replay = Replay(env.stage.home)
+        replay = Replay(env.stage.home, team_in(env.world, env.stage.models))
         while env.agents:
             observations, _, _, _, infos = env.step(policy.act(observations, infos))
-            for name in AGENTS:
+            for name in env.possible_agents:
                 seen = env.stage.renderer.picture(name, 160).rgb
                 assert np.array_equal(replay.picture(name, scene_of(env.world), 160), seen)
     finally:
@@ -126,12 +143,12 @@ def test_the_camera_rides_on_the_robot(recording):
     env = HouseholdEnv(home=recording.task.home, execution="simulated")
     try:
         env.reset(options={"task": recording.task})
-        goto = {name: env.action_names[name].index("goto_bathroom") for name in AGENTS}
+        goto = {name: env.action_names[name].index("goto_bathroom") for name in env.possible_agents}
         env.step(goto)
         rest = scene_of(env.world)
         for snapshot in env.snapshots[:: max(1, len(env.snapshots) // 5)]:
             scene = scene_during(snapshot, rest)
-            for name in AGENTS:
+            for name in env.possible_agents:
                 _check_eye(pybullet, env, scene, name)
     finally:
         env.close()
@@ -140,12 +157,11 @@ def test_the_camera_rides_on_the_robot(recording):
 def _check_eye(pybullet, env, scene, name):
     client, body = env.world.client, env.world.bodies[name]
     env.world.physics.move_robot(name, scene.robots[name])
-    if name == "humanoid":
-        env.stage.humanoid.arm.set(scene.arm)
+    env.world.physics.set_joints(name, scene.joints[name])
     links = range(pybullet.getNumJoints(body, physicsClientId=client))
     camera = next(i for i in links if pybullet.getJointInfo(body, i, physicsClientId=client)[12] == b"camera")
     state = pybullet.getLinkState(body, camera, computeForwardKinematics=True, physicsClientId=client)
-    position, quaternion = scene.eye(name)
+    position, quaternion = scene.eye(name, env.stage.models[name])
     assert np.allclose(state[4], position, atol=1e-4)
     assert abs(np.dot(state[5], quaternion)) == pytest.approx(1, abs=1e-4)
 

@@ -14,10 +14,10 @@ from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.rendering import camera
-from chmarl_pb.rendering.camera_poses import CAMERAS, eye
 from chmarl_pb.rendering.home_views import home_views
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.rendering.preview import preview
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.world import bullet
 from tests.test_layers import imported
 
@@ -94,11 +94,11 @@ def test_results_say_that_nothing_is_known_of_a_pybullet_without_metadata(monkey
 def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     """A PyBullet that was built without NumPy gives tuples."""
     home, draw = load_home("home_1"), bullet.pybullet.getCameraImage
-    view = camera.view_matrix(eye(space_of(home), "drone", 0))
+    view = camera.view_matrix(find_model("drone").eye(space_of(home), 0))
     views = home_views(home).client
 
     def pictures() -> list[np.ndarray]:
-        seen = camera.render(views, CAMERAS["drone"], view, 24)
+        seen = camera.render(views, camera.camera_of(find_model("drone")), view, 24)
         house = preview(home.path, tmp_path / "house.png", size=(80, 40))
         parts = seen.colour, seen.depth, seen.segmentation, draw_plan(home, 40, 40).rgb
         return [*parts, np.frombuffer(house.read_bytes(), np.uint8)]

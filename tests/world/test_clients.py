@@ -17,6 +17,8 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.rendering import home_views as home_views_module
 from chmarl_pb.rendering import movables as movables_module
 from chmarl_pb.rendering.home_views import HomeViews
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.world import Client, World
 from chmarl_pb.world import client as client_module
@@ -42,7 +44,7 @@ def connected() -> set[int]:
 @pytest.fixture(autouse=True)
 def no_collector() -> Iterator[None]:
     """What is dropped goes at once, not when the garbage collector happens to come by."""
-    movables_module.movables()  # has a client for the whole process
+    movables_module.movables(Stage("home_1").renderer._team)  # has a client for the whole process
     gc.collect()
     gc.disable()
     yield
@@ -107,7 +109,7 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
     place = {
         "home": (physics_module, "loaded_home"),
         "object": (physics_module, "load_graspable"),
-        "robot": (sys.modules["chmarl_pb.robots.humanoid"], "load_humanoid"),
+        "robot": (RobotModel, "load"),
         "renderer": (sys.modules["chmarl_pb.rendering.fast"], "home_views"),
     }[where]
     monkeypatch.setattr(*place, fail)
@@ -144,7 +146,7 @@ def test_views_of_homes_keep_no_clients(write_home: Callable[[str], Path], monke
     monkeypatch.setenv("CHMARL_CACHE", "off")
     before = connected()
     views = HomeViews(home)
-    views.look("drone", 0, 16)
+    views.look(find_model("drone"), 0, 16)
     assert views.client in connected()
     assert len(connected() - before) == 2
     del views
@@ -153,7 +155,7 @@ def test_views_of_homes_keep_no_clients(write_home: Callable[[str], Path], monke
     views = HomeViews(home)
     views._content = "what it was"
     with pytest.raises(HomeError, match="has changed") as caught:
-        views.look("drone", 0, 16)
+        views.look(find_model("drone"), 0, 16)
     assert connected() == before
     assert caught.tb is not None
 

@@ -11,7 +11,8 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.navigation.free_space import Space, space_of
 from chmarl_pb.robots.arm import Arm
-from chmarl_pb.robots.humanoid import Humanoid, load_humanoid
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.world import UPRIGHT, Grip, Pose, RobotBody, RobotState, Support, World, yaw_quaternion
 
 ITEMS = ("mug_1", "plate_1", "wine_bottle_1", "banana_1", "sports_ball_1", "teddy_bear_1")
@@ -47,8 +48,9 @@ def place_on(space: Space, world: World, item: str, number: int = 0) -> tuple[st
 def set_down(world: World, item: str, position: tuple[float, ...], yaw: float, receptacle: str) -> bool:
     """Let a robot hold an object, and set it down."""
     if "gripper" not in world.robots:
-        body = load_humanoid(world.client)
-        world.add_robot("gripper", RobotBody(body, (), Arm(world.client, body).grasp_link))
+        model = find_model("humanoid")
+        body = model.load(world.client)
+        world.add_robot("gripper", RobotBody(body, (), Arm(world.client, body, model.urdf).grasp_link))
         world.set_robot("gripper", RobotState(0, 0, 0, (FLOOR, UPRIGHT)))
     world.hold("gripper", Grip(item, 0.0), (FLOOR, UPRIGHT))
     return world.set_down("gripper", position, yaw, receptacle)
@@ -102,7 +104,7 @@ def test_an_object_is_carried_by_what_it_stands_on_only(space: Space, world: Wor
 def test_settling_is_the_same_after_any_history(space: Space, home: Home, world: World) -> None:
     fresh = {(item, number): put(space, world, item, number) for item in ITEMS for number in range(3)}
     old = World(home)
-    humanoid = Humanoid(old, space)
+    humanoid = MobileManipulator(find_model("humanoid"), old, space, "humanoid")
     rng = np.random.default_rng(0)
     try:
         for index in rng.permutation(len(fresh)):
@@ -164,7 +166,7 @@ def test_clear_parks_all_objects(space: Space, world: World) -> None:
 
 
 def test_every_change_is_a_new_state_and_leaves_the_earlier_one(space: Space, world: World) -> None:
-    humanoid = Humanoid(world, space)
+    humanoid = MobileManipulator(find_model("humanoid"), world, space, "humanoid")
     receptacle, position, yaw = place_on(space, world, "mug_1")
     changes = {
         "place": lambda: world.place("mug_1", FLOOR, UPRIGHT),
@@ -186,7 +188,7 @@ def test_every_change_is_a_new_state_and_leaves_the_earlier_one(space: Space, wo
 
 
 def test_parts_that_do_not_change_stay_the_same_objects(space: Space, world: World) -> None:
-    humanoid = Humanoid(world, space)
+    humanoid = MobileManipulator(find_model("humanoid"), world, space, "humanoid")
     world.place("mug_1", FLOOR, UPRIGHT)
     before = world.state
     humanoid.spawn(3)
@@ -199,7 +201,7 @@ def test_parts_that_do_not_change_stay_the_same_objects(space: Space, world: Wor
 
 
 def test_an_earlier_state_comes_back_whole(space: Space, world: World) -> None:
-    humanoid = Humanoid(world, space)
+    humanoid = MobileManipulator(find_model("humanoid"), world, space, "humanoid")
 
     def physics() -> tuple[Any, ...]:
         world.sync()
@@ -223,7 +225,7 @@ def test_an_earlier_state_comes_back_whole(space: Space, world: World) -> None:
 
 
 def test_a_held_object_follows_the_hand_until_released(space: Space, world: World) -> None:
-    humanoid, physics = Humanoid(world, space), world.physics
+    humanoid, physics = MobileManipulator(find_model("humanoid"), world, space, "humanoid"), world.physics
     world.place("mug_1", FLOOR, UPRIGHT)
     humanoid.hold("mug_1")
     assert world.held == "mug_1"

@@ -131,7 +131,7 @@ class Schedule:
         print(f"{run.name}: {text}", file=sys.stderr, flush=True)
 
 
-def end(*processes: subprocess.Popen) -> None:
+def end(*processes: subprocess.Popen[bytes]) -> None:
     """Ask processes that are not over to end, and give them time to save what they have."""
     deadline = time.monotonic() + GRACE
     try:

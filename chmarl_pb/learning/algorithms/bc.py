@@ -1,11 +1,11 @@
 """Behaviour cloning: robots learn to do what the planner did, from stored episodes.
 
 Three forms, as in the paper: decentralized (each robot has its own network and its own observations), the same with
-messages, and centralized (one network sees and drives both robots). All are recurrent over the episode.
+messages, and centralized (one network sees and drives all robots). All are recurrent over the episode.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -17,9 +17,9 @@ from torch import Tensor, nn
 
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.store import default_root
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
-from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import FROZEN
@@ -32,6 +32,7 @@ from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import spread_tasks
+from chmarl_pb.robots.registry import TEAM, listed
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
@@ -67,7 +68,7 @@ def clone(
         DatasetError: the data set is missing or damaged.
         CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
     """
-    recipe = Recipe(observation=config.observation, noise=config.noise)
+    recipe = Recipe(observation=config.observation, noise=config.noise, robots=listed(config.robots))
     signals, where = Signals(), find_device(device)
     with torch_threads(threads):
         run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check, where)
@@ -115,7 +116,7 @@ class _Run:
 
     def _begin_epoch(self) -> None:
         """Dropout is the same in every process and after every interruption."""
-        self.batch, self._total = 0, torch.zeros(len(AGENTS))
+        self.batch, self._total = 0, torch.zeros(len(self.examiner.robots))
         self._stream = torch.Generator().manual_seed(self.config.seed * 100_003 + self.epoch).get_state()
 
     def next_epoch(self, logger: Logger) -> None:
@@ -127,7 +128,9 @@ class _Run:
         start, epoch = time.perf_counter(), self.epoch + 1
         losses = self._learn()
         figures: dict[str, Any] = {"epoch": epoch, "seconds": round(time.perf_counter() - start, 1)}
-        figures |= {f"{name}_loss": round(float(loss), 4) for name, loss in zip(AGENTS, losses, strict=True)}
+        figures |= {
+            f"{name}_loss": round(float(loss), 4) for name, loss in zip(self.examiner.robots, losses, strict=True)
+        }
         if epoch % self.config.validation_interval == 0 or epoch == self.config.epochs:
             self.save()  # examining takes its time
             figures |= self.examiner.examine(self.actors, self._check)
@@ -146,7 +149,7 @@ class _Run:
             torch.set_rng_state(self._stream)
             for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch), self.batch):
                 self._check()
-                losses = loss_of(self.actors, self.config, batch.to(self._device))
+                losses = loss_of(self.actors, self.config, batch.to(self._device), self.examiner.robots)
                 self.optimizer.zero_grad()
                 losses.sum().backward()
                 nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
@@ -180,6 +183,7 @@ class _Run:
         if not path.is_file():
             return
         content = checkpoint.load(path, UNFINISHED)
+        content["config"] = {"robots": ",".join(TEAM), **content["config"]}  # older ones say nothing of robots
         for name, own in self._settings().items():
             if content.get(name) != own:
                 raise checkpoint.CheckpointError(
@@ -195,11 +199,11 @@ class _Run:
                 self.batch, self._total, self._stream = content["batch"], content["total"], content["stream"]
 
 
-def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch, robots: Sequence[str]) -> Tensor:
     """Return the cross-entropy of each robot's labels, (robots), means over the real steps."""
     losses = []
-    for group, actor in zip(config.groups, actors, strict=True):
-        columns = [AGENTS.index(name) for name in group]
+    for group, actor in zip(config.groups(robots), actors, strict=True):
+        columns = [robots.index(name) for name in group]
         logits, _ = actor(batch.observation, batch.last[..., columns])
         for column, values in zip(columns, logits, strict=True):
             losses.append(nn.functional.cross_entropy(values[batch.mask], batch.labels[..., column][batch.mask]))
@@ -212,24 +216,28 @@ class Examiner:
     def __init__(self, config: CloningConfig):
         """Open an environment for a run."""
         self.env = HouseholdEnv(
-            observation=config.observation, split="train", messages=config.messages, feedback=config.feedback
+            observation=config.observation,
+            split="train",
+            messages=config.messages,
+            feedback=config.feedback,
+            robots=listed(config.robots),
         )
-        self.config = config
+        self.config, self.robots = config, self.env.possible_agents
         self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION}
 
     def examine(self, actors: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``; an error of ``check`` ends it."""
-        policy = BatchOfOne(BCPolicy(actors.eval(), self.config))
+        policy = BatchOfOne(BCPolicy(actors.eval(), self.config, self.robots))
         figures: dict[str, float] = {}
         for split, tasks in self.tasks.items():
-            episodes = []
+            won, scores = [], []
             for task in tasks:
                 check()
-                episodes.append(rollout(self.env, policy, episode_seed(task, 0), task))
-            pairs = list(zip(episodes, tasks, strict=True))
-            weighted = [path_weighted(one.success, len(one), task.optimal_steps) for one, task in pairs]
-            figures[f"{split}_sr"] = round(float(np.mean([one.success for one in episodes])), 4)
-            figures[f"{split}_plw"] = round(float(np.mean(weighted)), 4)
+                episode = rollout(self.env, policy, episode_seed(task, 0), task)
+                won.append(episode.success)
+                scores.append(score_now(self.env, episode))
+            figures[f"{split}_sr"] = round(float(np.mean(won)), 4)
+            figures[f"{split}_plw"] = round(float(np.mean(scores)), 4)
         return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in VALIDATION])), 4)} | figures
 
     def close(self) -> None:

@@ -16,16 +16,13 @@ from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.learning.networks.detections import LABELS
-from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.splits import load_tasks
 
 GRID = 4  # cells along each side of a picture
-LAYOUT_VIEWS = 20  # views of one layout of objects, half of them by each robot
-
-_ROBOTS = ("humanoid", "drone")
+LAYOUT_VIEWS = 20  # views of one layout of objects, equally many by each robot of the benchmark
 
 #: Called with the numbers of finished and of all layouts.
 Progress = Callable[[int, int], None]
@@ -129,18 +126,18 @@ def _arrays(file: Path) -> dict[str, NDArray[Any]]:
 
 
 def layout_views(job: Job) -> Views:
-    """Return the views of one layout: both robots look around from random poses."""
+    """Return the views of one layout: the robots look around from random poses."""
     rng = np.random.default_rng([job.seed, job.task])
     task = load_tasks(job.split)[job.task]
     stage = _stage(task.home)
     stage.begin(task)
     classes = np.array([_label(name) for name in stage.renderer.names])
     rows = []
-    for _ in range(LAYOUT_VIEWS // len(_ROBOTS)):
-        stage.humanoid.spawn(int(rng.integers(len(stage.space.lattice.points) * HEADINGS)))
-        stage.drone.spawn(int(rng.integers(len(stage.space.drone_lattice.points))))
-        for robot in _ROBOTS:
-            picture = stage.renderer.picture(robot, VISIBILITY_SIZE)
+    for _ in range(LAYOUT_VIEWS // len(stage.robots)):
+        for robot in stage.robots.values():
+            robot.spawn(int(rng.integers(robot.lattice.count)))
+        for name in stage.robots:
+            picture = stage.renderer.picture(name, VISIBILITY_SIZE)
             # The last entry stands for no thing and for no label.
             labels = np.append(classes, len(LABELS))[picture.segmentation]
             rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))

@@ -9,7 +9,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, share
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION, device_of
@@ -22,6 +22,7 @@ from chmarl_pb.learning.runs import checkpoint
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.spaces import stack, tensors
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.robots.registry import TEAM
 
 KIND = "bc"  # of checkpoints
 IMAGE_SIZE = 128  # pixels of the pictures in data sets
@@ -36,7 +37,7 @@ class CloningConfig:
 
     Attributes:
         observation: "scene_graph" or "visual".
-        centralized: whether one network sees and drives both robots.
+        centralized: whether one network sees and drives all robots.
         messages: whether the robots hear each other.
         feedback: whether the robots get language feedback.
         noise: share of random actions in the data set that is learned from; see ``chmarl-pb dataset generate``.
@@ -53,6 +54,7 @@ class CloningConfig:
         temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
         validation_interval: epochs between two choices of the best weights.
         validation_tasks: of each validation split that are played then, at equal distances.
+        robots: those of the data set, with commas between them.
     """
 
     observation: str = "scene_graph"
@@ -73,6 +75,7 @@ class CloningConfig:
     temperature: float = amount(0.0)
     validation_interval: int = count(2)
     validation_tasks: int = count(50)
+    robots: str = ",".join(TEAM)
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits; see :func:`chmarl_pb.learning.config.check`."""
@@ -88,14 +91,13 @@ class CloningConfig:
         """Whether pictures are encoded before they reach the networks, by frozen weights."""
         return self.observation == "visual" and self.image_encoder in FROZEN_ENCODERS
 
-    @property
-    def groups(self) -> tuple[tuple[str, ...], ...]:
-        """The robots that each network drives."""
-        return (AGENTS,) if self.centralized else tuple((name,) for name in AGENTS)
+    def groups(self, robots: Sequence[str]) -> list[list[str]]:
+        """Return the robots that each network drives."""
+        return [list(robots)] if self.centralized else [[name] for name in robots]
 
 
 class BCActor(nn.Module):
-    """One network that drives one robot or both: encoder, last actions -> GRU -> a head for each robot."""
+    """One network that drives one robot or all: encoder, last actions -> GRU -> a head for each robot."""
 
     def __init__(self, space: spaces.Dict, actions: tuple[int, ...], config: CloningConfig):
         """Make the layers for an observation space and each robot's number of actions."""
@@ -134,8 +136,9 @@ def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     actions = {name: len(names) for name, names in env.action_names.items()}
     actors = []
-    for group in config.groups:
-        keys = [key for key in space.spaces if key.startswith(group) and not named(key, *config.left_out)]
+    for group in config.groups(env.possible_agents):
+        own = {f"{name}_{key}" for name in group for key in env.observation_space(name).spaces}
+        keys = [key for key in space.spaces if key in own and not named(key, *config.left_out)]
         actors.append(
             BCActor(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )
@@ -143,24 +146,28 @@ def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
 
 
 def _joint_space(env: HouseholdEnv) -> spaces.Dict:
-    """Return both robots' observation spaces as one, with the keys of the joint environment."""
+    """Return the robots' observation spaces as one, with the keys of the joint environment."""
     return spaces.Dict(
-        {f"{name}_{key}": part for name in AGENTS for key, part in env.observation_space(name).spaces.items()}
+        {
+            f"{name}_{key}": part
+            for name in env.possible_agents
+            for key, part in env.observation_space(name).spaces.items()
+        }
     )
 
 
 class BCPolicy:
-    """Drives both robots by cloned networks, in several episodes at once."""
+    """Drives the robots by cloned networks, in several episodes at once."""
 
-    def __init__(self, actors: nn.ModuleList, config: CloningConfig):
-        """Take the networks over; they must not be trained while an episode is played."""
-        self.actors, self.config = actors, config
+    def __init__(self, actors: nn.ModuleList, config: CloningConfig, robots: Sequence[str]):
+        """Take the networks of robots over; they must not be trained while an episode is played."""
+        self.actors, self.config, self.robots = actors, config, robots
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed; each draws from a stream of its own."""
         self._device = device_of(self.actors)
         self._hidden = [torch.zeros(1, len(seeds), self.config.hidden, device=self._device) for _ in self.actors]
-        self._last = {name: torch.full((len(seeds),), NO_ACTION) for name in AGENTS}
+        self._last = {name: torch.full((len(seeds),), NO_ACTION) for name in self.robots}
         self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
 
     @threads(1)
@@ -173,16 +180,16 @@ class BCPolicy:
         if self.config.uses_features:
             observations = all_with_features(observations, frozen_encoder(self.config.image_encoder))
         batch = stack(
-            [{f"{name}_{key}": part for name in AGENTS for key, part in one[name].items()} for one in observations]
+            [{f"{name}_{key}": part for name in self.robots for key, part in one[name].items()} for one in observations]
         )
         steps = {key: part.unsqueeze(1).to(self._device) for key, part in tensors(batch).items()}
-        for number, (group, actor) in enumerate(zip(self.config.groups, self.actors, strict=True)):
+        for number, (group, actor) in enumerate(zip(self.config.groups(self.robots), self.actors, strict=True)):
             last = torch.stack([self._last[name][index] for name in group], dim=-1).unsqueeze(1)
             logits, after = actor(steps, last.to(self._device), self._hidden[number][:, index])
             self._hidden[number][:, index] = after
             for name, values in zip(group, logits, strict=True):
                 self._last[name][index] = self._choice(values[:, 0].cpu(), episodes)
-        return [{name: int(self._last[name][number]) for name in AGENTS} for number in episodes]
+        return [{name: int(self._last[name][number]) for name in self.robots} for number in episodes]
 
     def _choice(self, logits: Tensor, episodes: Sequence[int]) -> Tensor:
         """Return the actions (B) from logits (B, A) in the episodes with these numbers."""
@@ -222,7 +229,7 @@ class BCPolicies:
             trained_with(self.config.image_encoder, content[FROZEN], self.path)
         actors = make_actors(env, self.config)
         checkpoint.fill(actors, content["actors"], self.path)
-        return BatchOfOne(BCPolicy(actors.requires_grad_(False).eval(), self.config))
+        return BatchOfOne(BCPolicy(actors.requires_grad_(False).eval(), self.config, env.possible_agents))
 
 
 def weights_of(config: CloningConfig) -> str:

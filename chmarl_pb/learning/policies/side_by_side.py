@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb.envs.parallel import AGENTS
 from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, episode_seed
@@ -42,8 +41,9 @@ def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> It
     for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options):
         if actions is None:
             continue
-        chosen[number].append({name: int(actions[name]) for name in AGENTS})
+        core = core_of_parallel(envs[number])
+        chosen[number].append({name: int(actions[name]) for name in core.possible_agents})
         if not envs[number].agents:
-            (task, seed), core = jobs[number], core_of_parallel(envs[number])
+            task, seed = jobs[number]
             end = core.outcome.success, core.outcome.potential, core.steps
-            yield played(Episode(task, (), tuple(chosen[number]), np.zeros(0), (result[4],), *end), seed)
+            yield played(core, Episode(task, (), tuple(chosen[number]), np.zeros(0), (result[4],), *end), seed)

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.runs.collect import Collector, greedy
 from chmarl_pb.learning.runs.replay_buffer import Episode
@@ -43,15 +45,20 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
     if any(split.startswith("test") for split in splits):
         raise ValueError(f"splits={list(splits)}: checkpoints are not chosen on a test split")
     tasks = {split: spread_tasks(split, most) for split in splits}
+    known: dict[str, int] = {}  # task's id -> L*
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
         figures: dict[str, float] = {}
+        core = core_of_parallel(collector.envs[0])
         for split, chosen in tasks.items():
             seeds, options = [episode_seed(task, 0) for task in chosen], [{"task": task} for task in chosen]
             played = play_greedily(collector, agents, seeds, options)
-            won = [episode.info["humanoid"]["success"] for episode in played]
-            rows = zip(won, played, chosen, strict=True)
-            scores = [path_weighted(success, len(episode), task.optimal_steps) for success, episode, task in rows]
+            won = [episode.info[core.possible_agents[0]]["success"] for episode in played]
+            scores = [0.0] * len(won)
+            for number in np.flatnonzero(won):
+                task = chosen[number]
+                best = known[task.id] = known.get(task.id) or optimal_steps(core, task)
+                scores[number] = path_weighted(True, len(played[number]), best)
             figures |= {f"{split}_sr": float(np.mean(won)), f"{split}_plw": float(np.mean(scores))}
         return {"score": float(np.mean([figures[f"{split}_plw"] for split in splits]))} | figures
 

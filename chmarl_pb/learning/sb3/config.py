@@ -15,6 +15,7 @@ from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.learning.config import check, count, natural
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
+from chmarl_pb.robots.registry import TEAM, listed
 
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
 
@@ -97,7 +98,7 @@ PRESETS = {
 }
 
 #: Settings of runs that were written before there was a choice.
-BEFORE_PRESETS = {"preset": "encoder"}
+BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM)}
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,7 @@ class Config:
         interval: steps between two validations, each with a checkpoint.
         tasks: number of validation tasks of each of the two splits.
         max_steps: of an episode.
+        robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
     """
 
     algo: Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
@@ -146,6 +148,7 @@ class Config:
     interval: int = count(25_000)
     tasks: int = count(50)
     max_steps: int = count(28)
+    robots: str = ",".join(TEAM)
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, and unknown presets."""
@@ -155,7 +158,7 @@ class Config:
 
     @property
     def alone(self) -> bool:
-        """Whether the humanoid is the only learner."""
+        """Whether the first robot that grasps is the only learner."""
         return "Humanoid" in self.env_id
 
     @property
@@ -174,6 +177,8 @@ class Config:
         shared = {name: asdict(self)[name] for name in ("messages", "feedback", "image_size", "max_steps")}
         if PRESETS[self.preset].goal:
             shared["goal"] = True
+        if listed(self.robots) != TEAM:
+            shared["robots"] = listed(self.robots)
         return shared | ({"flat_actions": True} if self.algo == "dqn" and not self.alone else {})
 
     @property

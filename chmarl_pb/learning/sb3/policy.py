@@ -1,8 +1,9 @@
 """``best.zip`` of a run: a model of Stable-Baselines3 with our settings beside it, and the policy made from it."""
 
 import json
+import math
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,12 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecTransposeImage
 
-from chmarl_pb.envs.parallel import AGENTS, HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
-from chmarl_pb.learning.observation_keys import GOAL, PREFIXES, named
+from chmarl_pb.learning.observation_keys import GOAL, named
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
@@ -29,8 +30,8 @@ from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from chmarl_pb.learning.sb3.features import encoded
 from chmarl_pb.learning.spaces import stack
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
-from chmarl_pb.policies.search import DroneSearch
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
+from chmarl_pb.policies.search import SearchPolicy
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
 
@@ -114,8 +115,8 @@ class ModelPolicies:
         Raises:
             OptionError: the environment does not give all that the model observes.
         """
-        parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
-        given = parts["humanoid"] | joined(parts)
+        parts = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}
+        given = parts[_learner(env)] | joined(parts)
         if missing := [key for key in _keys_of(self._network) if key not in given]:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
         self._network.set_training_mode(False)
@@ -125,7 +126,7 @@ class ModelPolicies:
 class Sb3Policy:
     """Drives the robots of several episodes; each episode draws its actions from a stream of its own.
 
-    One network drives both robots, or the humanoid alone while the drone follows the search policy.
+    One network drives all robots, or the first that grasps alone while the others follow the search policy.
     """
 
     def __init__(
@@ -149,12 +150,13 @@ class Sb3Policy:
         self._sampled, self._silenced, self._encoder = sampled, silenced, encoder
         self._names, self._rooms = env.action_names, env.rooms
         self._keys = _keys_of(network)
-        self._alone = not any(key.startswith(PREFIXES[1:]) for key in self._keys)
+        prefixes = tuple(f"{name}_" for name in self._names)
+        self._alone = None if any(key.startswith(prefixes) for key in self._keys) else _learner(env)
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
         self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
-        self._drones = [DroneSearch(self._names["drone"], self._rooms) for _ in seeds]
+        self._searches = [SearchPolicy(self._names, self._rooms).searches for _ in seeds]
         if self._recurrent:
             layers, _, units = self._network.lstm_hidden_state_shape
             self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]
@@ -165,22 +167,28 @@ class Sb3Policy:
         self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
     ) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""
-        parts = [one["humanoid"] if self._alone else joined(one) for one in observations]
+        parts = [one[self._alone] if self._alone else joined(one) for one in observations]
         batch = stack([{key: part[key] for key in self._keys} for part in parts])
         batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
         if self._encoder is not None:
             batch = encoded(batch, self._encoder)
         numbers = self._numbers(episodes, self._network.obs_to_tensor(batch)[0]).tolist()
-        pairs: Iterable[Sequence[int]] = numbers
         if self._alone:
-            drones = [
-                self._drones[number].act(self._heard(one["drone"]), info["drone"])
-                for number, one, info in zip(episodes, observations, infos, strict=True)
-            ]
-            pairs = zip(numbers, drones, strict=True)
-        elif isinstance(self._network.action_space, spaces.Discrete):
-            pairs = (divmod(number, len(self._names["drone"])) for number in numbers)
-        return [dict(zip(AGENTS, pair, strict=True)) for pair in pairs]
+            others = map(self._searching, episodes, observations, infos)
+            return [{self._alone: number} | actions for number, actions in zip(numbers, others, strict=True)]
+        if isinstance(self._network.action_space, spaces.Discrete):
+            counts = [len(names) for names in self._names.values()]
+            numbers = np.stack(np.unravel_index(numbers, counts), axis=1).tolist()
+        return [dict(zip(self._names, row, strict=True)) for row in numbers]
+
+    def _searching(self, episode: int, observations: Observations, infos: Infos) -> Actions:
+        """Return the actions of the robots that do not learn."""
+        searches = self._searches[episode]
+        return {
+            name: search.act(self._heard(observations[name]), infos[name])
+            for name, search in searches.items()
+            if name != self._alone
+        }
 
     def _heard(self, seen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return what a robot observes, without what it did not hear in training."""
@@ -191,7 +199,7 @@ class Sb3Policy:
         return hasattr(self._network, "lstm_hidden_state_shape")
 
     def _numbers(self, episodes: Sequence[int], batch: dict[str, torch.Tensor]) -> torch.Tensor:
-        """Return (B) numbers of actions, or (B, 2) for both robots."""
+        """Return (B) numbers of actions, or (B, robots) for all robots."""
         if not self._sampled:
             likeliest: torch.Tensor = self._network._predict(batch, deterministic=True)
             return likeliest
@@ -217,26 +225,31 @@ def _keys_of(network: BasePolicy) -> tuple[str, ...]:
 
 
 def joined(robots: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of both robots as the joint ids name them."""
-    return {f"{name}_{key}": value for name in AGENTS for key, value in robots[name].items()}
+    """Return the keys of all robots as the joint ids name them."""
+    return {f"{name}_{key}": value for name, own in robots.items() for key, value in own.items()}
+
+
+def _learner(env: HouseholdEnv) -> str:
+    """Return the robot that learns if one does alone: the first that grasps."""
+    return next(name for name, actions in env.action_names.items() if grasps(actions))
 
 
 def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     """Return the network with new weights."""
-    parts = {name: dict(env.observation_space(name).spaces) for name in AGENTS}
-    seen = parts["humanoid"] if config.alone else joined(parts)
+    parts, learner = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}, _learner(env)
+    seen = parts[learner] if config.alone else joined(parts)
     # What the network was not trained with, as the goal, is left out.
-    read = config.keys or tuple(name for name in parts["humanoid"] if name != GOAL or PRESETS[config.preset].goal)
+    read = config.keys or tuple(name for name in parts[learner] if name != GOAL or PRESETS[config.preset].goal)
     space = spaces.Dict({key: part for key, part in seen.items() if named(key, *read)})
     if config.frozen:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     for key, part in space.items():
         if isinstance(part, spaces.Box) and is_image_space(part):
             space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
-    counts = [len(env.action_names[name]) for name in AGENTS]
-    actions: spaces.Space[Any] = spaces.Discrete(counts[0]) if config.alone else spaces.MultiDiscrete(counts)
-    if config.env_options.get("flat_actions"):
-        actions = spaces.Discrete(counts[0] * counts[1])
+    counts = {name: len(names) for name, names in env.action_names.items()}
+    actions: spaces.Space[Any] = spaces.MultiDiscrete([*counts.values()])
+    if config.alone or config.env_options.get("flat_actions"):
+        actions = spaces.Discrete(counts[learner] if config.alone else math.prod(counts.values()))
     algorithm = ALGORITHMS[config.algo]
     make = algorithm.model.policy_aliases[algorithm.policy]
     return make(space, actions, lambda _: 0.0, **config.policy_kwargs)

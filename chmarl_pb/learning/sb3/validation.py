@@ -7,6 +7,7 @@ import gymnasium
 
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
 from chmarl_pb.evaluation.metrics import path_weighted
+from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.runs.validation import spread_tasks
 from chmarl_pb.tasks.task import Task
@@ -40,7 +41,7 @@ class PathWeighted(gymnasium.Wrapper):
         observation, _, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         won = terminated and info["is_success"]
-        score = path_weighted(won, self._steps, self._task.optimal_steps) if terminated or truncated else 0.0
+        score = path_weighted(won, self._steps, optimum(self.unwrapped.parallel).steps) if won else 0.0  # type: ignore[attr-defined]
         return observation, score, terminated, truncated, info
 
 

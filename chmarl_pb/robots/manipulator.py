@@ -1,60 +1,51 @@
-"""The humanoid: drives on the lattice, picks and places with its arm."""
+"""A robot with an arm: drives, picks and places."""
 
+from collections.abc import Collection, Iterator
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from chmarl_pb import catalog
+from chmarl_pb.navigation.approaches import Approaches
 from chmarl_pb.navigation.free_space import GRIP, Space, grip_point
-from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.robots.driven_arm import DrivenArm
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.robots.mobile import MobileRobot
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.motion import Motion, Placement
-from chmarl_pb.world import Grip, Pose, RobotBody, RobotState, World, yaw_quaternion
-from chmarl_pb.world.bullet import pybullet
+from chmarl_pb.world import Grip, Pose, RobotBody, World, yaw_quaternion
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up
 
 Reaches = dict[tuple[int, tuple[float, float, float]], Configuration | None]  # pose and grip -> the arm's configuration
-_reaches: WeakKeyDictionary[Space, Reaches] = WeakKeyDictionary()  # shared by all who play in a home
+_reaches: WeakKeyDictionary[Approaches, dict[RobotModel, Reaches]] = WeakKeyDictionary()  # shared by all in a home
 
 
-def load_humanoid(client: int) -> int:
-    """Load the humanoid's body into a client; the lattice keeps it clear of the home, so it collides with nothing."""
-    path, flags = str(catalog.robot_urdf("humanoid")), pybullet.URDF_USE_INERTIA_FROM_FILE
-    body = pybullet.loadURDF(path, useFixedBase=True, flags=flags, physicsClientId=client)
-    for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
-        pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
-    return int(body)
-
-
-class Humanoid:
-    """The humanoid in one world.
+class MobileManipulator(MobileRobot):
+    """A robot in one world that moves, picks and places; see :class:`chmarl_pb.robots.robot.Robot`.
 
     Attributes:
-        actions: names of its actions, in the order of their numbers.
         arm: its arm.
     """
 
-    name = "humanoid"
+    arm_actions = ("pick", "place")
 
-    def __init__(self, world: World, space: Space):
-        """Load the humanoid into a world."""
-        self.world, self.space, self.lattice = world, space, space.lattice
-        gotos = (f"goto_{room}" for room in self.lattice.anchors)
-        self.actions = (*gotos, "pick", "place", "move_forward", "turn_left", "turn_right", "stay")
-        self.body = load_humanoid(world.client)
-        self.arm = Arm(world.client, self.body)
-        self._states: dict[tuple[int, Configuration], RobotState] = {}  # the same pose is the same object
-        self._reached = _reaches.setdefault(space, {})
-        world.add_robot(self.name, RobotBody(self.body, self.arm.indices, self.arm.grasp_link))
-        self.spawn(0)
+    def __init__(self, model: RobotModel, world: World, space: Space, name: str):
+        """Load the robot into a world.
 
-    @property
-    def pose(self) -> int:
-        """Its pose on the lattice: position and heading in one number."""
-        return self.world.state.robots[self.name].pose
+        Raises:
+            AssetError: its URDF cannot be loaded, or has no arm that this package knows.
+            HomeError: it cannot reach a room.
+        """
+        assert model.reach is not None, "a robot with an arm says how far it reaches"
+        self._approaches = space.approaches(model.footprint, model.reach)
+        self._reached = _reaches.setdefault(self._approaches, {}).setdefault(model, {})
+        super().__init__(model, world, space, name)
+
+    def _in_physics(self) -> RobotBody:
+        self.arm = Arm(self.world.client, self.body, self.model.urdf)
+        return RobotBody(self.body, self.arm.indices, self.arm.grasp_link)
 
     @property
     def held(self) -> str | None:
@@ -79,16 +70,6 @@ class Humanoid:
         self._stand(self.pose, Arm.carry)
         self._carry(Grip(item, turn))
 
-    def _stand(self, pose: int, configuration: Configuration) -> None:
-        state = self._states.get((pose, configuration))
-        if state is None:
-            x, y, yaw = self.lattice.pose(pose)
-            position, heading = divmod(pose, HEADINGS)
-            room, base = int(self.lattice.rooms[position]), ((x, y, 0.0), yaw_quaternion(yaw))
-            state = RobotState(pose, room, heading, base, configuration)
-            self._states[pose, configuration] = state
-        self.world.set_robot(self.name, state)
-
     def _carry(self, grip: Grip) -> None:
         """Hold an object where the hand is now."""
         self.world.sync_robots()
@@ -104,43 +85,32 @@ class Humanoid:
 
     # Deciding
 
-    def plan(self, action: str, goal: Goal, seen: tuple[str, ...]) -> Motion | None:
-        """Decide what an action does.
-
-        Args:
-            action: one of ``actions``.
-            goal: what Pick and Place act on.
-            seen: names of the things in its view.
-
-        Returns:
-            The motion, or None if the action fails.
-        """
+    def plan(
+        self, action: str, goal: Goal | None = None, seen: Collection[str] = (), taken: Collection[int] = ()
+    ) -> Motion | None:
+        """Decide what an action does; None if it fails."""
+        if action not in self.arm_actions:
+            return super().plan(action, goal, seen, taken)
+        if goal is None:
+            return None
         if action == "pick":
-            return self._plan_pick(goal.item) if goal.item in seen and self.held is None else None
-        if action == "place":
-            in_view = [name for name in goal.receptacles if name in seen]
-            return self._plan_place(goal.item, in_view) if self.held == goal.item else None
-        return self._plan_drive(action)
+            stands = self.held is None and goal.item in self.world.supports
+            return self._plan_pick(goal.item, taken) if stands and goal.item in seen else None
+        in_view = [name for name in goal.receptacles if name in seen]
+        return self._plan_place(goal.item, in_view, taken) if self.held == goal.item else None
 
-    def _plan_drive(self, action: str) -> Motion | None:
-        position, heading = divmod(self.pose, HEADINGS)
-        if action.startswith("goto_"):
-            return Motion(self.lattice.anchors[action.removeprefix("goto_")])
-        if action == "move_forward":
-            ahead = int(self.lattice.forward[position, heading])
-            return None if ahead < 0 else Motion(ahead * HEADINGS + heading)
-        turn = {"turn_left": 1, "turn_right": -1, "stay": 0}[action]
-        return Motion(position * HEADINGS + (heading + turn) % HEADINGS)
+    def stand(self, item: str, taken: Collection[int] = ()) -> int | None:
+        """Return the pose from which it reaches an object that stands best, or None."""
+        return self._approaches.stand(self.world.grip(item), taken)
 
-    def _plan_pick(self, item: str) -> Motion | None:
-        grip = self.world.grip(item)
-        stand = self.space.stand(grip)
-        arm = None if stand is None else self._reach(stand, grip)
+    def _plan_pick(self, item: str, taken: Collection[int]) -> Motion | None:
+        stand = self.stand(item, taken)
+        arm = None if stand is None else self._reach(stand, self.world.grip(item))
         if stand is None or arm is None:
             return None
         return Motion(stand, arm=arm, pick=item)
 
-    def _plan_place(self, item: str, receptacles: list[str]) -> Motion | None:
+    def _plan_place(self, item: str, receptacles: list[str], taken: Collection[int]) -> Motion | None:
         """Decide on the nearest free place of the nearest receptacle in view that the arm reaches."""
         x, y, _ = self.lattice.pose(self.pose)
         size = self.world.size(item)
@@ -150,7 +120,7 @@ class Humanoid:
             order = np.argsort(np.hypot(places[:, 0] - x, places[:, 1] - y), kind="stable")
             for px, py, pz, yaw in places[order[:_TRIED_PLACES]].tolist():
                 grip = grip_point((px, py, pz), size)
-                stand = self.space.stand(grip)
+                stand = self._approaches.stand(grip, taken)
                 arm = None if stand is None else self._reach(stand, grip)
                 if stand is not None and arm is not None:
                     placement = Placement(receptacle, (px, py, pz), yaw)
@@ -162,8 +132,7 @@ class Humanoid:
         if (stand, grip) not in self._reached:
             if len(self._reached) == _REMEMBERED:
                 self._reached.clear()
-            x, y, yaw = self.lattice.pose(stand)
-            self._reached[stand, grip] = self.arm.solve(grip, ((x, y, 0.0), yaw_quaternion(yaw)))
+            self._reached[stand, grip] = self.arm.solve(grip, self.model.base(self.space, stand))
         return self._reached[stand, grip]
 
     # Acting
@@ -172,20 +141,47 @@ class Humanoid:
         """Set the result of a motion; on failure the world is as it was before.
 
         Returns:
-            Whether the motion succeeded: only letting an object go can fail.
+            Whether the motion succeeded: another robot may have taken the object or the place, and what is let go
+            may not come to rest.
         """
         put = motion.place
-        if put is not None and not self.world.set_down(self.name, put.position, put.yaw, put.receptacle):
+        if motion.pick is not None and motion.pick not in self.world.supports:
+            return False
+        if put is not None and not self._put(put):
             return False
         self.spawn(motion.pose)
         if motion.pick is not None:
             self.hold(motion.pick, self.turn_of(motion.pick, motion.pose))
         return True
 
+    def _put(self, put: Placement) -> bool:
+        """Let go of what is held; return whether it stands where it should."""
+        item = self.held
+        assert item is not None, "Place is planned with an object in the gripper"
+        place = np.array([[*put.position, put.yaw]])
+        if self.world.taken(place, self.world.size(item), ignoring=(item,)).any():
+            return False
+        return self.world.set_down(self.name, put.position, put.yaw, put.receptacle)
+
     def turn_of(self, item: str, stand: int) -> float:
         """Return the yaw in radians of an object relative to the base at a pose."""
         quaternion = self.world.pose(item)[1]
         return float(2 * np.arctan2(quaternion[2], quaternion[3]) - self.lattice.pose(stand)[2])
+
+    def get_ready(self) -> None:
+        """Let the motors keep the arm where it is: they may still have the goal of an earlier motion."""
+        self.arm.drive(self.arm.configuration())
+
+    def drive(self, motion: Motion) -> Iterator[None]:
+        """Move base and arm in physics alone, one simulation step at a time.
+
+        Raises:
+            MissedError: the hand or the object has missed its target.
+        """
+        heading = self.lattice.pose(motion.pose)[2]
+        arm = DrivenArm(self.name, self.arm, self.world, self.held_pose)
+        turn = 0.0 if motion.pick is None else self.turn_of(motion.pick, motion.pose)
+        return arm.act(motion, self._way(motion), heading, turn)
 
 
 def _distance(space: Space, receptacle: str, x: float, y: float) -> float:

@@ -1,0 +1,45 @@
+"""L*: the fewest joint steps in which the robots of an environment can solve a task."""
+
+from dataclasses import dataclass
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.tasks.tidy_task import AnyTask
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """L* of a task.
+
+    Attributes:
+        steps: joint steps.
+        proven: whether no plan takes fewer; if not, they are an upper bound.
+    """
+
+    steps: int
+    proven: bool = True
+
+
+def plays_with_team(env: HouseholdEnv) -> bool:
+    """Return whether the robots are the benchmark's, of which tasks say their L*."""
+    return list(env.stage.models.items()) == list(team_of(TEAM).items())
+
+
+def optimum(env: HouseholdEnv) -> Optimum:
+    """Return L* of the task that an environment has played; it lays the task out anew and so ends the episode.
+
+    Raises:
+        TaskError: the planner cannot solve the task with these robots.
+    """
+    if plays_with_team(env):
+        return Optimum(env.task.optimal_steps)
+    plan = env.stage.solve(env.task, env.options.kind)
+    return Optimum(plan.steps, plan.proven)
+
+
+def optimal_steps(env: HouseholdEnv, task: AnyTask) -> int:
+    """Return L* of any task for the robots of an environment, whose episode it ends; see :func:`optimum`."""
+    if plays_with_team(env):
+        return task.optimal_steps
+    env.reset(options={"task": task})
+    return optimum(env).steps

@@ -1,0 +1,89 @@
+"""From where an arm reaches a point: the lattice poses at arm's length of it, best first."""
+
+from collections.abc import Collection, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from chmarl_pb.homes.solids import Outlines, Points, Solid
+from chmarl_pb.navigation.lattice import HEADINGS, Lattice, heading_angle
+from chmarl_pb.navigation.reach import Reach
+
+_ARM_THICKNESS = 0.12  # metres of free height that the forearm needs above the grip
+_BEST_DISTANCE = 0.62  # metres from base to grip that the arm likes most
+
+GripPoint = tuple[float, float, float]
+
+
+class _Approach(NamedTuple):
+    """A way to reach a point: the lattice pose, and bottom and top of all that stands between them (metres)."""
+
+    pose: int
+    barriers: Points
+
+
+class Approaches:
+    """From where one kind of arm reaches the points of one home."""
+
+    def __init__(self, solids: Sequence[Solid], lattice: Lattice, reach: Reach):
+        """Reach over a home's solids from the poses of a lattice."""
+        self._solids, self._lattice, self._reach = solids, lattice, reach
+        self._known: dict[tuple[float, float], tuple[_Approach, ...]] = {}
+
+    def stand(self, grip: GripPoint, taken: Collection[int] = ()) -> int | None:
+        """Return the lattice pose from which the arm reaches a point best, or None.
+
+        Args:
+            grip: x, y, z of the point in the world, metres.
+            taken: cells in which somebody else stands.
+        """
+        x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
+        if (x, y) not in self._known:
+            self._known[x, y] = self._find_approaches(x, y)
+        if self._reach.height[0] <= z <= self._reach.height[1]:
+            for approach in self._known[x, y]:
+                if taken and approach.pose // HEADINGS in taken:
+                    continue
+                heights = approach.barriers.tolist()
+                if not any(top > z and bottom < z + _ARM_THICKNESS for bottom, top in heights):
+                    return approach.pose
+        return None
+
+    def _find_approaches(self, x: float, y: float) -> tuple[_Approach, ...]:
+        """Return the lattice poses that have a point at arm's length, best first."""
+        points = self._lattice.points
+        away = np.array([x, y]) - points
+        distance = np.hypot(*away.T)
+        near = np.flatnonzero((distance >= self._reach.distance[0]) & (distance <= self._reach.distance[1]))
+        bearing = np.arctan2(away[near, 1], away[near, 0])
+        heading = np.round(bearing / heading_angle(1)).astype(int)
+        off = np.abs(bearing - heading * heading_angle(1))  # at most half a step: well within the reach's bearing
+        cost = np.abs(distance[near] - _BEST_DISTANCE) + 0.5 * off
+        order = np.lexsort((near, np.round(cost, 6)))
+        poses = (near * HEADINGS + heading % HEADINGS)[order].tolist()
+        return tuple(map(_Approach, poses, self._barriers(points[near[order]], np.array([x, y]))))
+
+    def _barriers(self, starts: Points, end: Points) -> list[Points]:
+        """Return bottom and top of the solids that stand on the line from each start to an end."""
+        low, high = (
+            np.minimum(starts.min(axis=0, initial=np.inf), end),
+            np.maximum(starts.max(axis=0, initial=-np.inf), end),
+        )
+        near = np.flatnonzero(((self._boxes[:, :2] <= high + 1e-6) & (self._boxes[:, 2:] >= low - 1e-6)).all(axis=1))
+        crossed = self._outlines.crossed(starts, np.repeat(end[None], len(starts), axis=0), near)
+        return [self._heights[near[row]] for row in crossed]
+
+    @cached_property
+    def _heights(self) -> Points:
+        """Bottom and top (n, 2) of the home's solids."""
+        return np.array([[solid.bottom, solid.top] for solid in self._solids]).reshape(-1, 2)
+
+    @cached_property
+    def _boxes(self) -> Points:
+        """Lower and upper corner (n, 4) of the outlines of the home's solids."""
+        return np.array([[*solid.low, *solid.high] for solid in self._solids]).reshape(-1, 4)
+
+    @cached_property
+    def _outlines(self) -> Outlines:
+        return Outlines([solid.polygon for solid in self._solids])

@@ -1,0 +1,188 @@
+"""Robot files: a robot as a URDF and a few facts, in TOML (format: docs/robots.md)."""
+
+import sys
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb import catalog
+from chmarl_pb.assets import URDF_DIR
+from chmarl_pb.errors import AssetError
+from chmarl_pb.homes.source import read_regular
+from chmarl_pb.navigation.lattice import FOOTPRINT, Footprint
+from chmarl_pb.navigation.reach import Reach
+from chmarl_pb.robots.model import CameraMount, RobotModel
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # type: ignore[import-not-found, unused-ignore]
+
+FOLDER = URDF_DIR / "robots"
+MOVES = ("drives", "flies")
+
+_MOST_BYTES = 2**16
+_SPEEDS = (0.05, 10.0)  # m/s
+
+
+def packaged() -> list[str]:
+    """Return the names of the robots that come with the package."""
+    return sorted(file.stem for file in FOLDER.glob("*.toml"))
+
+
+def find_model(robot: str | Path) -> RobotModel:
+    """Return the model of a robot of the package, by its name, or of a robot file, by its path.
+
+    Raises:
+        AssetError: there is no such robot, or its file cannot be used.
+    """
+    path = Path(robot)
+    if not path.suffix and path.name == str(robot):
+        if not (FOLDER / f"{robot}.toml").is_file():
+            raise AssetError(
+                f"no robot {str(robot)!r}; use one of: {', '.join(packaged())}, or the path of a robot file (.toml)"
+            )
+        path = FOLDER / f"{robot}.toml"
+    try:
+        return _read(path.resolve(), read_regular(path, _MOST_BYTES))
+    except ValueError as error:
+        if isinstance(error, AssetError):
+            raise
+        raise AssetError(f"{path}: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, content: bytes) -> RobotModel:
+    """Return what a robot file says; the same file gives the same model."""
+    try:
+        rows = _Table(path, "", tomllib.loads(content.decode()))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise AssetError(f"{path}: not TOML ({error})") from error
+    moves = rows.choice("moves", MOVES)
+    make = _flying if moves == "flies" else _driving
+    model = make(
+        rows, name=_name(path), urdf=_urdf(path, rows.text("urdf")), camera=_camera(rows.table("camera"))
+    )  # fmt: skip
+    rows.finish(f" for a robot that {moves}")
+    return model
+
+
+def _flying(rows: "_Table", **facts: Any) -> RobotModel:
+    return RobotModel(
+        **facts, flies=True, class_name=rows.choice("class", tuple(catalog.ROBOTS), "drone"),
+        altitude=rows.number("altitude", 2.0, 20.0, 3.5), speed=rows.number("speed", *_SPEEDS, 2.5),
+    )  # fmt: skip
+
+
+def _driving(rows: "_Table", **facts: Any) -> RobotModel:
+    return RobotModel(
+        **facts, class_name=rows.choice("class", tuple(catalog.ROBOTS), "humanoid"),
+        footprint=_footprint(rows.table("footprint", optional=True)), speed=rows.number("speed", *_SPEEDS, 1.2),
+        turn_speed=float(np.radians(rows.number("turn_speed", 5.0, 720.0, 126.0))), reach=_reach(rows),
+    )  # fmt: skip
+
+
+def _name(path: Path) -> str:
+    if not path.stem.isidentifier() or path.stem[-1].isdigit():
+        raise AssetError(f"{path}: agents get the file's name; let it be letters and _, with no digit at its end")
+    return path.stem
+
+
+def _urdf(path: Path, name: str) -> Path:
+    urdf = path.parent / name
+    if not urdf.is_file():
+        raise AssetError(f"{path}: urdf = {name!r}: no such file beside the robot file")
+    return urdf
+
+
+def _camera(rows: "_Table") -> CameraMount:
+    x, y, z = rows.numbers("position", 3, -20.0, 20.0)
+    camera = CameraMount(
+        rows.number("fov", 10.0, 150.0), (x, y, z), float(np.radians(rows.number("pitch", -90, 90, 0)))
+    )
+    rows.finish()
+    return camera
+
+
+def _footprint(rows: "_Table") -> Footprint:
+    footprint = Footprint(
+        rows.number("radius", 0.05, 1.0, FOOTPRINT.radius),
+        rows.number("low", 0.0, 0.5, FOOTPRINT.low),
+        rows.number("high", 0.1, 3.0, FOOTPRINT.high),
+    )
+    rows.finish()
+    if footprint.low >= footprint.high:
+        raise AssetError(f"{rows.path}: [footprint] low = {footprint.low} is not below high = {footprint.high}")
+    return footprint
+
+
+def _reach(robot: "_Table") -> Reach | None:
+    rows = robot.table("arm", optional=True)
+    if not rows.values:
+        return None
+    near, far = rows.numbers("distance", 2, 0.05, 3.0)
+    low, high = rows.numbers("height", 2, 0.0, 3.0)
+    reach = Reach((near, far), (low, high), float(np.radians(rows.number("bearing", 15.0, 180.0, 20.0))))
+    rows.finish()
+    if near >= far or low >= high:
+        raise AssetError(f"{rows.path}: [arm] distance and height each name the lesser number first")
+    return reach
+
+
+class _Table:
+    """A table of a robot file, read key by key; every problem names the file, the table and the key."""
+
+    def __init__(self, path: Path, name: str, values: Mapping[str, Any]):
+        self.path, self.name, self.values = path, name, values
+        self._known: set[str] = set()
+
+    def finish(self, where: str = "") -> None:
+        """Refuse keys that nobody has asked for."""
+        for key in self.values.keys() - self._known:
+            raise self._problem(key, f"has no meaning{where}; use some of: {', '.join(sorted(self._known))}")
+
+    def table(self, key: str, optional: bool = False) -> "_Table":
+        value = self._get(key, {} if optional else None)
+        if not isinstance(value, Mapping):
+            raise self._problem(key, f"= {value!r} is not a table; write [{key}]")
+        return _Table(self.path, f"[{key}] ", value)
+
+    def text(self, key: str) -> str:
+        value = self._get(key, None)
+        if not isinstance(value, str):
+            raise self._problem(key, f"= {value!r} is not a text")
+        return value
+
+    def choice(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
+        value = self._get(key, default)
+        if value not in known:
+            raise self._problem(key, f"= {value!r}; use one of: {', '.join(known)}")
+        return str(value)
+
+    def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
+        value = self._get(key, default)
+        if not _in_range(value, low, high):
+            raise self._problem(key, f"= {value!r} is not a number from {low:g} to {high:g}")
+        return float(value)
+
+    def numbers(self, key: str, count: int, low: float, high: float) -> list[float]:
+        value = self._get(key, None)
+        if not isinstance(value, list) or len(value) != count or not all(_in_range(one, low, high) for one in value):
+            raise self._problem(key, f"= {value!r} is not {count} numbers from {low:g} to {high:g}")
+        return [float(one) for one in value]
+
+    def _get(self, key: str, default: Any) -> Any:
+        self._known.add(key)
+        if key not in self.values and default is None:
+            raise self._problem(key, "is missing")
+        return self.values.get(key, default)
+
+    def _problem(self, key: str, what: str) -> AssetError:
+        return AssetError(f"{self.path}: {self.name}{key} {what}")
+
+
+def _in_range(value: Any, low: float, high: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

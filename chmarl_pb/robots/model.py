@@ -1,0 +1,112 @@
+"""Robots as data: what is known of one kind of robot, and what follows from it in a home."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from chmarl_pb.errors import AssetError
+from chmarl_pb.navigation.free_space import Space
+from chmarl_pb.navigation.lattice import FOOTPRINT, AnyLattice, Footprint
+from chmarl_pb.navigation.reach import Reach
+from chmarl_pb.world import Pose, Vector, yaw_quaternion
+from chmarl_pb.world.bullet import pybullet
+
+
+@dataclass(frozen=True)
+class CameraMount:
+    """A robot's camera and where it sits on the robot.
+
+    Attributes:
+        fov: opening angle, degrees.
+        position: of the lens in the frame of the robot's base, metres; it rises with the first joint of an arm.
+        pitch: by which it looks down, radians.
+    """
+
+    fov: float
+    position: tuple[float, float, float]
+    pitch: float
+
+    def eye(self, base: Pose, yaw: float, lift: float = 0.0) -> Pose:
+        """Return the pose of the lens in the world; its +x looks along the line of sight.
+
+        Args:
+            base: pose of the robot's base.
+            yaw: heading of the base, radians.
+            lift: how far the camera is raised, metres.
+        """
+        (x, y, z), (forward, left, height) = base[0], self.position
+        cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
+        position = (x + forward * cosine - left * sine, y + forward * sine + left * cosine, z + height + lift)
+        return position, looking(yaw, self.pitch)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """One kind of robot.
+
+    Attributes:
+        name: of the kind; agents are named by it.
+        urdf: its body.
+        class_name: class of the catalogue that scene graphs call it.
+        camera: its camera.
+        flies: whether it flies over the walls, rather than drives between the furniture.
+        footprint: the room that it takes if it drives.
+        altitude: of its base above the floor, metres.
+        speed: highest, m/s.
+        turn_speed: highest, rad/s.
+        reach: of its arm; None if it has none.
+        make: makes the robot in a world, as :data:`chmarl_pb.robots.registry.Make`; None: by the facts above.
+    """
+
+    name: str
+    urdf: Path
+    class_name: str
+    camera: CameraMount
+    flies: bool = False
+    footprint: Footprint = FOOTPRINT
+    altitude: float = 0.0
+    speed: float = 1.2
+    turn_speed: float = 2.2
+    reach: Reach | None = None
+    make: Callable[..., Any] | None = None
+
+    def lattice(self, space: Space) -> AnyLattice:
+        """Return where it can be in a home.
+
+        Raises:
+            HomeError: it cannot reach a room.
+        """
+        return space.drone_lattice if self.flies else space.lattice_of(self.footprint)
+
+    def base(self, space: Space, pose: int) -> Pose:
+        """Return where its base is at a pose of its lattice."""
+        x, y, yaw = self.lattice(space).pose(pose)
+        return (x, y, self.altitude), yaw_quaternion(yaw)
+
+    def eye(self, space: Space, pose: int) -> Pose:
+        """Return where its camera is at a pose of its lattice."""
+        return self.camera.eye(self.base(space, pose), self.lattice(space).pose(pose)[2])
+
+    def load(self, client: int) -> int:
+        """Load its body into a client; the lattice keeps it clear of the home, so it collides with nothing.
+
+        Raises:
+            AssetError: PyBullet cannot load it.
+        """
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        try:
+            body = int(pybullet.loadURDF(str(self.urdf), useFixedBase=True, flags=flags, physicsClientId=client))
+        except pybullet.error as error:
+            raise AssetError(f"{self.urdf}: PyBullet cannot load this robot ({error})") from error
+        for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+            pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
+        return body
+
+
+def looking(yaw: float, pitch: float) -> Vector:
+    """Return the orientation (x, y, z, w) of a camera turned by a yaw and then down by a pitch, radians."""
+    cy, sy, cp, sp = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    return float(-sy * sp), float(cy * sp), float(sy * cp), float(cy * cp)
