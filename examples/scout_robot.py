@@ -29,4 +29,4 @@ def main(seed: int = 2, out: Path = Path("out/scout.png")) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(int(sys.argv[1]) if sys.argv[1:] else 2)
