@@ -50,11 +50,12 @@ register_envs()
 
 
 def parallel_env(observation: "Observed" = "scene_graph", **options: Any) -> "HouseholdEnv":
-    """Return the PettingZoo ParallelEnv of the agents "humanoid" and "drone".
+    """Return the PettingZoo ParallelEnv of some robots, by default the agents "humanoid" and "drone".
 
     Args:
         observation: "scene_graph", "visual", "depth", "segmentation", "text", a sensor, or a tuple of them.
-        **options: split, home, task, messages, feedback, max_steps, image_size, execution, render_mode, goal;
+        **options: split, home, task, robots, messages, feedback, max_steps, image_size, execution, render_mode, goal,
+            renderer;
             see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:

@@ -88,6 +88,7 @@ class Options:
         _one_of("goal", self.goal, (True, False))
         _one_of("task", self.task, tuple(KINDS), TaskKind)
         team_of(self.robots)
+        object.__setattr__(self, "robots", tuple(self.robots))  # a list of the same is the same option
         if self.goal and self.kind.objects != 1:
             raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
         _whole("max_steps", self.max_steps, 1, 1_000_000)
