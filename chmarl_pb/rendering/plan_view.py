@@ -13,7 +13,8 @@ from chmarl_pb.world.bullet import pybullet
 _HEIGHT = 200.0  # metres of the camera over the floor: so far that walls show no sides
 _MARGIN = 0.25  # metres around the floors
 _OVERSAMPLING = 3
-_LIGHT = {
+#: Of pictures of homes for people.
+LIGHT = {
     "lightDirection": (-5, -9, 16),
     "lightColor": (1.0, 1.0, 1.0),
     "lightAmbientCoeff": 0.62,
@@ -55,7 +56,7 @@ def draw_plan(home: Home, width: int, height: int) -> PlanView:
     )
     _, _, rgba, _, _ = pybullet.getCameraImage(
         columns * _OVERSAMPLING, rows * _OVERSAMPLING, view, projection, shadow=0,
-        renderer=pybullet.ER_TINY_RENDERER, physicsClientId=home_views(home).client, **_LIGHT,
+        renderer=pybullet.ER_TINY_RENDERER, physicsClientId=home_views(home).client, **LIGHT,
     )  # fmt: skip
     shape = (rows * _OVERSAMPLING, columns * _OVERSAMPLING, 4)
     rgb = np.reshape(rgba, shape)[..., :3].astype(np.uint8)

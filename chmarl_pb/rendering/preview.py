@@ -15,6 +15,7 @@ from chmarl_pb.catalog import class_of, room_of
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.rendering.plan_view import LIGHT
 from chmarl_pb.world import Client, loaded_home
 from chmarl_pb.world.bullet import pybullet
 
@@ -22,12 +23,6 @@ Array = npt.NDArray[Any]
 
 _OVERSAMPLING = 2
 _MARGIN = 1.04
-_LIGHT = {
-    "lightDirection": (-5, -9, 16),
-    "lightAmbientCoeff": 0.62,
-    "lightDiffuseCoeff": 0.42,
-    "lightSpecularCoeff": 0.0,
-}
 _BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an inner wall
 _PLATE = 250
 _INK = (45, 45, 45)
@@ -170,7 +165,7 @@ def _render(client: int, camera: _Camera) -> Array:
         renderer=pybullet.ER_TINY_RENDERER,
         flags=pybullet.ER_NO_SEGMENTATION_MASK,
         physicsClientId=client,
-        **_LIGHT,
+        **LIGHT,
     )[2]
     colours = np.reshape(pixels, (height, width, 4))[:, :, :3].astype(np.uint8)
     return cv2.resize(colours, (camera.width, camera.height), interpolation=cv2.INTER_AREA)

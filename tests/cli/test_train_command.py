@@ -11,7 +11,7 @@ pytest.importorskip("tyro")
 
 from chmarl_pb.cli.train import COMMANDS, main, parse
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
-from chmarl_pb.learning.runs.logger import Logger, read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
 
 ALL = ("bc", *ALGORITHMS, "dagger-mappo")
 
@@ -107,4 +107,4 @@ def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:
     board.Reload()
     told = {name: [(event.step, event.value) for event in board.Scalars(name)] for name in board.Tags()["scalars"]}
     assert told["train/success"] == [(10, 0.25), (20, 0.5)] and told["validation/score"] == [(20, 0.125)]
-    assert [row["train"]["success"] for row in read_metrics(tmp_path)] == [0.25, 0.5]
+    assert [row["train"]["success"] for row in read_rows(tmp_path / METRICS)] == [0.25, 0.5]

@@ -20,7 +20,7 @@ from chmarl_pb.learning.algorithms.demonstrations import read_demonstrations
 from chmarl_pb.learning.policies.cloned import NO_ACTION, CloningConfig
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
-from chmarl_pb.learning.runs.logger import Logger, read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.stopping import in_pieces
 
@@ -79,7 +79,7 @@ def test_an_interrupted_run_ends_with_the_same_numbers(
     clone(config, cut, data)
     for one, other in zip(weights(whole).values(), weights(cut).values(), strict=True):
         assert torch.equal(one, other)
-    rows = [[row["humanoid_loss"] for row in read_metrics(folder)] for folder in (whole, cut)]
+    rows = [[row["humanoid_loss"] for row in read_rows(folder / METRICS)] for folder in (whole, cut)]
     assert rows[0] == rows[1] and len(rows[0]) == config.epochs
     with pytest.raises(CheckpointError, match=r"other settings \(config\)"):
         clone(replace(config, seed=1), cut, data)
@@ -98,7 +98,7 @@ def test_a_run_that_is_asked_to_end_goes_on_from_its_last_batch(
     assert times >= 4
     for one, other in zip(weights(tmp_path / "whole").values(), weights(tmp_path / "pieces").values(), strict=True):
         assert torch.equal(one, other)
-    rows = [[row["drone_loss"] for row in read_metrics(tmp_path / name)] for name in ("whole", "pieces")]
+    rows = [[row["drone_loss"] for row in read_rows(tmp_path / name / METRICS)] for name in ("whole", "pieces")]
     assert rows[0] == rows[1] and len(rows[0]) == config.epochs
 
 

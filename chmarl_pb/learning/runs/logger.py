@@ -66,11 +66,6 @@ class Logger:
                 self._board.close()
 
 
-def read_metrics(folder: Path) -> list[dict[str, Any]]:
-    """Return all rows of a run's folder."""
-    return read_rows(folder / METRICS)
-
-
 def read_rows(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a file of metrics, which may be growing; a warning tells of those that are damaged."""
     lines = path.read_bytes().splitlines(keepends=True)
