@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from chmarl_pb.errors import TaskError
 from chmarl_pb.policies.policy import Actions, Infos, Observations, PolicyEnv
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.robots.robot import Robot, neighbours_cells
+from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.tasks.order import plan_team
 from chmarl_pb.tasks.planner import Cells, Oracle, breadth_first, free_moves
 from chmarl_pb.tasks.targets import is_done
@@ -51,7 +51,7 @@ class GraspingPlanner:
             TaskError: there is none.
         """
         robot = self.oracle.robot
-        here, taken = (robot.pose, robot.held), neighbours_cells(self.oracle.robots, robot)
+        here, taken = (robot.pose, robot.held), taken_cells(robot)
         way = self._ways.get(here)
         if way is None or (taken and self._is_blocked(way, taken)):
             self._plan_way(here, taken)

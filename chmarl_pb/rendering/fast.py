@@ -24,8 +24,9 @@ from chmarl_pb.world import Objects, World, yaw_quaternion
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
 
-#: A robot, its pose, its joints.
-Stand = tuple[str, int, Joints]
+#: A robot, its pose, the number of its posture: positions of joints are slow to compare.
+Stand = tuple[str, int, int]
+_postures: dict[Joints, int] = {}
 #: Robot, its pose, the robots that could be in view -> what it sees.
 Seen = dict[tuple[str, int, tuple[Stand, ...]], tuple[str, ...]]
 _seen: OrderedDict[tuple[int, Team], tuple[Objects, Seen]] = OrderedDict()
@@ -53,6 +54,8 @@ class FastRenderer:
         self._seen: Seen = {}
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
         self._canvas = clean_canvas(VISIBILITY_SIZE)
+        self._posture_of: dict[int, tuple[Joints, int]] = {}  # by the identity of the positions
+        self._sees_itself: dict[tuple[str, int], bool] = {}
 
     def picture(self, robot: str, size: int) -> Picture:
         """Return what a robot's camera shows."""
@@ -98,13 +101,26 @@ class FastRenderer:
 
     def _others(self, robot: str) -> list[Stand]:
         """Return the robots that a robot might see: of its own body only an arm that it holds before its camera."""
-        robots = self._world.state.robots
-        own = robots[robot].joints
-        return [
-            (name, other.pose, other.joints)
-            for name, other in robots.items()
-            if name != robot or _sees_itself(self._team, robot, own)
-        ]
+        stands = []
+        for name, other in self._world.state.robots.items():
+            joints = other.joints
+            known = self._posture_of.get(id(joints))
+            posture = known[1] if known is not None and known[0] is joints else self._number_posture(joints)
+            if name != robot or self._is_in_own_view(robot, posture, joints):
+                stands.append((name, other.pose, posture))
+        return stands
+
+    def _number_posture(self, joints: Joints) -> int:
+        number = _postures.setdefault(joints, len(_postures))
+        self._posture_of[id(joints)] = joints, number
+        return number
+
+    def _is_in_own_view(self, robot: str, posture: int, joints: Joints) -> bool:
+        """Return whether a robot's camera shows its own body."""
+        shows = self._sees_itself.get((robot, posture))
+        if shows is None:
+            shows = self._sees_itself[robot, posture] = _sees_itself(self._team, robot, joints)
+        return shows
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""
@@ -113,9 +129,10 @@ class FastRenderer:
         if shows is None:
             if len(self._in_view) == _KEPT:
                 self._in_view.clear()
-            name, _, joints = other
-            (x, y, z), _ = self._world.state.robots[name].base
-            height, radius = self._movables.ball(name, joints)
+            name, _, _ = other
+            state = self._world.state.robots[name]
+            x, y, z = state.base[0]
+            height, radius = self._movables.ball(name, state.joints)
             home = self._empty(robot, VISIBILITY_SIZE)
             ball = np.array((x, y, z + height, radius))
             shows = self._in_view[key] = bool(bounds.may_show(ball, home.lens, home.tiles, VISIBILITY_SIZE))
@@ -125,8 +142,9 @@ class FastRenderer:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
         present = np.empty(len(self._numbers) + len(robots), np.int32)
         present[: len(self._numbers)] = self._numbers
-        for place, (name, _, joints) in enumerate(robots, start=len(self._numbers)):
-            self._bodies.put_robot(name, self._world.state.robots[name].base, joints)
+        for place, (name, _, _) in enumerate(robots, start=len(self._numbers)):
+            state = self._world.state.robots[name]
+            self._bodies.put_robot(name, state.base, state.joints)
             present[place] = self._body_numbers[name]
         return present
 

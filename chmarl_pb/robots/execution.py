@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
 from chmarl_pb.robots.driven_arm import MissedError
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.robots.robot import Robot, neighbours_cells
+from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.world import Pose, World
 
 TICKS_PER_FRAME = 8  # 30 snapshots a second
@@ -51,7 +51,7 @@ def execute(
     succeeded = dict.fromkeys(motions, False)
     for name, motion in decided.items():
         robot = robots[name]
-        free = robot.lattice.cell(motion.pose) not in neighbours_cells(robots, robot)
+        free = not robot.neighbours or robot.lattice.cell(motion.pose) not in taken_cells(robot)
         succeeded[name] = free and name not in missed and robot.finish(motion)
     return succeeded, snapshots
 

@@ -1,6 +1,6 @@
 """A robot that moves and looks: on the ground, or over the walls."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import Lattice
@@ -8,6 +8,7 @@ from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.robot import Robot
 from chmarl_pb.world import RobotBody, RobotState, Vector, World, yaw_quaternion
 
 _Joints = tuple[float, ...]
@@ -24,6 +25,7 @@ class MobileRobot:
         lattice: where it can be.
         body: PyBullet body id.
         actions: names of its actions, in the order of their numbers.
+        neighbours: the other robots on its lattice.
     """
 
     arm_actions: tuple[str, ...] = ()
@@ -37,6 +39,7 @@ class MobileRobot:
         """
         self.name, self.model, self.world, self.space = name, model, world, space
         self.lattice = model.lattice(space)
+        self.neighbours: Sequence[Robot] = ()
         moves = (*(f"goto_{room}" for room in self.lattice.anchors), *self.lattice.steps)
         self._columns = {action: number for number, action in enumerate(moves)}
         rooms = len(self.lattice.anchors)

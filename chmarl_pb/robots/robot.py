@@ -20,12 +20,14 @@ class Robot(Protocol):
         model: what is known of its kind.
         lattice: where it can be.
         actions: names of its actions, in the order of their numbers.
+        neighbours: the other robots on its lattice, never in its cell; set once all robots are in the world.
     """
 
     name: str
     model: RobotModel
     lattice: AnyLattice
     actions: tuple[str, ...]
+    neighbours: Sequence["Robot"]
 
     @property
     def pose(self) -> int:
@@ -78,17 +80,23 @@ def decide(
     """
     motions: dict[str, Motion | None] = {}
     for name, robot in robots.items():
-        taken = neighbours_cells(robots, robot, motions)
-        motions[name] = robot.plan(actions[name], goals.get(name), seen[name], taken)
+        motions[name] = robot.plan(actions[name], goals.get(name), seen[name], taken_cells(robot, motions))
     return motions
 
 
-def neighbours_cells(
-    robots: Mapping[str, Robot], robot: Robot, motions: Mapping[str, Motion | None] = {}
-) -> tuple[int, ...]:
+def taken_cells(robot: Robot, motions: Mapping[str, Motion | None] = {}) -> tuple[int, ...]:
     """Return the cells of a robot's lattice in which others stand, or will when they have carried out their motions."""
+    if not robot.neighbours:
+        return ()
+    cell = robot.lattice.cell
     return tuple(
-        robot.lattice.cell(motion.pose if (motion := motions.get(name)) else other.pose)
-        for name, other in robots.items()
-        if other is not robot and other.lattice is robot.lattice
-    )
+        cell(motion.pose if (motion := motions.get(other.name)) else other.pose) for other in robot.neighbours
+    )  # fmt: skip
+
+
+def introduce(robots: Mapping[str, Robot]) -> None:
+    """Let robots know who shares their lattice."""
+    for robot in robots.values():
+        robot.neighbours = [
+            other for other in robots.values() if other is not robot and other.lattice is robot.lattice
+        ]  # fmt: skip

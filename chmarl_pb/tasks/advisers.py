@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.robots.robot import neighbours_cells
+from chmarl_pb.robots.robot import taken_cells
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.order import plan_all
@@ -77,7 +77,7 @@ class MissedChance:
         goal = target_of(self._goals, outcome.state, robot.name, seen)
         missed = within_sight(goal, outcome, robot.name)
         if missed == action or (
-            missed and robot.plan(missed, goal, seen, neighbours_cells(self._robots, robot)) is None
+            missed and robot.plan(missed, goal, seen, taken_cells(robot)) is None
         ):
             missed = None
         self._missed = missed

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.robots.robot import neighbours_cells
+from chmarl_pb.robots.robot import taken_cells
 from chmarl_pb.tasks.planner import Oracle
 from chmarl_pb.tasks.targets import is_done
 
@@ -54,7 +54,7 @@ def plan_team(oracles: Mapping[str, Oracle], goals: Sequence[Goal]) -> TeamPlan:
 
 def _others(oracle: Oracle) -> bool:
     """Return whether other robots may be in the way of a planner's robot."""
-    return bool(neighbours_cells(oracle.robots, oracle.robot))
+    return bool(taken_cells(oracle.robot))
 
 
 def _least(oracles: Mapping[str, Oracle], goal: Goal) -> int:

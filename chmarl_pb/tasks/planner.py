@@ -19,7 +19,7 @@ from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.manipulator import MobileManipulator
-from chmarl_pb.robots.robot import Robot, neighbours_cells
+from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
@@ -53,7 +53,7 @@ class Oracle:
         Raises:
             TaskError: the object cannot be picked, or cannot be placed on any target.
         """
-        robot, taken = self.robot, () if alone else neighbours_cells(self.robots, self.robot)
+        robot, taken = self.robot, () if alone else taken_cells(self.robot)
         if robot.held == goal.item:
             return self._to_place(goal, robot.pose, taken)
         if goal.item not in self.world.supports:
@@ -149,7 +149,7 @@ class Oracle:
         before = self.world.state
         try:
             for action in actions:
-                seen, taken = self.renderer.visible(self.robot.name), neighbours_cells(self.robots, self.robot)
+                seen, taken = self.renderer.visible(self.robot.name), taken_cells(self.robot)
                 motion = self.robot.plan(action, goal, seen, taken)
                 if motion is None or not self.robot.finish(motion):
                     raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")

@@ -10,7 +10,7 @@ from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, make_robot, team_of
-from chmarl_pb.robots.robot import Robot
+from chmarl_pb.robots.robot import Robot, introduce
 from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.order import TeamPlan, plan_team
@@ -61,6 +61,7 @@ class Stage(Uncopied):
             self.robots: dict[str, Robot] = {
                 name: make_robot(model, self.world, self.space, name) for name, model in self.models.items()
             }
+            introduce(self.robots)
             self._lattices = tuple(robot.lattice for robot in self.robots.values())
             self.renderer = RENDERERS[renderer](self.world, self.models)
             self.graphs = SceneGraphs(self.space, self.world.links, self.renderer.names, self.models)
