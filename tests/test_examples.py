@@ -110,3 +110,9 @@ def test_two_humanoids_two_drones(capsys: pytest.CaptureFixture[str]) -> None:
     example("two_humanoids_two_drones").main()
     shown = capsys.readouterr().out
     assert "humanoid_0        humanoid_1        drone_0" in shown and "success after" in shown
+
+
+def test_hint_adviser(capsys: pytest.CaptureFixture[str]) -> None:
+    example("hint_adviser").main()
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].endswith("The best plan has 6 steps, you have taken 1.") and said[-1].startswith("place")

@@ -40,8 +40,8 @@ def generate(recipe: Recipe, root: Path, workers: int = 2, progress: Progress = 
             if not folder.exists():  # another process may just have made it
                 return _make(recipe, root, workers, progress)
     dataset = Dataset(folder)
-    if dataset.recipe != recipe.facts():
-        raise DatasetError(f"{folder}: made by another recipe or version; remove it or choose another --out")
+    if other := recipe.differing(dataset.recipe):
+        raise DatasetError(f"{folder}: made from another {' and '.join(other)}; remove it or choose another --out")
     progress(dataset.episodes)
     return dataset
 

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import chmarl_pb
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
@@ -83,7 +82,10 @@ class Recipe:
         return load_tasks(self.split)[: self.limit]
 
     def facts(self) -> dict[str, Any]:
-        """Return everything that the contents depend on, but the code."""
+        """Return everything that the contents depend on, but the code.
+
+        The version of the package is left out: whatever changes the contents raises ``FORMAT``.
+        """
         options = asdict(self) | {"robots": list(self.robots)}
         if self.robots == TEAM:  # as in data sets from before there was a choice
             del options["robots"]
@@ -91,11 +93,16 @@ class Recipe:
             **options,
             "noise": float(self.noise),
             "format": FORMAT,
-            "version": chmarl_pb.__version__,
             "max_steps": MAX_STEPS,
             "tasks_sha256": tasks_hash(self.tasks),
             "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in self.tasks})},
         }
+
+    def differing(self, stored: dict[str, Any]) -> list[str]:
+        """Return the names of the facts in which another recipe, as a data set keeps it, differs from this one."""
+        facts = self.facts()
+        names = sorted((facts.keys() | stored.keys()) - {"version"})  # which 0.1.0 kept among them
+        return [name for name in names if facts.get(name) != stored.get(name)]
 
     def key(self) -> str:
         """Return a short text that another recipe or another code would not have."""

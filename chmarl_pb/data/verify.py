@@ -46,7 +46,7 @@ def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Pro
         Number of replayed episodes.
 
     Raises:
-        DatasetError: the file is damaged, the data set belongs to another version, or a replay differs.
+        DatasetError: the file is damaged, the data set was made from other homes or tasks, or a replay differs.
     """
     numbers = chosen(dataset.episodes, share)
     recipe = _recipe(dataset)
@@ -60,17 +60,16 @@ def _recipe(dataset: Dataset) -> Recipe:
     """Return the recipe that made a data set.
 
     Raises:
-        DatasetError: homes, tasks or version are not those that it was made with.
+        DatasetError: homes, tasks or format are not those that it was made with.
     """
     options = {
         name: value for name, value in dataset.recipe.items() if name in {field.name for field in fields(Recipe)}
     }
     recipe = Recipe(**options | {"robots": tuple(options.get("robots", TEAM))})
-    facts = recipe.facts()
-    other = [name for name, value in facts.items() if dataset.recipe.get(name) != value]
-    if other:
+    if other := recipe.differing(dataset.recipe):
+        version = dataset.metadata.get("made_with", {}).get("chmarl-pb", "unknown")
         raise DatasetError(
-            f"{dataset.folder}: made by version {dataset.recipe.get('version')} from another {' and '.join(other)}; "
+            f"{dataset.folder}: made by version {version} from another {' and '.join(other)}; "
             "verify it with what it was made with, or generate it again"
         )
     return recipe

@@ -76,9 +76,7 @@ class MissedChance:
         robot, seen = self._robot, outcome.seen[self._robot.name]
         goal = target_of(self._goals, outcome.state, robot.name, seen)
         missed = within_sight(goal, outcome, robot.name)
-        if missed == action or (
-            missed and robot.plan(missed, goal, seen, taken_cells(robot)) is None
-        ):
+        if missed == action or (missed and robot.plan(missed, goal, seen, taken_cells(robot)) is None):
             missed = None
         self._missed = missed
 

@@ -112,7 +112,7 @@ def test_complete_data_set_is_left_alone(root: Path) -> None:
 
 
 def test_other_recipe_does_not_overwrite(root: Path) -> None:
-    with pytest.raises(DatasetError, match="another recipe"):
+    with pytest.raises(DatasetError, match="made from another "):
         generate(Recipe("test-unseen", noise=0.3, limit=2), root)
 
 

@@ -53,7 +53,7 @@ def test_nothing_is_recorded_of_the_benchmark_itself() -> None:
     assert wrapped.settings["env"]["wrappers"] == [] and wrapped.episodes == report.episodes
 
 
-@pytest.mark.parametrize("env_fn", ["nowhere:env", "no_colon", lambda **options: Any()])
+@pytest.mark.parametrize("env_fn", ["nowhere:env", "no_colon", lambda **options: object()])
 def test_other_environments_are_refused(env_fn: Any) -> None:
     with pytest.raises(OptionError, match=r"environment|ParallelEnv"):
         evaluate("random", env_fn=env_fn, **GIVEN)
