@@ -302,6 +302,13 @@ def test_data_set_of_other_homes_is_refused(dataset: Dataset) -> None:
         verify(Dataset(dataset.folder))
 
 
+def test_data_set_of_an_earlier_version_is_used_and_verified(dataset: Dataset) -> None:
+    dataset.metadata["recipe"]["version"] = "0.1.0"  # as that version wrote it
+    rewrite(dataset)
+    assert verify(Dataset(dataset.folder), share=0.3, workers=1) == 1
+    assert generate(RECIPE, dataset.folder.parents[1]).sha256 == dataset.sha256
+
+
 def test_difference_is_named() -> None:
     stored = {"infos": {"potential": np.zeros(3)}, "rewards": np.zeros(2)}
     assert first_difference(stored, {"infos": {"potential": np.zeros(3)}, "rewards": np.zeros(2)}) is None

@@ -142,3 +142,10 @@ def test_weights_of_frozen_encoders_are_checked(tmp_path: Path) -> None:
     for place in (0, len(whole) - 1, len(whole) - LENGTH, *rng.integers(0, len(whole), 3).tolist()):
         path.write_bytes(flipped(whole, place))
         assert "resnet18.pt" in refusal(lambda: frozen_encoder("resnet18", str(path)))
+
+
+@pytest.mark.parametrize(("old", "new"), [("minds", "actors"), ("pupil", "model")])
+def test_parts_of_earlier_versions_have_their_present_names(tmp_path: Path, old: str, new: str) -> None:
+    save(tmp_path / "x.pt", "pretraining", {old: {"weight": torch.ones(2)}, "done": 3})
+    content = load(tmp_path / "x.pt", "pretraining")
+    assert old not in content and content[new]["weight"].tolist() == [1, 1] and content["done"] == 3
