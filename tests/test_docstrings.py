@@ -10,8 +10,8 @@ import pytest
 
 import chmarl_pb
 
-pytest.importorskip("torch")
-pytest.importorskip("stable_baselines3")
+for extra in ("torch", "stable_baselines3", "minari", "matplotlib"):
+    pytest.importorskip(extra)
 
 #: What a reader looks up first; each shows an example.
 SHOWN = (

@@ -30,7 +30,7 @@ class View(NamedTuple):
         states: name of a thing -> its symbolic state.
         rooms: rooms that have a message bit, in order.
         instruction: in plain English.
-        feedback: what the robot is told about its last action; empty if nothing.
+        feedback: on its last action; empty if there is none.
         messages: what it hears, as the channel gives it.
         succeeded: whether its last action could be done; True after a reset.
         rng: the environment's random numbers, for sensors with noise.

@@ -1,4 +1,4 @@
-"""The text sensor: what a robot sees, knows and was told, in plain sentences, for whoever plays by reading."""
+"""The text sensor: what a robot sees, its feedback and its messages, in plain sentences, for whoever plays by reading."""
 
 from collections.abc import Container, Iterator
 from typing import Any
@@ -33,7 +33,7 @@ class TextSensor:
 
 
 def describe(view: View) -> str:
-    """Return what a robot sees, knows and was told, a line for each."""
+    """Return what a robot sees, its feedback and its messages, a line for each."""
     lines = [f"Task: {view.instruction}", _self(view), *_seen(view), *_messages(view)]
     if not view.succeeded:
         lines.append("Your last action could not be done.")

@@ -39,7 +39,7 @@ class Channel(Protocol):
     def update(
         self, messages: Messages, outcome: Outcome, goal: Goal, rooms: Rooms, rng: np.random.Generator
     ) -> Messages:
-        """Return what has been said when the robots have also told each other of an outcome; once for each goal."""
+        """Return the messages with what the robots have seen in an outcome; once for each goal."""
 
     def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
         """Return what a robot hears of it, an array of its own."""
