@@ -1,4 +1,4 @@
-"""The text sensor: what a robot sees, its feedback and its messages, in plain sentences, for whoever plays by reading."""
+"""The text sensor: what a robot sees, its feedback and its messages, in plain sentences, to be played by reading."""
 
 from collections.abc import Container, Iterator
 from typing import Any
