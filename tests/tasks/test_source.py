@@ -52,7 +52,7 @@ def test_another_home_plays_tasks_made_up_for_it_that_the_planner_solves(
     assert first == again, "the same seed makes up another task"
     assert first.home == "home_1" and first.id not in {task.id for task in load_tasks("train")}
     stage = stage_of("home_1")
-    assert first.optimal_steps == len(stage.solve(first, REARRANGE)) > 0, "its L* is not the planner's"
+    assert first.optimal_steps == max(len(plan.actions) for plan in stage.solve(first, REARRANGE).plans.values()) > 0
 
 
 def test_tasks_by_name() -> None:
