@@ -113,8 +113,9 @@ class Outlines:
         offsets = self._offsets if among is None else self._offsets[among]
         before = starts @ normals.reshape(-1, 2).T - offsets.ravel()
         after = ends @ normals.reshape(-1, 2).T - offsets.ravel()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = before / (before - after)
+        change = before - after
+        change[change == 0] = 1.0  # a segment along the edge: where it crosses is not asked
+        at = before / change
         entry = np.where(before > 0, np.where(after > 0, np.inf, at), 0.0)
         leave = np.where((before <= 0) & (after > 0), at, 1.0)
         shape = (len(starts), *offsets.shape)

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.homes.solids import Outlines, Points, Solid
 from chmarl_pb.navigation.lattice import HEADINGS, Lattice, heading_angle
@@ -16,11 +17,20 @@ _BEST_DISTANCE = 0.62  # metres from base to grip that the arm likes most
 GripPoint = tuple[float, float, float]
 
 
-class _Approach(NamedTuple):
-    """A way to reach a point: the lattice pose, and bottom and top of all that stands between them (metres)."""
+class _Ways(NamedTuple):
+    """The ways to reach a point, best first.
 
-    pose: int
-    barriers: Points
+    Attributes:
+        poses: (n,) lattice poses.
+        crossed: (n, m) which solids stand between a pose and the point.
+        bottom: (m,) of these solids, metres.
+        top: (m,) of these solids, metres.
+    """
+
+    poses: NDArray[np.int64]
+    crossed: NDArray[np.bool_]
+    bottom: Points
+    top: Points
 
 
 class Approaches:
@@ -29,7 +39,7 @@ class Approaches:
     def __init__(self, solids: Sequence[Solid], lattice: Lattice, reach: Reach):
         """Reach over a home's solids from the poses of a lattice."""
         self._solids, self._lattice, self._reach = solids, lattice, reach
-        self._known: dict[tuple[float, float], tuple[_Approach, ...]] = {}
+        self._known: dict[tuple[float, float], _Ways] = {}
 
     def stand(self, grip: GripPoint, taken: Collection[int] = ()) -> int | None:
         """Return the lattice pose from which the arm reaches a point best, or None.
@@ -40,18 +50,19 @@ class Approaches:
         """
         x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
         if (x, y) not in self._known:
-            self._known[x, y] = self._find_approaches(x, y)
-        if self._reach.height[0] <= z <= self._reach.height[1]:
-            for approach in self._known[x, y]:
-                if taken and approach.pose // HEADINGS in taken:
-                    continue
-                heights = approach.barriers.tolist()
-                if not any(top > z and bottom < z + _ARM_THICKNESS for bottom, top in heights):
-                    return approach.pose
+            self._known[x, y] = self._find_ways(x, y)
+        if not self._reach.height[0] <= z <= self._reach.height[1]:
+            return None
+        ways = self._known[x, y]
+        in_the_way = (ways.top > z) & (ways.bottom < z + _ARM_THICKNESS)
+        free = ~ways.crossed[:, in_the_way].any(axis=1)
+        for pose in ways.poses[free].tolist() if taken else ways.poses[free][:1].tolist():
+            if pose // HEADINGS not in taken:
+                return int(pose)
         return None
 
-    def _find_approaches(self, x: float, y: float) -> tuple[_Approach, ...]:
-        """Return the lattice poses that have a point at arm's length, best first."""
+    def _find_ways(self, x: float, y: float) -> _Ways:
+        """Return the ways to reach a point from the lattice poses that have it at arm's length."""
         points = self._lattice.points
         away = np.array([x, y]) - points
         distance = np.hypot(*away.T)
@@ -61,18 +72,18 @@ class Approaches:
         off = np.abs(bearing - heading * heading_angle(1))  # at most half a step: well within the reach's bearing
         cost = np.abs(distance[near] - _BEST_DISTANCE) + 0.5 * off
         order = np.lexsort((near, np.round(cost, 6)))
-        poses = (near * HEADINGS + heading % HEADINGS)[order].tolist()
-        return tuple(map(_Approach, poses, self._barriers(points[near[order]], np.array([x, y]))))
+        poses = (near * HEADINGS + heading % HEADINGS)[order]
+        return _Ways(poses, *self._solids_between(points[near[order]], np.array([x, y])))
 
-    def _barriers(self, starts: Points, end: Points) -> list[Points]:
-        """Return bottom and top of the solids that stand on the line from each start to an end."""
+    def _solids_between(self, starts: Points, end: Points) -> tuple[NDArray[np.bool_], Points, Points]:
+        """Return which solids stand on the line from each start to an end, and their bottoms and tops."""
         low, high = (
             np.minimum(starts.min(axis=0, initial=np.inf), end),
             np.maximum(starts.max(axis=0, initial=-np.inf), end),
         )
         near = np.flatnonzero(((self._boxes[:, :2] <= high + 1e-6) & (self._boxes[:, 2:] >= low - 1e-6)).all(axis=1))
         crossed = self._outlines.crossed(starts, np.repeat(end[None], len(starts), axis=0), near)
-        return [self._heights[near[row]] for row in crossed]
+        return crossed, *self._heights[near].T
 
     @cached_property
     def _heights(self) -> Points:

@@ -19,7 +19,7 @@ from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, image_
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
 from chmarl_pb.rendering.triangles import clean_canvas
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.world import Objects, World, yaw_quaternion
+from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
@@ -54,8 +54,7 @@ class FastRenderer:
         self._seen: Seen = {}
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
         self._canvas = clean_canvas(VISIBILITY_SIZE)
-        self._posture_of: dict[int, tuple[Joints, int]] = {}  # by the identity of the positions
-        self._sees_itself: dict[tuple[str, int], bool] = {}
+        self._stands: dict[int, tuple[RobotState, Stand, bool]] = {}  # by the identity of the state
 
     def picture(self, robot: str, size: int) -> Picture:
         """Return what a robot's camera shows."""
@@ -100,27 +99,22 @@ class FastRenderer:
         return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size)
 
     def _others(self, robot: str) -> list[Stand]:
-        """Return the robots that a robot might see: of its own body only an arm that it holds before its camera."""
-        stands = []
-        for name, other in self._world.state.robots.items():
-            joints = other.joints
-            known = self._posture_of.get(id(joints))
-            posture = known[1] if known is not None and known[0] is joints else self._number_posture(joints)
-            if name != robot or self._is_in_own_view(robot, posture, joints):
-                stands.append((name, other.pose, posture))
-        return stands
+        """Return the robots that a robot might see: of its own body only what it holds before its camera."""
+        found = []
+        for name, state in self._world.state.robots.items():
+            known = self._stands.get(id(state))
+            if known is None or known[0] is not state:
+                known = self._stands[id(state)] = self._stand_of(name, state)
+            if name != robot or known[2]:
+                found.append(known[1])
+        return found
 
-    def _number_posture(self, joints: Joints) -> int:
-        number = _postures.setdefault(joints, len(_postures))
-        self._posture_of[id(joints)] = joints, number
-        return number
-
-    def _is_in_own_view(self, robot: str, posture: int, joints: Joints) -> bool:
-        """Return whether a robot's camera shows its own body."""
-        shows = self._sees_itself.get((robot, posture))
-        if shows is None:
-            shows = self._sees_itself[robot, posture] = _sees_itself(self._team, robot, joints)
-        return shows
+    def _stand_of(self, name: str, state: RobotState) -> tuple[RobotState, Stand, bool]:
+        """Return a robot's stand, and whether its camera shows its own body; the state is kept for its id."""
+        if len(self._stands) == _KEPT:
+            self._stands.clear()
+        posture = _postures.setdefault(state.joints, len(_postures))
+        return state, (name, state.pose, posture), _sees_itself(self._team, name, state.joints)
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""

@@ -12,7 +12,6 @@ from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Stage
 from chmarl_pb.tasks.targets import target_of
-from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 Goals = tuple[Goal, ...]
@@ -68,7 +67,7 @@ class MissedChance:
 
     def __init__(self, stage: Stage, robot: str, goals: Goals):
         """Watch a robot in an episode that begins on a stage."""
-        self._robots, self._robot, self._goals = stage.robots, stage.robots[robot], goals
+        self._robot, self._goals = stage.robots[robot], goals
         self._missed: str | None = None
 
     def before(self, action: str, outcome: Outcome) -> None:
@@ -125,15 +124,11 @@ class SpokenAdviser:
         """Watch an episode that begins on a stage."""
         self._task, self._goals = task, goals
         self._critics = {robot: self.critic(stage, robot, goals) for robot in stage.oracles}
-        self._about: dict[str, tuple[Task, str, bool]] = {}
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
-        """Take note of the actions, and of what the robots hold."""
+        """Take note of the actions, and of what they are taken after."""
+        self._actions, self._outcome = actions, outcome
         for robot, critic in self._critics.items():
-            goal = target_of(self._goals, outcome.state, robot, outcome.seen[robot])
-            grip = outcome.state.grips.get(robot)
-            holding = grip is not None and grip.item == goal.item
-            self._about[robot] = self._task.moves[self._goals.index(goal)], actions[robot], holding
             critic.before(actions[robot], outcome)
 
     def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
@@ -142,9 +137,17 @@ class SpokenAdviser:
         for robot, critic in self._critics.items():
             better = critic.after(succeeded[robot])
             if better is not None:
-                move, action, holding = self._about[robot]
-                feedback[robot] = language.say(move, step, language.Advice(action, succeeded[robot], better, holding))
+                feedback[robot] = self._say(robot, succeeded[robot], better, step)
         return feedback
+
+    def _say(self, robot: str, succeeded: bool, better: str, step: int) -> str:
+        """Return a sentence about what would have been better."""
+        outcome = self._outcome
+        goal = target_of(self._goals, outcome.state, robot, outcome.seen[robot])
+        grip = outcome.state.grips.get(robot)
+        holding = grip is not None and grip.item == goal.item
+        advice = language.Advice(self._actions[robot], succeeded, better, holding)
+        return language.say(self._task.moves[self._goals.index(goal)], step, advice)
 
 
 #: Style of feedback -> the critic behind it.
