@@ -16,7 +16,7 @@ from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
-from chmarl_pb.evaluation.provenance import home_hash, machine, source_hash, tasks_hash, versions
+from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import Lock
@@ -164,6 +164,8 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     """Return what fixes the numbers."""
     options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
     values = options.recorded()
+    if "robots" in values:
+        changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
     return {
         "policy": source.name,
         "policy_sha256": source.sha256,

@@ -14,6 +14,8 @@ from types import ModuleType
 import chmarl_pb
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import load_home
+from chmarl_pb.policies.sources import name_of
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
@@ -30,6 +32,16 @@ def home_hash(home: str) -> str:
         HomeError: the home cannot be used.
     """
     return content_hash(load_home(home))
+
+
+def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
+    """Return kind of robot -> sha256 of what is known of it and of its URDF."""
+
+    def known(model: RobotModel) -> str:
+        make = None if model.make is None else name_of(model.make)
+        return repr({**vars(model), "urdf": model.urdf.name, "make": make})
+
+    return {model.name: sha256_of([known(model).encode(), model.urdf.read_bytes()]) for model in models}
 
 
 def tasks_hash(tasks: Iterable[AnyTask]) -> str:

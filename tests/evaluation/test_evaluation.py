@@ -21,12 +21,14 @@ from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played, bootstrap_interval, path_weighted, summarize, summarize_by
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.robots.registry import team_of
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -233,6 +235,13 @@ def test_other_robots_have_an_optimum_of_their_own(tmp_path: Path) -> None:
     report = evaluate("planner", workers=1, tasks=TASKS[:2], robots=robots, out=out, max_steps=30)
     assert load_result(out) == report and report.settings["options"]["robots"] == list(robots)
     assert report.changed == "robots humanoid, humanoid, drone" and report.cooperation is None
+    models = team_of(robots).values()
+    assert report.settings["robots_sha256"] == robots_hash(models) and list(robots_hash(models)) == [
+        "humanoid",
+        "drone",
+    ]
+    faster = replace(next(iter(models)), speed=9.0)
+    assert robots_hash([faster])["humanoid"] != robots_hash(models)["humanoid"]
     env = HouseholdEnv(robots=robots, home=TASKS[0].home)
     for episode in report.episodes:
         plan = env.stage.solve(episode.task)
