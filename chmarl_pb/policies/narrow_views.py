@@ -12,7 +12,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations
-from chmarl_pb.tasks.language import parse_instruction
+from chmarl_pb.tasks.language import parse_instructions
 
 Observation = dict[str, np.ndarray]
 Info = dict[str, Any]
@@ -53,10 +53,10 @@ class FullView(SeeingView):
     """What a robot sees now and what it is asked to do.
 
     Attributes:
-        wanted: the class of X, or of Y while the humanoid holds something.
+        wanted: the class of X, or of Y while the robot holds something; of all goals.
     """
 
-    wanted: str
+    wanted: frozenset[str]
 
 
 def blind_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> BlindView:
@@ -72,7 +72,7 @@ def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info) ->
 def full_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> FullView:
     """Return the view of a policy that sees and reads."""
     blind = _blind(rooms, observation)
-    wanted = parse_instruction(info["instruction"])[int(blind["holding"])]
+    wanted = frozenset(pair[int(blind["holding"])] for pair in parse_instructions(info["instruction"]))
     return FullView(**blind, classes=_classes(observation, info), wanted=wanted)
 
 

@@ -10,7 +10,7 @@ from itertools import chain, cycle
 from pathlib import Path
 
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
-from chmarl_pb.tasks.language import parse_instruction
+from chmarl_pb.tasks.language import parse_instructions
 
 FILE = Path(__file__).parent / "open_loop.json"
 
@@ -34,7 +34,7 @@ class OpenLoopPolicy:
         return {robot: names.index(next(self._tours[robot])) for robot, names in self.actions.items()}
 
     def _begin(self, robot: str, instruction: str) -> Iterator[str]:
-        _, target = parse_instruction(instruction)
+        (_, target), *_ = parse_instructions(instruction)
         tour = tours()[target] if grasps(self.actions[robot]) else []
         return cycle(_possible(tour, self.actions[robot]) or ["stay"])
 

@@ -24,7 +24,7 @@ class ReactiveHumanoid:
 
     def choose(self, view: FullView) -> str:
         """Return the name of the next action."""
-        if view.wanted in view.classes and self._rng.random() < _TRY:
+        if view.wanted & view.classes and self._rng.random() < _TRY:
             return "place" if view.holding else "pick"
         known = view.messages[view.holding]
         if known and view.room not in known:

@@ -15,7 +15,8 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
-from chmarl_pb.tasks.language import parse_instruction
+from chmarl_pb.policies.tidying import Tidying
+from chmarl_pb.tasks.language import parse_instructions
 
 _SIDES = ("turn_left", "turn_right")
 _TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
@@ -48,7 +49,8 @@ class HumanoidSearch:
         self._rng = np.random.default_rng(seed)
         self._looks: list[str] = []
         self._searched: set[str] = set()
-        self._wanted, self._tried = "", ""
+        self._wanted, self._tried = frozenset[str](), ""
+        self._tidying = Tidying()
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
@@ -72,24 +74,33 @@ class HumanoidSearch:
             self._looks.pop()
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
-        graspable, receptacle = parse_instruction(info["instruction"])
-        holding = bool(observation["self"][-1])
-        wanted, verb, row = (receptacle, "place", 1) if holding else (graspable, "pick", 0)
+        pairs, holding = parse_instructions(info["instruction"]), bool(observation["self"][-1])
+        seen = frozenset(map(catalog.class_of, info["visible"]))
+        wanted = self._tidying.wanted(pairs, holding, seen, self._tried, info["action_success"])
+        verb, row = ("place", 1) if holding else ("pick", 0)
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
         here = room_of(observation, self.rooms)
         failed = self._tried == verb and not info["action_success"]
-        if wanted in {catalog.class_of(name) for name in info["visible"]} and not failed:
+        if wanted & seen and not failed:
             return verb
-        told = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
-        return self._look_around(here, told)
+        known = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
+        if len(pairs) > 1:  # the board does not say which object has been seen where
+            known = self._not_searched(here, known)
+        return self._look_around(here, known)
 
-    def _look_around(self, here: str | None, told: list[str]) -> str:
-        """Go to a room that was told of, else to the next one, and look around there."""
-        if told and here not in told:
-            return f"goto_{told[0]}"
+    def _not_searched(self, here: str | None, known: list[str]) -> list[str]:
+        """Return the rooms of the board in which it has not yet looked all around."""
+        if here is not None and self._tried in _SIDES and not set(_SIDES) & set(self._looks):
+            self._searched.add(here)
+        return [room for room in known if room not in self._searched]
+
+    def _look_around(self, here: str | None, known: list[str]) -> str:
+        """Go to a room that the board names, else to the next one, and look around there."""
+        if known and here not in known:
+            return f"goto_{known[0]}"
         if not self._looks:
-            if not told:
+            if not known:
                 return self._next_room(here)
             self._looks = ["move_forward"] * _PACES + self._round()
         return self._looks[-1]
@@ -134,9 +145,11 @@ class DroneSearch:
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
-        wanted = parse_instruction(info["instruction"])
+        pairs = parse_instructions(info["instruction"])
+        wanted = {name for pair in pairs for name in pair}
         self._seen |= {catalog.class_of(name) for name in info["visible"]}
-        self._seen |= {name for name, bits in zip(wanted, observation["messages"], strict=True) if bits.any()}
+        if len(pairs) == 1:  # else the board does not say which object has been seen
+            self._seen |= {name for name, bits in zip(pairs[0], observation["messages"], strict=True) if bits.any()}
         return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
 
     def note(self, action: int) -> None:

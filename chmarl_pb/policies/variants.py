@@ -6,7 +6,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
-from chmarl_pb.tasks.language import parse_instruction
+from chmarl_pb.tasks.language import parse_instructions
 
 
 class Unheard:
@@ -51,9 +51,9 @@ class Alone:
 
     def _note(self, notes: np.ndarray, messages: np.ndarray, info: dict[str, Any]) -> None:
         """Keep the bits that a robot's own view explains; X is in one room until it is carried."""
-        graspable, receptacle = parse_instruction(info["instruction"])
+        graspables, receptacles = (set(names) for names in zip(*parse_instructions(info["instruction"]), strict=True))
         for name in info["visible"]:
-            if catalog.class_of(name) == graspable:
+            if catalog.class_of(name) in graspables:
                 notes[0] |= messages[0]
-            elif catalog.class_of(name) == receptacle:
+            elif catalog.class_of(name) in receptacles:
                 notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)

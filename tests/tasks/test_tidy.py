@@ -14,10 +14,11 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.evaluation.result import load_result
-from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.policies.registry import BUILT_IN, make_policy
+from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.kinds import KINDS, Rearrange, Tidy
-from chmarl_pb.tasks.language import parse_instruction
+from chmarl_pb.tasks.language import parse_instruction, parse_instructions
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Stage
@@ -266,3 +267,33 @@ def test_a_kind_of_ones_own() -> None:
     assert all(a["drone"]["potential"] <= b["drone"]["potential"] for a, b in pairwise(episode.infos))
     assert isinstance(episode.task, Task)
     env.close()
+
+
+def test_an_instruction_of_several_sentences_is_read(env: HouseholdEnv) -> None:
+    for seed in range(20):
+        env.reset(seed=seed)
+        assert parse_instructions(env.instruction) == tuple((move.graspable, move.target) for move in env.task.moves)
+
+
+def test_the_search_policy_tidies_up_as_far_as_it_can_tell() -> None:
+    env = chmarl_pb.parallel_env(split="val-unseen", task="tidy", max_steps=150)
+    won = [chmarl_pb.rollout(env, chmarl_pb.make_policy("search", env), seed=seed).success for seed in (0, 1, 3, 8)]
+    assert all(won)
+    env.close()
+
+
+@pytest.mark.parametrize("name", sorted(BUILT_IN))
+def test_every_policy_plays_tidy_tasks(name: str, env: HouseholdEnv) -> None:
+    episode = chmarl_pb.rollout(env, chmarl_pb.make_policy(name, env), seed=2)
+    assert episode.steps and (episode.success or name != "planner")
+
+
+def test_what_is_held_is_of_the_goal_whose_object_was_in_view() -> None:
+    pairs, tidying = (("mug", "desk"), ("book", "bed"), ("fork", "sofa")), Tidying()
+    assert tidying.wanted(pairs, False, frozenset({"book"}), "", True) == {"mug", "book", "fork"}
+    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick", True) == {"bed"}
+    assert tidying.wanted(pairs, True, frozenset({"bed"}), "turn_left", True) == {"bed"}
+    assert tidying.wanted(pairs, False, frozenset(), "place", True) == {"mug", "fork"}
+    assert tidying.wanted(pairs, False, frozenset({"mug", "fork"}), "turn_left", True) == {"mug", "fork"}
+    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick", True) == {"desk"}
+    assert tidying.wanted(pairs, True, frozenset({"sofa"}), "place", False) == {"sofa"}, "it was no mug"

@@ -2,7 +2,7 @@
 
 from chmarl_pb.tasks.language.corpus import CorpusStatistics, all_words, corpus_statistics
 from chmarl_pb.tasks.language.feedback import Advice, say
-from chmarl_pb.tasks.language.instructions import instruction, parse_instruction
+from chmarl_pb.tasks.language.instructions import instruction, parse_instruction, parse_instructions
 from chmarl_pb.tasks.language.tokens import (
     FEEDBACK_LENGTH,
     INSTRUCTION_LENGTH,
@@ -25,6 +25,7 @@ __all__ = [
     "corpus_statistics",
     "instruction",
     "parse_instruction",
+    "parse_instructions",
     "say",
     "tokenize",
     "vocabulary",

@@ -1,5 +1,6 @@
 """Instructions: from a task to a sentence, and from a sentence back to what it asks for."""
 
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -64,6 +65,16 @@ def parse_instruction(text: str) -> tuple[str, str]:
             named = " and ".join(sorted(classes)) or "none"
             raise ValueError(f"{text!r} must name one known {kind}, but names {named}")
     return min(found["graspable"]), min(found["receptacle"])
+
+
+@lru_cache(maxsize=8192)
+def parse_instructions(text: str) -> tuple[tuple[str, str], ...]:
+    """Return the classes (graspable, receptacle) that each sentence of an instruction names.
+
+    Raises:
+        ValueError: a sentence does not name exactly one graspable and one receptacle.
+    """
+    return tuple(map(parse_instruction, re.split(r"(?<=[.!?]) ", text)))
 
 
 #: Words of a name -> the class that it names.
