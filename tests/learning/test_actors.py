@@ -22,7 +22,7 @@ from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
-from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
@@ -232,7 +232,7 @@ def test_a_short_run_learns_after_its_last_wave(algorithm: str, episodes: int) -
 def test_an_expert_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> None:
     expert = partial(Constant, actions={"long": 2})
     learner = train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=expert).learner
-    losses = [row["train"] for row in read_metrics(tmp_path) if "train" in row]
+    losses = [row["train"] for row in read_rows(tmp_path / METRICS) if "train" in row]
     assert all(np.isfinite(list(row.values())).all() for row in losses) and losses[-1]["short_loss"] == 0
     assert losses[-1]["long_loss"] < losses[1]["long_loss"]
     fresh = make_learner("imitation", interface_of(UnevenEnv()), IMITATION).state()["networks"]

@@ -15,7 +15,7 @@ import torch
 from chmarl_pb.learning import train
 from chmarl_pb.learning.runs.checkpoint import load
 from chmarl_pb.learning.runs.interrupts import Interrupted, Signals, run_command
-from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import BEST, LAST, Run
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.runs.validation import by_return
@@ -28,7 +28,7 @@ torch.set_num_threads(1)  # these networks are too small for more
 
 def assert_same(one: Path, other: Path) -> None:
     """Compare two finished runs."""
-    rows = [[{**row, "speed": 0} for row in read_metrics(folder)] for folder in (one, other)]
+    rows = [[{**row, "speed": 0} for row in read_rows(folder / METRICS)] for folder in (one, other)]
     assert rows[0] == rows[1] and len(rows[0]) == 6
     for name, key in ((LAST, "learner"), (BEST, "agents")):
         weights = [load(folder / name)[key] for folder in (one, other)]

@@ -21,7 +21,7 @@ from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.lock import run_lock
-from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import BEST, LAST, Run
 from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_tasks
@@ -129,7 +129,7 @@ def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, m
     resumed = train(UnevenEnv, algorithm, config, tmp_path / "killed", expert=EXPERT)
     one, other = whole.learner.state()["networks"], resumed.learner.state()["networks"]
     assert one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
-    rows = [[{**row, "speed": 0} for row in read_metrics(tmp_path / name)] for name in ("whole", "killed")]
+    rows = [[{**row, "speed": 0} for row in read_rows(tmp_path / name / METRICS)] for name in ("whole", "killed")]
     assert rows[0] == rows[1] and len(rows[0]) == 6
     best = [load(tmp_path / name / BEST)["agents"] for name in ("whole", "killed")]
     assert all(torch.equal(best[0][key], best[1][key]) for key in best[0])

@@ -24,7 +24,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.networks.resnet import FEATURES
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
-from chmarl_pb.learning.runs.logger import read_metrics
+from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.seal import LENGTH
 from chmarl_pb.learning.sb3 import load_policy
 from chmarl_pb.learning.sb3.config import PRESETS, Config
@@ -162,7 +162,7 @@ def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
     rows = [
         [
             {name: value for name, value in row.items() if not name.startswith("time/")}
-            for row in read_metrics(tmp_path / folder)
+            for row in read_rows(tmp_path / folder / METRICS)
         ]
         for folder in ("whole", "pieces")
     ]
