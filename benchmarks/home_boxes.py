@@ -31,7 +31,7 @@ def mjcf(env: "HouseholdEnv", fovy: float) -> str:
         env: after its reset.
         fovy: opening angle of the camera in degrees.
     """
-    bodies = [*_home(env.stage.home.path), *_objects(env)]
+    bodies = [*_home(env.simulation.home.path), *_objects(env)]
     return _MODEL.format(fovy=fovy, bodies="\n".join(bodies))
 
 

@@ -119,7 +119,7 @@ def _tasks(env: Any) -> list[Any]:
     def fitting() -> Iterator[Any]:
         rng, failed = np.random.default_rng(0), 0
         while True:
-            task = sample_task(env.stage.space, str(env.stage.home.path), rng)
+            task = sample_task(env.simulation.space, str(env.simulation.home.path), rng)
             try:
                 env.reset(options={"task": task})
             except TaskError:

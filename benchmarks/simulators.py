@@ -58,7 +58,7 @@ def plain_tiny_renderer(work: Work) -> Iterator[float]:
     from chmarl_pb.bench.fresh import plain_picture
 
     env, rng = _household(), np.random.default_rng(1)
-    robots = cycle(env.stage.robots.items())
+    robots = cycle(env.simulation.robots.items())
 
     def draw() -> None:
         name, robot = next(robots)
@@ -76,7 +76,7 @@ def mujoco_boxes(work: Work) -> Iterator[float]:
     from benchmarks.home_boxes import mjcf
 
     env, rng = _household(), np.random.default_rng(1)
-    robot = env.stage.oracle.robot
+    robot = env.simulation.oracle.robot
     model = mujoco.MjModel.from_xml_string(mjcf(env, robot.model.camera.fov))
     data, renderer = mujoco.MjData(model), mujoco.Renderer(model, work.size, work.size)
 

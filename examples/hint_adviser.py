@@ -11,7 +11,7 @@ import chmarl_pb
 class HintAdviser:
     """Tells the humanoid after each step how many it has taken, and how many the best plan has."""
 
-    def begin(self, stage: Any, task: Any, goals: Any) -> None:
+    def begin(self, simulation: Any, task: Any, goals: Any) -> None:
         """Remember how long the best plan is."""
         self.optimal_steps = task.optimal_steps
 

@@ -1,4 +1,4 @@
-"""What several tests share: the benchmark homes with their stages, environments and small homes made on the spot."""
+"""What several tests share: benchmark homes with their simulations, environments and small homes made on the spot."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.rendering import view_store as view_store_module
 from chmarl_pb.rendering.home_views import HomeViews
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 from tests.helpers.small_homes import HOMES, home_text
@@ -40,24 +40,24 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def stage_of() -> Iterator[Callable[[str], Stage]]:
-    """The stage of a benchmark home by its name, loaded at its first use and kept for all tests."""
-    stages: dict[str, Stage] = {}
+def simulation_of() -> Iterator[Callable[[str], Simulation]]:
+    """The simulation of a benchmark home by its name, loaded at its first use and kept for all tests."""
+    simulations: dict[str, Simulation] = {}
 
-    def stage(home: str) -> Stage:
-        if home not in stages:
-            stages[home] = Stage(home)
-        return stages[home]
+    def simulation(home: str) -> Simulation:
+        if home not in simulations:
+            simulations[home] = Simulation(home)
+        return simulations[home]
 
-    yield stage
-    for kept in stages.values():
+    yield simulation
+    for kept in simulations.values():
         kept.close()
 
 
 @pytest.fixture(params=HOMES)
-def stage(request: pytest.FixtureRequest, stage_of: Callable[[str], Stage]) -> Stage:
+def simulation(request: pytest.FixtureRequest, simulation_of: Callable[[str], Simulation]) -> Simulation:
     """Every benchmark home in turn."""
-    return stage_of(request.param)
+    return simulation_of(request.param)
 
 
 @pytest.fixture(scope="session")

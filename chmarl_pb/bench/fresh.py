@@ -86,11 +86,11 @@ def first_visits(size: str, count: str) -> dict[str, float]:
     rng = np.random.default_rng(0)
     ours = plain = 0.0
     views = 0
-    for name, robot in env.stage.robots.items():
+    for name, robot in env.simulation.robots.items():
         for pose in rng.permutation(robot.lattice.count)[: int(count)].tolist():
             robot.spawn(pose)
             start = time.perf_counter()
-            env.stage.renderer.picture(name, int(size))
+            env.simulation.renderer.picture(name, int(size))
             middle = time.perf_counter()
             plain_picture(env, name, int(size))
             ours, plain, views = ours + middle - start, plain + time.perf_counter() - middle, views + 1
@@ -107,8 +107,8 @@ def plain_picture(env: "HouseholdEnv", robot: str, size: int) -> "Picture":
     from chmarl_pb.rendering.camera import camera_of, render, view_matrix
 
     env.world.sync()
-    model = env.stage.models[robot]
-    view = view_matrix(model.eye(env.stage.space, env.world.robots[robot].pose))
+    model = env.simulation.models[robot]
+    view = view_matrix(model.eye(env.simulation.space, env.world.robots[robot].pose))
     return render(env.world.client, camera_of(model), view, size)
 
 

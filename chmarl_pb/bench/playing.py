@@ -84,7 +84,7 @@ def planning(effort: Effort) -> Samples:
         def plan(task: Task) -> float:
             env.reset(options={"task": task})
             start = time.perf_counter()
-            env.stage.oracle.plan(env.setting.goal)
+            env.simulation.oracle.plan(env.setting.goal)
             return 1000 * (time.perf_counter() - start)
 
         for task in tasks:
@@ -133,7 +133,7 @@ def warm_up(env: HouseholdEnv, poses: Iterable[tuple[str, int]]) -> None:
     views = home_views(env.world.home)
     for size in {VISIBILITY_SIZE, env.options.image_size}:
         for robot, pose in poses:
-            views.look(env.stage.models[robot], pose, size)
+            views.look(env.simulation.models[robot], pose, size)
 
 
 def play(env: HouseholdEnv, rng: np.random.Generator, count: int, tasks: Iterator[Task]) -> None:

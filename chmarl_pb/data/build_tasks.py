@@ -18,7 +18,7 @@ from chmarl_pb.files import Lock, replacing
 from chmarl_pb.processes import check_workers, in_processes
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.sampling import sample_task
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -116,17 +116,17 @@ def _solve_slot(slot: Slot) -> tuple[int, Task]:
     split, number, first = slot
     homes = SPLIT_HOMES[split]
     home = homes[number % len(homes)]
-    stage = _stage(home)
+    simulation = _simulation(home)
     for attempt in range(first, first + _MOST_ATTEMPTS):
         rng = np.random.default_rng([VERSION, SPLITS.index(split), number, attempt])
-        task = sample_task(stage.space, home, rng, f"{split}-{number:0{4 if split == 'train' else 3}d}")
+        task = sample_task(simulation.space, home, rng, f"{split}-{number:0{4 if split == 'train' else 3}d}")
         try:
-            return attempt, replace(task, optimal_steps=stage.solve(task).steps)
+            return attempt, replace(task, optimal_steps=simulation.solve(task).steps)
         except TaskError:
             continue
     raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; fix the home")
 
 
 @cache
-def _stage(home: str) -> Stage:
-    return Stage(home)
+def _simulation(home: str) -> Simulation:
+    return Simulation(home)

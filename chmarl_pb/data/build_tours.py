@@ -20,7 +20,7 @@ from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.files import write_atomically
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.policies.open_loop import FILE
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -124,10 +124,10 @@ def _further(tour: Tour, views: Views) -> Iterator[Tour]:
             yield extended(around, "place", views)
 
 
-def views_of(stage: Stage, task: Task) -> tuple[Bools, Bools]:
+def views_of(simulation: Simulation, task: Task) -> tuple[Bools, Bools]:
     """Return what a task shows: (rooms + 2, HEADINGS) of X, and (rooms + 2, HEADINGS, receptacle classes)."""
-    goal, space = stage.begin(task).goal, stage.space
-    stand = space.stand(stage.world.grip(goal.item))
+    goal, space = simulation.begin(task).goal, simulation.space
+    stand = space.stand(simulation.world.grip(goal.item))
     assert stand is not None, "tasks of the splits can be solved"
     poses = [*space.lattice.anchors.values(), stand]
     item = np.zeros((len(poses) + 1, HEADINGS), dtype=bool)
@@ -135,7 +135,9 @@ def views_of(stage: Stage, task: Task) -> tuple[Bools, Bools]:
     for place, pose in enumerate(poses):
         position, heading = divmod(pose, HEADINGS)
         for turned in range(HEADINGS):
-            seen = stage.oracle.seen_from(stage.oracle.robot.name, position * HEADINGS + (heading + turned) % HEADINGS)
+            seen = simulation.oracle.seen_from(
+                simulation.oracle.robot.name, position * HEADINGS + (heading + turned) % HEADINGS
+            )
             item[place, turned] = goal.item in seen
             classes[place, turned] = np.isin(_RECEPTACLES, [catalog.class_of(name) for name in seen])
     return item, classes  # who has picked X picks no more, so that it does not count that X is in view from there
@@ -143,12 +145,15 @@ def views_of(stage: Stage, task: Task) -> tuple[Bools, Bools]:
 
 def build(tasks: Sequence[Task], beam: int = _BEAM) -> dict[str, str]:
     """Return class of Y -> the actions of its tour, with a space between them."""
-    stages = {home: Stage(home) for home in sorted({task.home for task in tasks})}
-    shown = [views_of(stages[task.home], task) for task in track(tasks, "views")]
-    rooms = next(iter(stages.values())).rooms
-    homes = {home: {thing.class_name for thing in stage.home.receptacles.values()} for home, stage in stages.items()}
-    for stage in stages.values():
-        stage.close()
+    simulations = {home: Simulation(home) for home in sorted({task.home for task in tasks})}
+    shown = [views_of(simulations[task.home], task) for task in track(tasks, "views")]
+    rooms = next(iter(simulations.values())).rooms
+    homes = {
+        home: {thing.class_name for thing in simulation.home.receptacles.values()}
+        for home, simulation in simulations.items()
+    }
+    for simulation in simulations.values():
+        simulation.close()
     item, classes = np.array([one for one, _ in shown]), np.array([many for _, many in shown])
     tours = {}
     for number, target in enumerate(track(_RECEPTACLES.tolist(), "tours")):

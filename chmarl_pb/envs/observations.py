@@ -14,7 +14,7 @@ from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.sensing.text import as_bytes
 from chmarl_pb.tasks import language
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.world import WorldState
 
 Observation = dict[str, np.ndarray]
@@ -61,12 +61,12 @@ class Observer:
         return language.tokenize(instruction, self._words)
 
     def observe(
-        self, stage: Stage, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None
+        self, simulation: Simulation, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None
     ) -> tuple[Observation, dict[str, str]]:
         """Return what one robot observes, and the texts among it as they are.
 
         Args:
-            stage: where the episode is played.
+            simulation: where the episode is played.
             view: what its sensors may read.
             instruction: token ids.
             wanted: classes of X and Y as the instruction names them; None: they are not observed.
@@ -82,7 +82,7 @@ class Observer:
         observation["instruction"] = instruction.copy()
         observation["feedback"] = language.tokenize(view.feedback, language.FEEDBACK_LENGTH)
         observation["messages"] = view.messages
-        observation["self"] = _self(stage, view.state, view.robot)
+        observation["self"] = _self(simulation, view.state, view.robot)
         if wanted is not None:
             in_view = {catalog.class_of(name) for name in view.seen}
             numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
@@ -96,9 +96,11 @@ def _add(parts: dict[str, spaces.Space[Any]], more: Mapping[str, spaces.Space[An
     parts.update(more)
 
 
-def _self(stage: Stage, state: WorldState, robot: str) -> np.ndarray:
+def _self(simulation: Simulation, state: WorldState, robot: str) -> np.ndarray:
     body = state.robots[robot]
-    return _self_vector(len(stage.rooms), stage.room_numbers[body.room], body.heading, robot in state.grips).copy()
+    return _self_vector(
+        len(simulation.rooms), simulation.room_numbers[body.room], body.heading, robot in state.grips
+    ).copy()
 
 
 @cache

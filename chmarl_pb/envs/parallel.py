@@ -21,7 +21,7 @@ from chmarl_pb.tasks import language
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome, reward
 from chmarl_pb.tasks.setting import Setting
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import TaskSource
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -79,9 +79,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.possible_agents = list(self._models)
         self.agents: list[str] = []
         self._tasks = TaskSource(self.options.split, self.options.home, self.options.kind)
-        self._stages: dict[str, Stage] = {}
-        self.stage = self._enter(self.options.homes[0])
-        self.rooms, self.action_names = self.stage.rooms, self.stage.actions
+        self._simulations: dict[str, Simulation] = {}
+        self.simulation = self._enter(self.options.homes[0])
+        self.rooms, self.action_names = self.simulation.rooms, self.simulation.actions
         self._observer = Observer(self.options, self.rooms)
         self._channel, self._adviser, self._kind = self.options.channel, self.options.adviser, self.options.kind
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
@@ -114,7 +114,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     @property
     def world(self) -> World:
         """The world of the home that the present episode is played in."""
-        return self.stage.world
+        return self.simulation.world
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -133,8 +133,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             self._rng = np.random.default_rng(checked_seed(seed))
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
-        self.stage = self._enter(self.task.home)
-        self.setting: Setting = self.stage.begin(self.task, self._kind)
+        self.simulation = self._enter(self.task.home)
+        self.setting: Setting = self.simulation.begin(self.task, self._kind)
         self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
@@ -143,7 +143,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
         self.agents, self.steps, self.snapshots = list(self._models), 0, ()
         if self._adviser:
-            self._adviser.begin(self.stage, self.task, self.setting.goals)
+            self._adviser.begin(self.simulation, self.task, self.setting.goals)
         return self._observe({}, dict.fromkeys(self._models, True))
 
     def step(self, actions: dict[str, int]) -> Results:
@@ -160,7 +160,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         if self._adviser:
             self._adviser.before(names, self.outcome)
         succeeded, self.snapshots = execute(
-            self.world, self.stage.robots, self._plan(names), self.options.execution == "simulated"
+            self.world, self.simulation.robots, self._plan(names), self.options.execution == "simulated"
         )
         self.world.sync()  # who reads poses from world.client finds every body where it is in the state
         previous, self.outcome = self.outcome, self._look()
@@ -210,7 +210,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         if not hasattr(self, "outcome"):
             raise NotResetError("state() before reset(); call reset() first")
         elapsed = self.steps / self.options.max_steps
-        return global_state(self.stage, self.setting, self.outcome, self.messages, elapsed)
+        return global_state(self.simulation, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:
         """Return the robots' pictures side by side (H, robots * H, 3); with "human", show them in a window."""
@@ -218,7 +218,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             raise OptionError("render() needs render_mode='rgb_array' or 'human'; give it when making the environment")
         if not hasattr(self, "outcome"):
             raise NotResetError("render() before reset(); call reset() first")
-        picture = side_by_side(self.stage.renderer, self._models, max(self.options.image_size, 256))
+        picture = side_by_side(self.simulation.renderer, self._models, max(self.options.image_size, 256))
         if self.render_mode == "rgb_array":
             return picture
         show(picture, self.instruction)
@@ -228,9 +228,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Disconnect from physics, and close the window; closing twice is allowed."""
         if self.render_mode == "human":
             close_window()
-        for stage in self._stages.values():
-            stage.close()
-        self._stages = {}
+        for simulation in self._simulations.values():
+            simulation.close()
+        self._simulations = {}
         self.agents = []
 
     def _choose_task(self, options: dict[str, Any]) -> AnyTask:
@@ -243,19 +243,19 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             return self._tasks.named(options["task"])
         return self._tasks.draw(self._rng, self._enter)
 
-    def _enter(self, home: str) -> Stage:
-        """Return the stage of a home, loaded at its first use."""
-        if home not in self._stages:
-            stage = Stage(home, self._models, self.options.renderer)
-            first = next(iter(self._stages.values()), stage)
-            if stage.rooms != first.rooms:
-                stage.close()
+    def _enter(self, home: str) -> Simulation:
+        """Return the simulation of a home, loaded at its first use."""
+        if home not in self._simulations:
+            simulation = Simulation(home, self._models, self.options.renderer)
+            first = next(iter(self._simulations.values()), simulation)
+            if simulation.rooms != first.rooms:
+                simulation.close()
                 raise HomeError(
-                    f"{stage.home.path}: its rooms {stage.rooms} differ from {first.rooms}, so its actions would "
-                    "too; play it in an environment of its own with home=..."
+                    f"{simulation.home.path}: its rooms {simulation.rooms} differ from {first.rooms}, so its actions "
+                    "would too; play it in an environment of its own with home=..."
                 )
-            self._stages[home] = stage
-        return self._stages[home]
+            self._simulations[home] = simulation
+        return self._simulations[home]
 
     def _check(self, actions: dict[str, int]) -> dict[str, str]:
         """Return robot -> name of its action."""
@@ -268,11 +268,11 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
         outcome, goals = self.outcome, self.setting.goals
         wanted = {name: target_of(goals, outcome.state, name, outcome.seen[name]) for name in self.setting.graspers}
-        return decide(self.stage.robots, names, wanted, outcome.seen)
+        return decide(self.simulation.robots, names, wanted, outcome.seen)
 
     def _look(self) -> Outcome:
-        seen = {name: self.stage.renderer.visible(name) for name in self._models}
-        return self._kind.judge(self.world.state, self.setting, seen)
+        seen = {name: self.simulation.renderer.visible(name) for name in self._models}
+        return self._kind.outcome(self.world.state, self.setting, seen)
 
     def _say(self, messages: Messages) -> Messages:
         """Return what has been said when the robots have told each other of the outcome."""
@@ -284,16 +284,17 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self, feedback: dict[str, str], succeeded: dict[str, bool]
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return the robots' observations and infos."""
-        outcome, stage, state = self.outcome, self.stage, self.outcome.state
+        outcome, simulation, state = self.outcome, self.simulation, self.outcome.state
         observations, infos = {}, {}
         for name in self._models:
             advice = feedback.get(name, "")
+            heard = self._channel.hear(self.messages, name, self._rng)
             view = View(
-                name, self._models, self.action_names[name], state, stage.room_names[state.robots[name].room],
-                stage.renderer, stage.graphs, outcome.seen[name], self.setting.states, self.rooms, self.instruction,
-                advice, self._channel.hear(self.messages, name, self._rng), succeeded[name], self._rng,
+                name, self._models, self.action_names[name], state, simulation.room_names[state.robots[name].room],
+                simulation.renderer, simulation.graphs, outcome.seen[name], self.setting.states, self.rooms,
+                self.instruction, advice, heard, succeeded[name], self._rng,
             )  # fmt: skip
-            observations[name], texts = self._observer.observe(stage, view, self._instruction_tokens, self._wanted)
+            observations[name], texts = self._observer.observe(simulation, view, self._instruction_tokens, self._wanted)
             infos[name] = {
                 "instruction": self.instruction,
                 "feedback": advice,

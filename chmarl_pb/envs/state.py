@@ -7,7 +7,7 @@ from chmarl_pb.navigation.lattice import heading_angle
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.targets import target_of
 
 _NEAREST_TARGETS = 3
@@ -18,7 +18,9 @@ def state_size(robots: int, said: int) -> int:
     return robots * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
 
 
-def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Messages, elapsed: float) -> np.ndarray:
+def global_state(
+    simulation: Simulation, setting: Setting, outcome: Outcome, messages: Messages, elapsed: float
+) -> np.ndarray:
     """Return the state vector, float32, all entries about in [-1, 1].
 
     In order: x, y, cosine and sine of the heading of each robot; x, y, z of X; x, y, z of the three
@@ -30,7 +32,7 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
     """
     grasper = next(iter(outcome.state.grips), setting.graspers[0])
     goal = target_of(setting.goals, outcome.state, grasper, outcome.seen[grasper])
-    low, high = stage.home.bounds
+    low, high = simulation.home.bounds
     middle, scale = (low + high) / 2, float((high - low).max()) / 2
 
     def point(*position: float) -> list[float]:
@@ -42,12 +44,12 @@ def global_state(stage: Stage, setting: Setting, outcome: Outcome, messages: Mes
         angle = heading_angle(robot.heading)
         parts += [*point(*robot.base[0])[:2], np.cos(angle), np.sin(angle)]
     x, y, _ = outcome.state.robots[grasper].base[0]
-    parts += point(*stage.world.grip(goal.item))
-    centres = np.array([stage.home.receptacles[name].centre for name in goal.receptacles])
+    parts += point(*simulation.world.grip(goal.item))
+    centres = np.array([simulation.home.receptacles[name].centre for name in goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]
     for number in nearest:
         name = goal.receptacles[number]
-        top = max(solid.top for solid in stage.home.receptacles[name].solids)
+        top = max(solid.top for solid in simulation.home.receptacles[name].solids)
         parts += point(*centres[number], top)
     parts += [0.0] * (3 * (_NEAREST_TARGETS - len(nearest)))
     parts += messages.ravel().tolist()

@@ -22,7 +22,7 @@ class Optimum:
 
 def plays_with_team(env: HouseholdEnv) -> bool:
     """Return whether the robots are the benchmark's, of which tasks say their L*."""
-    return list(env.stage.models.items()) == list(team_of(TEAM).items())
+    return list(env.simulation.models.items()) == list(team_of(TEAM).items())
 
 
 def optimum(env: HouseholdEnv) -> Optimum:
@@ -33,7 +33,7 @@ def optimum(env: HouseholdEnv) -> Optimum:
     """
     if plays_with_team(env):
         return Optimum(env.task.optimal_steps)
-    plan = env.stage.solve(env.task, env.options.kind)
+    plan = env.simulation.solve(env.task, env.options.kind)
     return Optimum(plan.steps, plan.proven)
 
 

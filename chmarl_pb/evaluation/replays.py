@@ -35,7 +35,7 @@ class _Ways:
     items: list[Place] = field(default_factory=list)
 
     def note(self, env: HouseholdEnv) -> None:
-        for name, robot in env.stage.robots.items():
+        for name, robot in env.simulation.robots.items():
             x, y, _ = robot.lattice.pose(robot.pose)
             self.robots[name].append((float(x), float(y)))
         place = env.world.grip(env.setting.goal.item)
@@ -114,10 +114,10 @@ def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:
 
 def _drawing(env: HouseholdEnv, ways: _Ways) -> str:
     """Return a plan of the home as SVG: furniture, targets, the robots' ways, X at its start and end."""
-    plan = _Plan(env.stage.home)
+    plan = _Plan(env.simulation.home)
     goals = set(env.setting.goal.receptacles)
     parts = plan.home_shapes(goals)
-    for place, (name, model) in reversed(list(enumerate(env.stage.models.items()))):
+    for place, (name, model) in reversed(list(enumerate(env.simulation.models.items()))):
         parts.append(plan.way(ways.robots[name], name, f"r{place}{' flies' if model.flies else ''}"))
     (x, y), (u, v) = plan.pixel(ways.items[0]), plan.pixel(ways.items[-1])
     parts.append(f'<circle class="item" cx="{x:.0f}" cy="{y:.0f}" r="7"><title>X at the start</title></circle>')

@@ -159,12 +159,12 @@ class PlannerPolicy:
 
     def reset(self, seed: int | None) -> None:
         """Plan the episode that has just begun."""
-        stage, self._goals = self.env.stage, self.env.setting.goals
+        simulation, self._goals = self.env.simulation, self.env.setting.goals
         self._orders: dict[str, tuple[Goal, ...]]
-        if len(self._goals) == len(stage.oracles) == 1:
-            self._orders = dict.fromkeys(stage.oracles, self._goals)
+        if len(self._goals) == len(simulation.oracles) == 1:
+            self._orders = dict.fromkeys(simulation.oracles, self._goals)
         else:
-            self._orders = {name: plan.goals for name, plan in plan_team(stage.oracles, self._goals).plans.items()}
+            self._orders = {name: plan.goals for name, plan in plan_team(simulation.oracles, self._goals).plans.items()}
         self._planners: dict[str, GraspingPlanner] = {}
         self._flights: dict[tuple[str, Goal], FlightPlanner] = {}
 
@@ -174,7 +174,7 @@ class PlannerPolicy:
         ways = {name: self._way(name, seen) for name in self._orders}
         chosen = {name: way[0] if way else "stay" for name, way in ways.items()}
         leaders = [name for name, order in self._orders.items() if order] or list(self._orders)
-        fliers = [name for name in seen if self.env.stage.models[name].flies]
+        fliers = [name for name in seen if self.env.simulation.models[name].flies]
         for number, name in enumerate(fliers):
             chosen[name] = self._flight(name, leaders[number % len(leaders)], ways, seen[name])
         return {name: names.index(chosen.get(name, "stay")) for name, names in self.env.action_names.items()}
@@ -186,7 +186,7 @@ class PlannerPolicy:
             return []
         planner = self._planners.get(robot)
         if planner is None or planner.goal != goal:
-            planner = self._planners[robot] = GraspingPlanner(self.env.stage.oracles[robot], goal, self._goals)
+            planner = self._planners[robot] = GraspingPlanner(self.env.simulation.oracles[robot], goal, self._goals)
         planner.found.update(*seen.values())
         try:
             return planner.way()
@@ -197,18 +197,18 @@ class PlannerPolicy:
 
     def _flight(self, robot: str, leader: str, ways: dict[str, list[str]], seen: tuple[str, ...]) -> str:
         """Return the action of a robot that flies for one that grasps."""
-        planner, stage = self._planners.get(leader), self.env.stage
+        planner, simulation = self._planners.get(leader), self.env.simulation
         if planner is None:
             return "stay"
         key = robot, planner.goal
         if key not in self._flights:
-            self._flights[key] = FlightPlanner(stage.robots[robot], stage.oracles[leader])
+            self._flights[key] = FlightPlanner(simulation.robots[robot], simulation.oracles[leader])
         return self._flights[key].choose(planner, ways[leader], seen)
 
     def _next_goal(self, robot: str) -> Goal | None:
         """Return the goal of what a robot holds, or the first in its order that is left and that nobody holds."""
-        state, order = self.env.stage.world.state, self._orders[robot]
-        own = self.env.stage.robots[robot].held
+        state, order = self.env.simulation.world.state, self._orders[robot]
+        own = self.env.simulation.robots[robot].held
         held = [goal for goal in self._goals if goal.item == own]
         left = [goal for goal in order if not is_done(goal, state) and goal.item not in state.held]
         return next(iter((*held, *left, *order[:1])), None)

@@ -52,7 +52,7 @@ class RandomPolicy:
 
 @runtime_checkable
 class PolicyEnv(Protocol):
-    """What policies may ask of the ParallelEnv that they are made for; ``stage`` and ``setting`` are the planner's.
+    """What policies may ask of the ParallelEnv that they drive; ``simulation`` and ``setting`` are the planner's.
 
     Attributes:
         action_names: robot -> names of its actions, in the order of their numbers.
@@ -61,7 +61,7 @@ class PolicyEnv(Protocol):
 
     action_names: dict[str, tuple[str, ...]]
     rooms: tuple[str, ...]
-    stage: Any
+    simulation: Any
     setting: Any
 
 
@@ -82,6 +82,6 @@ def core_of(env: Any) -> Any:
     """
     inner = env.unwrapped
     inner = getattr(inner, "parallel", inner)
-    if not hasattr(inner, "action_names") or not hasattr(inner, "stage"):
+    if not hasattr(inner, "action_names") or not hasattr(inner, "simulation"):
         raise OptionError(f"{type(env).__name__} is not an environment of chmarl_pb; make one by parallel_env()")
     return inner

@@ -25,7 +25,7 @@ class Renderer(Protocol):
 
     >>> env = chmarl_pb.parallel_env("visual", split="val-unseen", renderer="tiny", image_size=64)
     >>> observations, infos = env.reset(seed=0)
-    >>> renderer = env.stage.renderer
+    >>> renderer = env.simulation.renderer
     >>> np.array_equal(renderer.image("drone", 64), observations["drone"]["image"])
     True
     >>> renderer.visible("drone") == tuple(infos["drone"]["visible"])

@@ -10,7 +10,7 @@ from chmarl_pb.tasks import language
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -24,7 +24,7 @@ class Adviser(Protocol):
     Each environment works with a copy of the object, which must be picklable; it may keep what it needs of an episode.
 
     >>> class Countdown:
-    ...     def begin(self, stage, task, goals):
+    ...     def begin(self, simulation, task, goals):
     ...         self.optimal = task.optimal_steps
     ...
     ...     def before(self, actions, outcome):
@@ -38,8 +38,8 @@ class Adviser(Protocol):
     'The planner would need 5 more steps.'
     """
 
-    def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:
-        """Watch an episode that begins on a stage, where goals are to be reached."""
+    def begin(self, simulation: Simulation, task: AnyTask, goals: Goals) -> None:
+        """Watch an episode that begins in a simulation, where goals are to be reached."""
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
         """Take note of the robots' actions, by name, that are about to be taken after an outcome."""
@@ -58,16 +58,16 @@ class Critic(Protocol):
         """Return the action that would have been better, or None, once the action has been taken."""
 
 
-#: Makes the critic of a robot in an episode that begins on a stage, where goals are to be reached.
-MakeCritic = Callable[[Stage, str, Goals], Critic]
+#: Makes the critic of a robot in an episode that begins in a simulation, where goals are to be reached.
+MakeCritic = Callable[[Simulation, str, Goals], Critic]
 
 
 class MissedChance:
     """The paper's critic: notices a Pick or Place that would have worked and was not taken."""
 
-    def __init__(self, stage: Stage, robot: str, goals: Goals):
-        """Watch a robot in an episode that begins on a stage."""
-        self._robot, self._goals = stage.robots[robot], goals
+    def __init__(self, simulation: Simulation, robot: str, goals: Goals):
+        """Watch a robot in an episode that begins in a simulation."""
+        self._robot, self._goals = simulation.robots[robot], goals
         self._missed: str | None = None
 
     def before(self, action: str, outcome: Outcome) -> None:
@@ -87,9 +87,9 @@ class MissedChance:
 class Detour:
     """The planner's critic: notices every action that does not shorten the optimal plan; plans anew only after such."""
 
-    def __init__(self, stage: Stage, robot: str, goals: Goals):
-        """Plan for a robot in an episode that begins on a stage."""
-        self._oracle, self._goals = stage.oracles[robot], goals
+    def __init__(self, simulation: Simulation, robot: str, goals: Goals):
+        """Plan for a robot in an episode that begins in a simulation."""
+        self._oracle, self._goals = simulation.oracles[robot], goals
         self._plan = self._optimal()
         self._action = ""
 
@@ -120,10 +120,10 @@ class SpokenAdviser:
         """Ask a critic of this kind about each robot with an arm in every episode."""
         self.critic = critic
 
-    def begin(self, stage: Stage, task: AnyTask, goals: Goals) -> None:
-        """Watch an episode that begins on a stage."""
+    def begin(self, simulation: Simulation, task: AnyTask, goals: Goals) -> None:
+        """Watch an episode that begins in a simulation."""
         self._task, self._goals = task, goals
-        self._critics = {robot: self.critic(stage, robot, goals) for robot in stage.oracles}
+        self._critics = {robot: self.critic(simulation, robot, goals) for robot in simulation.oracles}
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
         """Take note of the actions, and of what they are taken after."""

@@ -13,7 +13,7 @@ from chmarl_pb import catalog
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.tasks import language
-from chmarl_pb.tasks.outcome import Outcome, judge
+from chmarl_pb.tasks.outcome import Outcome, outcome_of
 from chmarl_pb.tasks.sampling import receptacle_classes, sample_seed, sample_task
 from chmarl_pb.tasks.setting import Setting, set_up
 from chmarl_pb.tasks.splits import load_tasks
@@ -48,7 +48,7 @@ class TaskKind(Protocol):
     def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
         """Lay a task out in a world; the goals of the setting are the subgoals that the planner reaches."""
 
-    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
+    def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
         """Return the facts of a state: its potential, whose differences are the rewards, and whether it is success.
 
         Args:
@@ -81,9 +81,9 @@ class Rearrange:
             raise TaskError(f"task {task.id!r} is a {type(task).__name__}; play it in parallel_env(task='tidy')")
         return set_up(world, space, task, (task,))
 
-    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
+    def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
         """Return the paper's potential."""
-        return judge(state, setting.goal, seen, setting.graspers, setting.rooms)
+        return outcome_of(state, setting.goal, seen, setting.graspers, setting.rooms)
 
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence."""
@@ -144,9 +144,9 @@ class Tidy:
             raise TaskError(f"task {task.id!r} is of one object; play it in parallel_env(task='rearrange')")
         return set_up(world, space, task, task.moves)
 
-    def judge(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
+    def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
         """Return the sum of the potentials."""
-        parts = tuple(judge(state, goal, seen, setting.graspers, setting.rooms) for goal in setting.goals)
+        parts = tuple(outcome_of(state, goal, seen, setting.graspers, setting.rooms) for goal in setting.goals)
         phi, success = sum(part.potential for part in parts), all(part.success for part in parts)
         return Outcome(state, seen, parts[0].item_room, phi, success, parts)
 

@@ -59,7 +59,7 @@ def potential(success: bool, grasped: bool, seen_by: Collection[str], graspers: 
     return other if set(seen_by).isdisjoint(graspers) else grasper
 
 
-def judge(
+def outcome_of(
     state: WorldState, goal: Goal, seen: dict[str, tuple[str, ...]], graspers: Collection[str], rooms: Sequence[str]
 ) -> Outcome:
     """Return the outcome of a state.

@@ -1,4 +1,4 @@
-"""A stage: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
+"""A simulation: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
 from collections.abc import Mapping
 
@@ -20,7 +20,7 @@ from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
 
 
-class Stage(Uncopied):
+class Simulation(Uncopied):
     """One home, ready to play.
 
     Attributes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import SPLIT_HOMES, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -41,12 +41,12 @@ class TaskSource:
             raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
         return find_task(task)
 
-    def draw(self, rng: np.random.Generator, stage_of: Callable[[str], Stage]) -> AnyTask:
+    def draw(self, rng: np.random.Generator, simulation_of: Callable[[str], Simulation]) -> AnyTask:
         """Draw a task.
 
         Args:
             rng: source of randomness.
-            stage_of: the stage of a home, by its name or path.
+            simulation_of: the simulation of a home, by its name or path.
 
         Raises:
             TaskError: the home offers no task that can be solved.
@@ -54,11 +54,11 @@ class TaskSource:
         if self._tasks:
             return self._tasks[rng.integers(len(self._tasks))]
         home = self._homes[rng.integers(len(self._homes))] if len(self._homes) > 1 else self._homes[0]
-        return draw_solvable(stage_of(home), home, rng, kind=self._kind)
+        return draw_solvable(simulation_of(home), home, rng, kind=self._kind)
 
 
 def draw_solvable(
-    stage: Stage,
+    simulation: Simulation,
     home: str,
     rng: np.random.Generator,
     task_id: str | None = None,
@@ -67,7 +67,7 @@ def draw_solvable(
     """Draw a task for a home until the planner solves one, and return it with its L*.
 
     Args:
-        stage: of the home.
+        simulation: of the home.
         home: the home's name or path, as the task is to name it.
         rng: source of randomness.
         task_id: the task's id; made of the home's name and the task's seed if None.
@@ -78,9 +78,9 @@ def draw_solvable(
     """
     reason = ""
     for _ in range(_DRAWS):
-        task = kind.sample(stage.space, home, rng, task_id)
+        task = kind.sample(simulation.space, home, rng, task_id)
         try:
-            return replace(task, optimal_steps=stage.solve(task, kind).steps)
+            return replace(task, optimal_steps=simulation.solve(task, kind).steps)
         except TaskError as error:
             reason = str(error)
-    raise TaskError(f"{stage.home.path}: none of {_DRAWS} drawn tasks can be solved; the last: {reason}")
+    raise TaskError(f"{simulation.home.path}: none of {_DRAWS} drawn tasks can be solved; the last: {reason}")

@@ -40,26 +40,26 @@ class Outlook:
         yaw = 2 * np.pi * heading / HEADINGS
         (forward, left, _), cosine, sine = self.camera.position, np.cos(yaw), np.sin(yaw)
         offset = forward * np.stack([cosine, sine], axis=1) + left * np.stack([-sine, cosine], axis=1)
-        eyes = self.lattice.points[position] + offset
-        seen = _in_cone(self.camera, eyes, yaw, centre, radius)
-        seen[seen] = ~self._behind_wall(eyes[seen], centre[:2], radius)
+        lenses = self.lattice.points[position] + offset
+        seen = _in_cone(self.camera, lenses, yaw, centre, radius)
+        seen[seen] = ~self._behind_wall(lenses[seen], centre[:2], radius)
         return seen
 
-    def _behind_wall(self, eyes: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-        """Return from which eyes one wall covers the whole ball: it crosses both outermost lines of sight."""
-        away = centre - eyes
+    def _behind_wall(self, lenses: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
+        """Return from which lenses one wall covers the whole ball: it crosses both outermost lines of sight."""
+        away = centre - lenses
         distance = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
         ahead = away / distance
         front = centre - radius * ahead
         side = radius * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        hidden = (self._walls.crossed(eyes, front + side) & self._walls.crossed(eyes, front - side)).any(axis=1)
+        hidden = (self._walls.crossed(lenses, front + side) & self._walls.crossed(lenses, front - side)).any(axis=1)
         behind: NDArray[np.bool_] = hidden & (distance[:, 0] > 2 * radius)
         return behind
 
 
-def _in_cone(camera: CameraMount, eyes: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-    """Return from which eyes the ball touches a camera's cone of view."""
-    offset = centre[:2] - eyes
+def _in_cone(camera: CameraMount, lenses: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
+    """Return from which lenses the ball touches a camera's cone of view."""
+    offset = centre[:2] - lenses
     forward = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
     left = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]
     up, sine, cosine = centre[2] - camera.position[2], np.sin(camera.pitch), np.cos(camera.pitch)

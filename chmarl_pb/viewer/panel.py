@@ -104,10 +104,12 @@ def _robot_card(
     end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
     if known is now and action is not None:
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
-    told = now.feedback[robot] if known is now else ""
+    feedback = now.feedback[robot] if known is now else ""
     seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
-    lines = [(line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if told else 4)]
-    lines += [(line, _AMBER) for line in wrap(told, 14, width, 3)] if told else []
+    lines = [
+        (line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if feedback else 4)
+    ]
+    lines += [(line, _AMBER) for line in wrap(feedback, 14, width, 3)] if feedback else []
     for number, (line, shade) in enumerate(lines):
         sheet.text(x, _CARD_TOP + 82 + 20 * number, line, 14, shade)
 

@@ -153,7 +153,7 @@ def _recorded(
 
         episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
         return Recording(
-            task, env.stage.home, team_in(env.world, env.stage.models), optimum(env), env.instruction, name,
+            task, env.simulation.home, team_in(env.world, env.simulation.models), optimum(env), env.instruction, name,
             env.options.observation_name, env.rooms, env.setting.goal.receptacles, _moments(env, episode, noted),
             episode.success,
         )  # fmt: skip

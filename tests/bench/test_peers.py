@@ -112,7 +112,7 @@ def test_home_is_a_mujoco_model() -> None:
     env.reset(seed=0)
     geoms = list(ElementTree.fromstring(mjcf(env, 90.0)).iter("geom"))
     env.close()
-    solids = sum(len(thing.solids) for thing in env.stage.home.structure + env.stage.home.things)
+    solids = sum(len(thing.solids) for thing in env.simulation.home.structure + env.simulation.home.things)
     assert len(geoms) == solids + len(env.world.objects)
 
 

@@ -337,9 +337,9 @@ def test_noisy_labels_are_optimal_actions(joint: gymnasium.Env) -> None:
         core.reset(options={"task": task})
         for humanoid, drone in actions[:step]:
             core.step({"humanoid": humanoid, "drone": drone})
-        left = len(core.stage.oracle.plan(core.setting.goal))
+        left = len(core.simulation.oracle.plan(core.setting.goal))
         core.step({"humanoid": labels[step, 0], "drone": labels[step, 1]})
-        assert len(core.stage.oracle.plan(core.setting.goal)) == left - 1
+        assert len(core.simulation.oracle.plan(core.setting.goal)) == left - 1
 
 
 def test_noise_depends_on_the_seed_alone(joint: gymnasium.Env) -> None:

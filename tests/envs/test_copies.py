@@ -95,7 +95,7 @@ def test_a_copy_outlives_what_it_was_made_of() -> None:
 
 @pytest.mark.parametrize("make_copy", [*COPIES.values(), copy.copy], ids=[*COPIES, "copy"])
 def test_worlds_and_vectors_refuse_to_be_copied(env: HouseholdEnv, make_copy: Callable[[Any], Any]) -> None:
-    for what in (env.world, env.stage, env.stage.oracle.world, env.world.physics):
+    for what in (env.world, env.simulation, env.simulation.oracle.world, env.world.physics):
         with pytest.raises(CopyError, match="cannot be copied or pickled; copy the environment instead"):
             make_copy(what)
     with closing(chmarl_pb.vector_env(1, workers=0)) as vector:

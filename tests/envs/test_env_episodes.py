@@ -68,7 +68,7 @@ def test_an_episode_is_the_same_after_others(env: HouseholdEnv, tasks: list[Task
         return digest(*results)
 
     env.reset(options={"task": tasks[1]})
-    plan = env.stage.oracle.plan(env.setting.goal)
+    plan = env.simulation.oracle.plan(env.setting.goal)
     first = episode()
     for seed in range(4):
         play(env, seed)
@@ -98,7 +98,7 @@ def test_twenty_environments_at_once_do_not_touch_each_other() -> None:
 
 def test_success_terminates_both_robots(env: HouseholdEnv, tasks: list[Task]) -> None:
     env.reset(options={"task": tasks[0]})
-    plan = env.stage.oracle.plan(env.setting.goal)
+    plan = env.simulation.oracle.plan(env.setting.goal)
     for name in plan:
         assert env.agents == list(TEAM)
         _, _, terminated, truncated, infos = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 8})
@@ -120,7 +120,7 @@ def test_success_on_the_last_step_is_no_truncation(tasks: list[Task]) -> None:
     task = tasks[0]
     env = HouseholdEnv(max_steps=task.optimal_steps)
     env.reset(options={"task": task})
-    for name in env.stage.oracle.plan(env.setting.goal):
+    for name in env.simulation.oracle.plan(env.setting.goal):
         _, _, terminated, truncated, _ = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 8})
     assert terminated["drone"] and not truncated["drone"]
     env.close()
@@ -148,8 +148,8 @@ def test_failed_actions_change_nothing(env: HouseholdEnv, tasks: list[Task]) -> 
 
 
 def assert_nothing_lost(env: HouseholdEnv) -> None:
-    low, high = env.stage.home.bounds
-    floors = [floor for room in env.stage.home.rooms.values() for floor in room.floors]
+    low, high = env.simulation.home.bounds
+    floors = [floor for room in env.simulation.home.rooms.values() for floor in room.floors]
     for name in env.world.objects:
         position, quaternion = env.world.pose(name)
         assert np.isfinite([*position, *quaternion]).all(), name
@@ -237,11 +237,11 @@ def test_observations_are_the_callers_own(env: HouseholdEnv, visual_env: Househo
 
 def test_self_tells_room_heading_and_hand(env: HouseholdEnv, tasks: list[Task]) -> None:
     observations, _ = env.reset(options={"task": tasks[0]})
-    plan = env.stage.oracle.plan(env.setting.goal)
+    plan = env.simulation.oracle.plan(env.setting.goal)
     for name in plan[: plan.index("pick") + 1]:
         observations, *_ = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 1})
     own = observations["humanoid"]["self"]
-    x, y, yaw = env.stage.oracle.robot.lattice.pose(env.stage.oracle.robot.pose)
+    x, y, yaw = env.simulation.oracle.robot.lattice.pose(env.simulation.oracle.robot.pose)
     assert env.world.home.room_at(np.array([x, y])) == (*env.rooms, "hallway")[int(own[:5].argmax())]
     np.testing.assert_allclose(own[5:], [np.cos(yaw), np.sin(yaw), 1], atol=1e-6)
     np.testing.assert_allclose(observations["drone"]["self"], [0, 1, 0, 0, 0, 0, 1, 0], atol=1e-6)

@@ -12,7 +12,7 @@ import pytest
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.tasks.setting import DISTRACTORS, Setting
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import World, yaw_quaternion
 
@@ -35,37 +35,39 @@ def test_no_body_is_loaded_after_a_home(env: HouseholdEnv, tasks: list[Task], mo
     assert len({task.home for task in first}) == 7
     for task in first:
         env.reset(options={"task": task})
-    bodies = {stage.world.client: count(stage.world) for stage in env._stages.values()}
+    bodies = {simulation.world.client: count(simulation.world) for simulation in env._simulations.values()}
     for loader in ("loadURDF", "loadSDF", "loadMJCF", "createMultiBody", "connect", "resetSimulation"):
         monkeypatch.setattr(pybullet, loader, forbid)
     for task in later:
         play(env, task, rng)
-    assert bodies == {stage.world.client: count(stage.world) for stage in env._stages.values()}
+    assert bodies == {simulation.world.client: count(simulation.world) for simulation in env._simulations.values()}
 
 
 def count(world: World) -> int:
     return int(pybullet.getNumBodies(physicsClientId=world.client))
 
 
-def layout(stage: Stage, setting: Setting) -> tuple[Any, ...]:
-    """Return all that a task has laid out in a stage."""
-    world = stage.world
+def layout(simulation: Simulation, setting: Setting) -> tuple[Any, ...]:
+    """Return all that a task has laid out in a simulation."""
+    world = simulation.world
     world.sync()
     poses = {name: (world.pose(name), world.physics.read_object(name)) for name in world.objects}
     robots = [world.physics.read_base(name) for name in world.robots]
-    return setting, poses, dict(world.supports), robots, stage.oracle.robot.arm.configuration()
+    return setting, poses, dict(world.supports), robots, simulation.oracle.robot.arm.configuration()
 
 
-def test_a_task_is_the_same_after_any_other(stage: Stage, tasks: list[Task]) -> None:
-    own = [task for task in tasks if task.home == stage.home.name][:6]
-    before = [layout(stage, stage.begin(task)) for task in own]
+def test_a_task_is_the_same_after_any_other(simulation: Simulation, tasks: list[Task]) -> None:
+    own = [task for task in tasks if task.home == simulation.home.name][:6]
+    before = [layout(simulation, simulation.begin(task)) for task in own]
     order = np.random.default_rng(1).permutation(len(own)).tolist()
-    assert [layout(stage, stage.begin(own[number])) for number in order] == [before[number] for number in order]
+    assert [layout(simulation, simulation.begin(own[number])) for number in order] == [
+        before[number] for number in order
+    ]
 
 
-def test_a_task_uses_its_objects_and_parks_the_rest(stage: Stage, tasks: list[Task]) -> None:
-    for task in [task for task in tasks if task.home == stage.home.name][:5]:
-        setting, world = stage.begin(task), stage.world
+def test_a_task_uses_its_objects_and_parks_the_rest(simulation: Simulation, tasks: list[Task]) -> None:
+    for task in [task for task in tasks if task.home == simulation.home.name][:5]:
+        setting, world = simulation.begin(task), simulation.world
         assert len(world.objects) == DISTRACTORS + 1 and task.item in world.objects
         assert set(world.supports) == set(world.objects) <= set(setting.states)
         world.sync()
@@ -73,10 +75,10 @@ def test_a_task_uses_its_objects_and_parks_the_rest(stage: Stage, tasks: list[Ta
         assert {name for name, height in heights.items() if height < 10} == set(world.objects)
 
 
-def test_objects_keep_apart(stage: Stage, tasks: list[Task]) -> None:
-    world = stage.world
-    for task in [task for task in tasks if task.home == stage.home.name][:5]:
-        stage.begin(task)
+def test_objects_keep_apart(simulation: Simulation, tasks: list[Task]) -> None:
+    world = simulation.world
+    for task in [task for task in tasks if task.home == simulation.home.name][:5]:
+        simulation.begin(task)
         world.sync()
         for body in (world.bodies[name] for name in world.objects):
             for other in (world.bodies[name] for name in world.objects):
@@ -102,12 +104,12 @@ def turn(yaw: float) -> np.ndarray:
     return np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
 
 
-def test_taken_is_the_touch_of_all_objects(stage_of: Callable[[str], Stage], tasks: list[Task]) -> None:
+def test_taken_is_the_touch_of_all_objects(simulation_of: Callable[[str], Simulation], tasks: list[Task]) -> None:
     """Leaving out far objects leaves out none that touches."""
-    stage, rng = stage_of("home_7"), np.random.default_rng(2)
-    world, space, found = stage.world, stage.space, 0
+    simulation, rng = simulation_of("home_7"), np.random.default_rng(2)
+    world, space, found = simulation.world, simulation.space, 0
     for task in [task for task in tasks if task.home == "home_7"][:6]:
-        stage.begin(task)
+        simulation.begin(task)
         for name in world.objects:  # off the grid, where rounding decides nothing
             (x, y, z), _ = world.pose(name)
             dx, dy, yaw = rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), rng.uniform(-np.pi, np.pi)

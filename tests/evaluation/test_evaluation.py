@@ -244,7 +244,7 @@ def test_other_robots_have_an_optimum_of_their_own(tmp_path: Path) -> None:
     assert robots_hash([faster])["humanoid"] != robots_hash(models)["humanoid"]
     env = HouseholdEnv(robots=robots, home=TASKS[0].home)
     for episode in report.episodes:
-        plan = env.stage.solve(episode.task)
+        plan = env.simulation.solve(episode.task)
         assert episode.success and episode.optimum == Optimum(plan.steps, plan.proven)
         assert episode.score == plan.steps / max(episode.steps, plan.steps)
         assert {len(numbers) for numbers in episode.actions} == {3}

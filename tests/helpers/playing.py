@@ -60,5 +60,5 @@ def everything(env: HouseholdEnv) -> str:
     world.sync()
     poses = {n: pybullet.getBasePositionAndOrientation(b, physicsClientId=client) for n, b in world.bodies.items()}
     robots = {name: robot.pose for name, robot in world.robots.items()}
-    arm = env.stage.oracle.robot.arm.configuration()
+    arm = env.simulation.oracle.robot.arm.configuration()
     return digest(poses, robots, arm, world.held, sorted(world.supports.items(), key=str), env.outcome, env.messages)

@@ -9,7 +9,7 @@ from chmarl_pb.navigation.free_space import grip_point, space_of
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.navigation.reach import REACH
 from chmarl_pb.navigation.surfaces import CELL
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 
 SIZES = ["mug_1", "book_1", "wine_bottle_1", "cushion_1", "knife_1", "frying_pan_1"]
 
@@ -31,30 +31,30 @@ def samples_of(place: np.ndarray, size: tuple[float, float, float]) -> np.ndarra
 
 
 @pytest.mark.parametrize("item", SIZES)
-def test_objects_fit_their_places(stage: Stage, item: str) -> None:
-    size, rng = stage.world.size(item), np.random.default_rng(0)
-    for name, thing in stage.home.receptacles.items():
-        places = stage.space.places(name, size)
+def test_objects_fit_their_places(simulation: Simulation, item: str) -> None:
+    size, rng = simulation.world.size(item), np.random.default_rng(0)
+    for name, thing in simulation.home.receptacles.items():
+        places = simulation.space.places(name, size)
         for place in places[rng.permutation(len(places))[:15]]:
             tops = [solid for solid in thing.solids if abs(solid.top - place[2]) < 0.005]
             points = samples_of(place, size)
             assert np.logical_or.reduce([inside(top.polygon, points, 2e-3) for top in tops]).all(), name
-            for solid in stage.home.solids:
+            for solid in simulation.home.solids:
                 if solid.spans(place[2] + 0.01, place[2] + size[2]):
                     assert not inside(solid.polygon, points).any(), f"{item} on {name} at {place.round(3)}"
 
 
-def test_places_are_fixed_and_distinct(stage: Stage) -> None:
-    for name in stage.home.receptacles:
-        places = stage.space.places(name, (0.1, 0.06, 0.1))
-        assert places is stage.space.places(name, (0.1, 0.06, 0.1))
+def test_places_are_fixed_and_distinct(simulation: Simulation) -> None:
+    for name in simulation.home.receptacles:
+        places = simulation.space.places(name, (0.1, 0.06, 0.1))
+        assert places is simulation.space.places(name, (0.1, 0.06, 0.1))
         assert len(np.unique(places.round(6), axis=0)) == len(places)
 
 
-def test_stand_is_within_reach_and_its_line_is_free(stage: Stage) -> None:
-    space, rng, found = stage.space, np.random.default_rng(1), 0
+def test_stand_is_within_reach_and_its_line_is_free(simulation: Simulation) -> None:
+    space, rng, found = simulation.space, np.random.default_rng(1), 0
     size = (0.08, 0.08, 0.1)
-    for name in stage.home.receptacles:
+    for name in simulation.home.receptacles:
         places = space.places(name, size)
         for place in places[rng.permutation(len(places))[:8]].tolist():
             grip = grip_point((place[0], place[1], place[2]), size)
@@ -66,44 +66,44 @@ def test_stand_is_within_reach_and_its_line_is_free(stage: Stage) -> None:
             distance, bearing = np.hypot(grip[0] - x, grip[1] - y), np.arctan2(grip[1] - y, grip[0] - x) - yaw
             assert REACH.contains(distance, grip[2], bearing)
             line = np.array([x, y]) + np.linspace(0, 1, 200)[:, None] * np.subtract(grip[:2], (x, y))
-            for solid in stage.home.solids:
+            for solid in simulation.home.solids:
                 if solid.top > grip[2] + 1e-3 and solid.bottom < grip[2]:
                     assert not inside(solid.polygon, line, -1e-6).any(), f"{solid} cuts the reach to {name}"
     assert found > 30
 
 
-def test_no_stand_out_of_reach(stage: Stage) -> None:
-    x, y = stage.space.lattice.points[0]
-    assert stage.space.stand((float(x), float(y) + 0.5, 2.0)) is None
-    assert stage.space.stand((100.0, 100.0, 1.0)) is None
+def test_no_stand_out_of_reach(simulation: Simulation) -> None:
+    x, y = simulation.space.lattice.points[0]
+    assert simulation.space.stand((float(x), float(y) + 0.5, 2.0)) is None
+    assert simulation.space.stand((100.0, 100.0, 1.0)) is None
 
 
-def test_the_arm_reaches_every_stand(stage: Stage) -> None:
+def test_the_arm_reaches_every_stand(simulation: Simulation) -> None:
     """What ``stand`` promises, inverse kinematics keep."""
     rng, size = np.random.default_rng(2), (0.08, 0.08, 0.1)
-    for name in rng.choice(list(stage.home.receptacles), size=4, replace=False):
-        places = stage.space.places(str(name), size)
+    for name in rng.choice(list(simulation.home.receptacles), size=4, replace=False):
+        places = simulation.space.places(str(name), size)
         for place in places[rng.permutation(len(places))[:3]].tolist():
             grip = grip_point((place[0], place[1], place[2]), size)
-            stand = stage.space.stand(grip)
+            stand = simulation.space.stand(grip)
             if stand is not None:
-                assert stand // HEADINGS < len(stage.space.lattice.points)
-                assert stage.oracle.robot._reach(stand, grip) is not None
+                assert stand // HEADINGS < len(simulation.space.lattice.points)
+                assert simulation.oracle.robot._reach(stand, grip) is not None
 
 
-def test_every_receptacle_holds_a_small_object(stage: Stage) -> None:
-    assert all(len(stage.space.places(name, (0.1, 0.1, 0.1))) for name in stage.home.receptacles)
+def test_every_receptacle_holds_a_small_object(simulation: Simulation) -> None:
+    assert all(len(simulation.space.places(name, (0.1, 0.1, 0.1))) for name in simulation.home.receptacles)
 
 
-def test_every_object_fits_somewhere_within_reach(stage: Stage) -> None:
+def test_every_object_fits_somewhere_within_reach(simulation: Simulation) -> None:
     for name in catalog.GRASPABLES:
-        size = stage.world.size(f"{name}_1")
+        size = simulation.world.size(f"{name}_1")
         assert any(
-            stage.space.stand(grip_point((x, y, z), size)) is not None
-            for receptacle in stage.home.receptacles
-            for x, y, z in stage.space.places(receptacle, size)[:: max(1, int(1 / CELL)), :3].tolist()
+            simulation.space.stand(grip_point((x, y, z), size)) is not None
+            for receptacle in simulation.home.receptacles
+            for x, y, z in simulation.space.places(receptacle, size)[:: max(1, int(1 / CELL)), :3].tolist()
         ), name
 
 
-def test_one_space_for_a_home(stage: Stage) -> None:
-    assert space_of(stage.home) is stage.space
+def test_one_space_for_a_home(simulation: Simulation) -> None:
+    assert space_of(simulation.home) is simulation.space

@@ -10,29 +10,29 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.navigation.reach import REACH
 from chmarl_pb.navigation.surfaces import CELL, find_surfaces
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from tests.helpers.small_homes import home_text
 
 FLOOR = {"livingroom/floor_1": ((4, 4, 0.1), (0, 0, -0.05))}
 
 
-def test_every_receptacle_has_a_surface(stage: Stage) -> None:
-    assert {surface.receptacle for surface in stage.space.surfaces} == set(stage.home.receptacles)
+def test_every_receptacle_has_a_surface(simulation: Simulation) -> None:
+    assert {surface.receptacle for surface in simulation.space.surfaces} == set(simulation.home.receptacles)
 
 
-def test_surfaces_are_within_reach_and_on_a_top_of_their_receptacle(stage: Stage) -> None:
-    for surface in stage.space.surfaces:
+def test_surfaces_are_within_reach_and_on_a_top_of_their_receptacle(simulation: Simulation) -> None:
+    for surface in simulation.space.surfaces:
         assert REACH.height[0] <= surface.height <= REACH.height[1]
-        solids = stage.home.receptacles[surface.receptacle].solids
+        solids = simulation.home.receptacles[surface.receptacle].solids
         tops = [solid for solid in solids if abs(solid.top - surface.height) < 0.005]
         free = surface.points[surface.free > 0]
         assert np.logical_or.reduce([inside(solid.polygon, free, 2e-3) for solid in tops]).all()
 
 
-def test_nothing_stands_in_the_free_height(stage: Stage) -> None:
-    for surface in stage.space.surfaces:
+def test_nothing_stands_in_the_free_height(simulation: Simulation) -> None:
+    for surface in simulation.space.surfaces:
         points, heights = surface.points[surface.free > 0], surface.free[surface.free > 0]
-        for solid in stage.home.solids:
+        for solid in simulation.home.solids:
             over = inside(solid.polygon, points)
             cut = (solid.top > surface.height + 0.01) & (solid.bottom < surface.height + heights - 1e-9)
             assert not (over & cut).any(), f"{surface.receptacle} at {surface.height:.2f} m"

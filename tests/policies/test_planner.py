@@ -15,7 +15,7 @@ from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.search import DroneSearch, HumanoidSearch, SearchPolicy
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.language import parse_instruction
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -37,7 +37,7 @@ def act(env: HouseholdEnv, actions: list[str]) -> bool:
 
 
 def state_of(env: HouseholdEnv) -> tuple:
-    return env.stage.oracle.robot.pose, env.world.held, tuple(sorted(env.world.supports.items()))
+    return env.simulation.oracle.robot.pose, env.world.held, tuple(sorted(env.world.supports.items()))
 
 
 def solved_within(env: HouseholdEnv, task: Task, steps: int) -> bool:
@@ -68,14 +68,14 @@ def test_plans_are_shortest_against_brute_force(env: HouseholdEnv, tasks: list[T
     short.sort(key=lambda task: task.optimal_steps)
     for task in [*short[:2], *short[-2:]]:
         env.reset(options={"task": task})
-        plan = env.stage.oracle.plan(env.setting.goal)
+        plan = env.simulation.oracle.plan(env.setting.goal)
         assert len(plan) == task.optimal_steps and act(env, plan), task
         assert not solved_within(env, task, len(plan) - 1), task
 
 
-def signature(stage: Stage) -> dict[str, Any]:
+def signature(simulation: Simulation) -> dict[str, Any]:
     """Return all of a world's state that an episode depends on."""
-    world, client = stage.world, stage.world.client
+    world, client = simulation.world, simulation.world.client
     world.sync()
     bodies = world.bodies.items()
     return {
@@ -84,45 +84,45 @@ def signature(stage: Stage) -> dict[str, Any]:
         "held": world.held,
         "supports": dict(world.supports),
         "robots": (dict(world.state.grips), dict(world.robots)),
-        "arm": stage.oracle.robot.arm.configuration(),
+        "arm": simulation.oracle.robot.arm.configuration(),
         "constraints": pybullet.getNumConstraints(physicsClientId=client),
     }
 
 
-def test_planning_leaves_the_world_as_it_is(stage: Stage, tasks: list[Task]) -> None:
-    task = next(task for task in tasks if task.home == stage.home.name)
-    goal = stage.begin(task).goal
-    before = signature(stage)
-    plan = stage.oracle.plan(goal)
-    assert signature(stage) == before
-    stage.oracle.robot.hold(goal.item, 0.3)
-    held = signature(stage)
-    stage.oracle.plan(goal)
-    assert signature(stage) == held
-    assert stage.solve(task).plans["humanoid"].actions == plan
+def test_planning_leaves_the_world_as_it_is(simulation: Simulation, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == simulation.home.name)
+    goal = simulation.begin(task).goal
+    before = signature(simulation)
+    plan = simulation.oracle.plan(goal)
+    assert signature(simulation) == before
+    simulation.oracle.robot.hold(goal.item, 0.3)
+    held = signature(simulation)
+    simulation.oracle.plan(goal)
+    assert signature(simulation) == held
+    assert simulation.solve(task).plans["humanoid"].actions == plan
 
 
-def test_the_planner_refuses_what_cannot_be_done(stage_of: Callable[[str], Stage], tasks: list[Task]) -> None:
-    stage = stage_of("home_1")
+def test_the_planner_refuses_what_cannot_be_done(simulation_of: Callable[[str], Simulation], tasks: list[Task]) -> None:
+    simulation = simulation_of("home_1")
     task = next(task for task in tasks if task.home == "home_1")
-    goal, before = stage.begin(task).goal, stage.begin(task)
-    (x, y, _), quaternion = stage.world.pose(goal.item)
-    stage.world.place(goal.item, (x, y, 2.4), quaternion, stage.world.supports[goal.item].receptacle)
-    high = signature(stage)
+    goal, before = simulation.begin(task).goal, simulation.begin(task)
+    (x, y, _), quaternion = simulation.world.pose(goal.item)
+    simulation.world.place(goal.item, (x, y, 2.4), quaternion, simulation.world.supports[goal.item].receptacle)
+    high = signature(simulation)
     with pytest.raises(TaskError, match="cannot be reached"):
-        stage.oracle.plan(goal)
-    assert signature(stage) == high
-    assert stage.begin(task) == before
+        simulation.oracle.plan(goal)
+    assert signature(simulation) == high
+    assert simulation.begin(task) == before
 
 
-def test_nothing_to_do_when_x_is_on_y(stage: Stage, tasks: list[Task]) -> None:
-    task = next(task for task in tasks if task.home == stage.home.name)
-    item = stage.begin(task).goal.item
-    assert stage.oracle.plan(Goal(item, (stage.world.supports[item].receptacle,))) == []
+def test_nothing_to_do_when_x_is_on_y(simulation: Simulation, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == simulation.home.name)
+    item = simulation.begin(task).goal.item
+    assert simulation.oracle.plan(Goal(item, (simulation.world.supports[item].receptacle,))) == []
 
 
 def symbolic(env: HouseholdEnv) -> tuple:
-    return env.outcome, env.stage.oracle.robot.pose, env.stage.robots["drone"].pose
+    return env.outcome, env.simulation.oracle.robot.pose, env.simulation.robots["drone"].pose
 
 
 def both_executions(instant: HouseholdEnv, simulated: HouseholdEnv, task: Task) -> None:
@@ -167,7 +167,7 @@ def test_planner_goes_on_from_a_detour(env: HouseholdEnv, tasks: list[Task]) -> 
             if env.agents:
                 env.step({"humanoid": int(rng.integers(10)), "drone": int(rng.integers(9))})
         if env.agents:
-            assert act(env, env.stage.oracle.plan(env.setting.goal)), task
+            assert act(env, env.simulation.oracle.plan(env.setting.goal)), task
 
 
 class BlindEnv:

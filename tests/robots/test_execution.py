@@ -26,7 +26,7 @@ from chmarl_pb.world import TIME_STEP, Grip, World
 FRAME = TICKS_PER_FRAME * TIME_STEP
 
 
-class Stage:
+class Simulation:
     """A world with both robots, and one object on a receptacle."""
 
     def __init__(self, home: str):
@@ -74,22 +74,22 @@ class Stage:
 
 
 @pytest.fixture(scope="module")
-def stages() -> Iterator[dict[str, Stage]]:
-    stages: dict[str, Stage] = {}
-    yield stages
-    for stage in stages.values():
-        stage.world.close()
+def simulations() -> Iterator[dict[str, Simulation]]:
+    simulations: dict[str, Simulation] = {}
+    yield simulations
+    for simulation in simulations.values():
+        simulation.world.close()
 
 
-def stage_of(stages: dict[str, Stage], home: str) -> Stage:
-    if home not in stages:
-        stages[home] = Stage(home)
-    return stages[home]
+def simulation_of(simulations: dict[str, Simulation], home: str) -> Simulation:
+    if home not in simulations:
+        simulations[home] = Simulation(home)
+    return simulations[home]
 
 
 @pytest.fixture
-def stage(stages: dict[str, Stage]) -> Stage:
-    return stage_of(stages, "home_1")
+def simulation(simulations: dict[str, Simulation]) -> Simulation:
+    return simulation_of(simulations, "home_1")
 
 
 @pytest.fixture
@@ -108,13 +108,15 @@ def misses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.mark.parametrize("home", home_names())
 @pytest.mark.parametrize("seed", [1, 2])
-def test_both_executions_end_the_same(stages: dict[str, Stage], misses: list[float], home: str, seed: int) -> None:
-    stage, ends = stage_of(stages, home), []
+def test_both_executions_end_the_same(
+    simulations: dict[str, Simulation], misses: list[float], home: str, seed: int
+) -> None:
+    simulation, ends = simulation_of(simulations, home), []
     for simulated in (True, False):
-        stage.set_up(seed)
+        simulation.set_up(seed)
         end = []
         for action, drone in (("pick", "goto_kitchen"), ("place", "goto_bedroom"), ("pick", "stay")):
-            end.append((stage.act(action, simulated, drone)[0], stage.state()))
+            end.append((simulation.act(action, simulated, drone)[0], simulation.state()))
         ends.append(end)
     assert ends[0] == ends[1]
     assert ends[0][0][0], "every object that lies within reach can be picked"
@@ -122,98 +124,104 @@ def test_both_executions_end_the_same(stages: dict[str, Stage], misses: list[flo
 
 
 @pytest.mark.parametrize("home", home_names())
-def test_the_base_keeps_clear_and_moves_smoothly(stages: dict[str, Stage], home: str) -> None:
-    stage = stage_of(stages, home)
-    stage.set_up(3)
+def test_the_base_keeps_clear_and_moves_smoothly(simulations: dict[str, Simulation], home: str) -> None:
+    simulation = simulation_of(simulations, home)
+    simulation.set_up(3)
     for action in ("goto_kitchen", "goto_bedroom", "pick", "turn_left"):
-        start = stage.humanoid.pose
-        done, snapshots = stage.act(action, simulated=True)
+        start = simulation.humanoid.pose
+        done, snapshots = simulation.act(action, simulated=True)
         assert done
         bases = [snapshot.bases["humanoid"] for snapshot in snapshots]
         points = np.array([position[:2] for position, _ in bases])
-        for solid in stage.space.lattice.obstacles:
+        for solid in simulation.space.lattice.obstacles:
             assert not segments_hit(solid.polygon, points, points, FOOTPRINT.radius - 1e-3).any()
         yaws = np.unwrap([2 * np.arctan2(quaternion[2], quaternion[3]) for _, quaternion in bases])
         assert np.abs(np.diff(points, n=2, axis=0)).max() < 4.0 * FRAME**2
         assert np.abs(np.diff(yaws, n=2)).max() < 10.0 * FRAME**2
-        assert np.hypot(*(points[0] - stage.space.lattice.pose(start)[:2])) < 0.01
+        assert np.hypot(*(points[0] - simulation.space.lattice.pose(start)[:2])) < 0.01
 
 
-def test_the_held_object_stays_in_the_hand(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    humanoid, world, gaps, tilts, heights = stage.humanoid, stage.world, [], [], []
+def test_the_held_object_stays_in_the_hand(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    humanoid, world, gaps, tilts, heights = simulation.humanoid, simulation.world, [], [], []
     physics, step = world.physics, world.physics.step
 
     def watch() -> None:
         step()
         if pybullet.getNumConstraints(physicsClientId=world.client):  # the state does not know of a rehearsed grip
-            position, quaternion = physics.read_object(stage.goal.item)
-            gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(Grip(stage.goal.item, 0.0))[0])))
+            position, quaternion = physics.read_object(simulation.goal.item)
+            gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(Grip(simulation.goal.item, 0.0))[0])))
             tilts.append(np.hypot(*quaternion[:2]))
             heights.append(position[2])
 
     monkeypatch.setattr(physics, "step", watch)
     for seed in (4, 5):
-        stage.set_up(seed)
+        simulation.set_up(seed)
         for action in ("pick", "goto_bathroom", "place"):
             gaps.clear(), tilts.clear(), heights.clear()
-            assert stage.act(action, simulated=True)[0]
+            assert simulation.act(action, simulated=True)[0]
             assert max(gaps) < 0.01
             assert max(tilts) < 0.05
             assert np.abs(np.diff(heights, n=2)).max() < 1e-3
 
 
-def test_the_arm_moves_at_a_human_pace(stage: Stage) -> None:
+def test_the_arm_moves_at_a_human_pace(simulation: Simulation) -> None:
     for seed in range(7, 11):
-        stage.set_up(seed)
-        motion = stage.humanoid.plan("pick", stage.goal, (stage.goal.item,))
+        simulation.set_up(seed)
+        motion = simulation.humanoid.plan("pick", simulation.goal, (simulation.goal.item,))
         assert motion is not None
-        stage.humanoid.spawn(motion.pose)
-        done, snapshots = stage.act("pick", simulated=True)
+        simulation.humanoid.spawn(motion.pose)
+        done, snapshots = simulation.act("pick", simulated=True)
         assert done
         assert 2.0 < len(snapshots) * FRAME < 4.8
         joints = np.array([snapshot.joints["humanoid"] for snapshot in snapshots])
         assert np.abs(np.diff(joints, axis=0)).max() < 2.6 * FRAME
-        assert (joints >= stage.humanoid.arm.lower - 0.01).all() and (joints <= stage.humanoid.arm.upper + 0.01).all()
+        assert (joints >= simulation.humanoid.arm.lower - 0.01).all() and (
+            joints <= simulation.humanoid.arm.upper + 0.01
+        ).all()
 
 
 @pytest.mark.parametrize("action", ["pick", "place"])
-def test_a_miss_leaves_the_world_as_it_was(stage: Stage, monkeypatch: pytest.MonkeyPatch, action: str) -> None:
-    stage.set_up(8)
+def test_a_miss_leaves_the_world_as_it_was(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, action: str
+) -> None:
+    simulation.set_up(8)
     if action == "place":
-        assert stage.act("pick", simulated=True)[0]
-    before = stage.state()
+        assert simulation.act("pick", simulated=True)[0]
+    before = simulation.state()
     monkeypatch.setattr(driven_arm, "TOLERANCE", 0.0)
-    assert not stage.act(action, simulated=True)[0]
-    assert stage.state() == before
+    assert not simulation.act(action, simulated=True)[0]
+    assert simulation.state() == before
     monkeypatch.undo()
-    assert stage.act(action, simulated=True)[0]
+    assert simulation.act(action, simulated=True)[0]
 
 
 @pytest.mark.parametrize("simulated", [False, True])
 def test_an_object_that_does_not_settle_stays_in_the_hand(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch, simulated: bool
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, simulated: bool
 ) -> None:
-    stage.set_up(9)
-    assert stage.act("pick", simulated)[0]
-    before = stage.state()
-    monkeypatch.setattr(stage.world.physics, "rests_on", lambda *_: False)
-    assert not stage.act("place", simulated)[0]
-    assert stage.state() == before
+    simulation.set_up(9)
+    assert simulation.act("pick", simulated)[0]
+    before = simulation.state()
+    monkeypatch.setattr(simulation.world.physics, "rests_on", lambda *_: False)
+    assert not simulation.act("place", simulated)[0]
+    assert simulation.state() == before
 
 
-def test_an_undecided_motion_fails_and_the_other_robot_still_acts(stage: Stage) -> None:
-    stage.set_up(10)
-    stage.drone.spawn(0)
-    before = stage.humanoid.pose
-    far = max(stage.space.drone_lattice.anchors, key=lambda room: abs(stage.space.drone_lattice.anchors[room]))
-    goal = stage.drone.plan(f"goto_{far}")
+def test_an_undecided_motion_fails_and_the_other_robot_still_acts(simulation: Simulation) -> None:
+    simulation.set_up(10)
+    simulation.drone.spawn(0)
+    before = simulation.humanoid.pose
+    far = max(
+        simulation.space.drone_lattice.anchors, key=lambda room: abs(simulation.space.drone_lattice.anchors[room])
+    )
+    goal = simulation.drone.plan(f"goto_{far}")
     assert goal is not None
-    stage.humanoid.arm.drive(Arm.carry)
-    done, snapshots = execute(stage.world, stage.robots, {"humanoid": None, "drone": goal}, simulated=True)
+    simulation.humanoid.arm.drive(Arm.carry)
+    done, snapshots = execute(simulation.world, simulation.robots, {"humanoid": None, "drone": goal}, simulated=True)
     assert done == {"humanoid": False, "drone": True}
-    assert stage.humanoid.pose == before and stage.drone.pose == goal.pose
-    stage.world.sync()
-    assert len(snapshots) > 10 and stage.humanoid.arm.configuration() == Arm.rest
+    assert simulation.humanoid.pose == before and simulation.drone.pose == goal.pose
+    simulation.world.sync()
+    assert len(snapshots) > 10 and simulation.humanoid.arm.configuration() == Arm.rest
     assert np.abs(np.subtract([snapshot.joints["humanoid"] for snapshot in snapshots], Arm.rest)).max() < 0.01
 
 

@@ -90,7 +90,7 @@ def test_an_arm_that_reaches_less_far_takes_other_poses(tmp_path: Path) -> None:
     reached = 0
     for seed in range(6):
         env.reset(seed=seed)
-        robot, grip = env.stage.oracle.robot, env.world.grip(env.setting.goal.item)
+        robot, grip = env.simulation.oracle.robot, env.world.grip(env.setting.goal.item)
         stand = robot.stand(env.setting.goal.item)
         if stand is not None:
             x, y, _ = robot.lattice.pose(stand)

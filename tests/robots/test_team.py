@@ -51,12 +51,12 @@ def step(env: HouseholdEnv, **actions: str) -> tuple[Any, ...]:
 
 
 def cells(env: HouseholdEnv) -> dict[str, int]:
-    return {name: robot.lattice.cell(robot.pose) for name, robot in env.stage.robots.items()}
+    return {name: robot.lattice.cell(robot.pose) for name, robot in env.simulation.robots.items()}
 
 
 def share_no_cell(env: HouseholdEnv) -> bool:
     taken = cells(env)
-    pairs = combinations(env.stage.robots.values(), 2)
+    pairs = combinations(env.simulation.robots.values(), 2)
     return all(taken[a.name] != taken[b.name] for a, b in pairs if a.lattice is b.lattice)
 
 
@@ -113,7 +113,7 @@ def test_robots_start_apart_and_stay_apart(four: HouseholdEnv) -> None:
 
 
 def test_starts_of_one_team_do_not_depend_on_who_is_added() -> None:
-    lattices = tuple(chmarl_pb.parallel_env(split=SPLIT).stage.robots[name].lattice for name in TEAM)
+    lattices = tuple(chmarl_pb.parallel_env(split=SPLIT).simulation.robots[name].lattice for name in TEAM)
     for seed in range(50):
         pair = draw_starts(seed, lattices)
         assert draw_starts(seed, (*lattices, *lattices))[:2] == pair
@@ -123,19 +123,21 @@ def test_goto_takes_the_free_pose_nearest_to_the_anchor(four: HouseholdEnv) -> N
     four.reset(seed=1)
     infos = step(four, humanoid_0="goto_kitchen", humanoid_1="goto_kitchen", drone_0="goto_kitchen")[-1]
     assert all(info["action_success"] for info in infos.values())
-    lattice, robots = four.stage.space.lattice, four.stage.robots
+    lattice, robots = four.simulation.space.lattice, four.simulation.robots
     anchor = lattice.anchors["kitchen"]
     assert robots["humanoid_0"].pose == anchor
     away = np.linalg.norm(lattice.points - lattice.points[lattice.cell(anchor)], axis=1)
     second = robots["humanoid_1"].pose
     assert away[lattice.cell(second)] == np.sort(away)[1] and lattice.heading(second) == lattice.heading(anchor)
-    assert robots["drone_0"].pose == four.stage.space.drone_lattice.anchors["kitchen"], "drones have cells of their own"
+    assert robots["drone_0"].pose == four.simulation.space.drone_lattice.anchors["kitchen"], (
+        "drones have cells of their own"
+    )
 
 
 def test_the_later_ones_move_into_one_cell_fails(four: HouseholdEnv) -> None:
     four.reset(seed=1)
-    first, second = (four.stage.robots[name] for name in ("humanoid_0", "humanoid_1"))
-    forward = four.stage.space.lattice.forward
+    first, second = (four.simulation.robots[name] for name in ("humanoid_0", "humanoid_1"))
+    forward = four.simulation.space.lattice.forward
     east, west = 0, 6  # they drive towards each other, into the cell between them
     cell = next(cell for cell in range(len(forward)) if forward[cell, east] >= 0 <= forward[forward[cell, east], east])
     middle = forward[cell, east]
@@ -153,8 +155,10 @@ def test_two_humanoids_never_pick_one_object(four: HouseholdEnv) -> None:
     four.reset(seed=3)
     item = four.setting.goal.item
     for name in ("humanoid_0", "humanoid_1"):
-        robot = four.stage.oracles[name].robot
-        others = tuple(other.lattice.cell(other.pose) for other in four.stage.robots.values() if other.name != name)
+        robot = four.simulation.oracles[name].robot
+        others = tuple(
+            other.lattice.cell(other.pose) for other in four.simulation.robots.values() if other.name != name
+        )
         robot.spawn(robot.stand(item, others) or 0)
     step(four)  # they look
     seen = [name for name in ("humanoid_0", "humanoid_1") if item in four.outcome.seen[name]]
@@ -177,7 +181,7 @@ def test_all_see_and_all_tell(four: HouseholdEnv) -> None:
 def test_feedback_goes_to_the_robot_that_missed_something(four: HouseholdEnv) -> None:
     four.reset(seed=2)
     item = four.setting.goal.item
-    robot = four.stage.oracles["humanoid_1"].robot
+    robot = four.simulation.oracles["humanoid_1"].robot
     robot.spawn(robot.stand(item) or 0)
     step(four)
     if item not in four.outcome.seen["humanoid_1"]:
@@ -197,8 +201,8 @@ def test_every_policy_drives_any_team(name: str, four: HouseholdEnv, scouting: H
 def test_one_goal_is_reached_by_who_is_there_first(four: HouseholdEnv) -> None:
     for seed in range(4):
         four.reset(seed=seed)
-        team = four.stage.solve(four.task)
-        alone = [len(oracle.plan(four.setting.goal, alone=True)) for oracle in four.stage.oracles.values()]
+        team = four.simulation.solve(four.task)
+        alone = [len(oracle.plan(four.setting.goal, alone=True)) for oracle in four.simulation.oracles.values()]
         assert team.steps >= min(alone) and (team.steps == min(alone)) == team.proven
         episode = chmarl_pb.rollout(four, chmarl_pb.make_policy("planner", four), seed=seed, task=four.task)
         assert episode.success and episode.steps == team.steps
@@ -209,7 +213,7 @@ def test_two_humanoids_tidy_up_faster_than_one() -> None:
     for robots in (("humanoid", "drone"), ("humanoid", "humanoid", "drone")):
         env = chmarl_pb.parallel_env(split=SPLIT, robots=robots, task="tidy", max_steps=100)
         env.reset(seed=1)
-        team = env.stage.solve(env.task, env.options.kind)
+        team = env.simulation.solve(env.task, env.options.kind)
         assert not team.proven, "several goals: an upper bound"
         episode = chmarl_pb.rollout(env, chmarl_pb.make_policy("planner", env), seed=1)
         assert episode.success
@@ -231,7 +235,7 @@ def test_both_renderers_agree_on_any_team(robots: Any) -> None:
         steps = [env.step(actions) for env in envs]
         for name in envs[0].possible_agents:
             assert steps[0][-1][name]["visible"] == steps[1][-1][name]["visible"]
-            fast, tiny = (env.stage.renderer.picture(name, 48) for env in envs)
+            fast, tiny = (env.simulation.renderer.picture(name, 48) for env in envs)
             for part in ("colour", "depth", "segmentation"):
                 np.testing.assert_array_equal(getattr(fast, part), getattr(tiny, part))
     for env in envs:
@@ -240,10 +244,10 @@ def test_both_renderers_agree_on_any_team(robots: Any) -> None:
 
 def test_a_robot_file_gives_camera_footprint_and_class(scouting: HouseholdEnv) -> None:
     observations, _ = scouting.reset(seed=0)
-    model = scouting.stage.models["scout"]
+    model = scouting.simulation.models["scout"]
     assert (model.class_name, model.camera.fov, model.footprint.radius, model.reach) == ("humanoid", 110, 0.2, None)
-    assert len(scouting.stage.robots["scout"].lattice.points) > len(scouting.stage.space.lattice.points)
-    (_, _, height), _ = model.eye(scouting.stage.space, 0)
+    assert len(scouting.simulation.robots["scout"].lattice.points) > len(scouting.simulation.space.lattice.points)
+    (_, _, height), _ = model.eye(scouting.simulation.space, 0)
     assert height == pytest.approx(0.8) and observations["scout"]["depth"].shape == (32, 32)
 
 

@@ -36,7 +36,7 @@ def act(env: HouseholdEnv, action: str) -> str:
 
 
 def plan(env: HouseholdEnv) -> list[str]:
-    return list(env.stage.oracle.plan(env.setting.goal))
+    return list(env.simulation.oracle.plan(env.setting.goal))
 
 
 def recommended(sentence: str) -> str:

@@ -40,7 +40,7 @@ class Late:
 class Counting:
     """An adviser that counts the steps of an episode, and tells the drone."""
 
-    def begin(self, stage: Any, task: Any, goal: Any) -> None:
+    def begin(self, simulation: Any, task: Any, goal: Any) -> None:
         self.count = 0
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:

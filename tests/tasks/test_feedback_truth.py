@@ -47,7 +47,7 @@ def played(
     while env.agents and len(taken) < steps:
         astray = rng.random() < detours
         if not astray and not plan:
-            plan = env.stage.oracle.plan(env.setting.goal)
+            plan = env.simulation.oracle.plan(env.setting.goal)
         action = int(rng.integers(len(names))) if astray else names.index(plan.pop(0))
         plan = [] if astray else plan
         taken.append({"humanoid": action, "drone": int(rng.integers(9))})
@@ -83,9 +83,9 @@ def check_planner(twin: HouseholdEnv, task: Task, text: str, actions: list[dict[
     left = []
     for action in (actions[-1]["humanoid"], names.index(better)):
         rewound(twin, task, actions)
-        before = len(twin.stage.oracle.plan(twin.setting.goal))
+        before = len(twin.simulation.oracle.plan(twin.setting.goal))
         twin.step({**actions[-1], "humanoid": action})
-        left.append(len(twin.stage.oracle.plan(twin.setting.goal)) - before)
+        left.append(len(twin.simulation.oracle.plan(twin.setting.goal)) - before)
     assert left[0] >= 0 and left[1] == -1, (task, text, left)
 
 
@@ -125,9 +125,9 @@ def planner_feedback(env: HouseholdEnv, twin: HouseholdEnv, tasks: list[Task], c
         task = tasks[number % len(tasks)]
         rng = np.random.default_rng(number)
         env.reset(options={"task": task})
-        before = len(env.stage.oracle.plan(env.setting.goal))
+        before = len(env.simulation.oracle.plan(env.setting.goal))
         for text, actions, succeeded in played(env, task, number, detours):
-            after = len(env.stage.oracle.plan(env.setting.goal))
+            after = len(env.simulation.oracle.plan(env.setting.goal))
             assert (after < before) == (text == ""), (task, text, before, after)
             before = after
             if text and rng.random() < 0.3:
@@ -162,7 +162,7 @@ def test_something_is_said_exactly_when_a_pick_or_place_was_missed(env: Househol
         rng = np.random.default_rng(number)
         env.reset(options={"task": task})
         while env.agents:
-            previous, humanoid, goal = env.outcome, env.stage.oracle.robot, env.setting.goal
+            previous, humanoid, goal = env.outcome, env.simulation.oracle.robot, env.setting.goal
             action = int(rng.choice(10, p=[0.04] * 4 + [0.15, 0.01] + [0.17] * 4))
             name = env.action_names["humanoid"][action]
             verb = "place" if previous.held else "pick"

@@ -8,8 +8,8 @@ import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.robots.goal import Goal
-from chmarl_pb.tasks.outcome import Outcome, judge, potential, reward
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.outcome import Outcome, outcome_of, potential, reward
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import WorldState
 
@@ -51,16 +51,16 @@ def test_visible_to_the_humanoid_means_to_any_robot_that_can_grasp() -> None:
 
 @pytest.mark.parametrize(("item", "target"), list(product(GROUPS, GROUPS)))
 def test_potential_looks_at_x_until_it_is_grasped_and_then_at_y(
-    stage: Stage, tasks: list[Task], item: set[str], target: set[str]
+    simulation: Simulation, tasks: list[Task], item: set[str], target: set[str]
 ) -> None:
-    goal = stage.begin(next(task for task in tasks if task.home == stage.home.name)).goal
+    goal = simulation.begin(next(task for task in tasks if task.home == simulation.home.name)).goal
     seen: dict[str, tuple[str, ...]] = {
         robot: ((goal.item,) if robot in item else ()) + (goal.receptacles[:1] if robot in target else ())
         for robot in sorted(BOTH)
     }
-    before = judge(stage.world.state, goal, seen, HUMANOID, stage.room_names)
-    stage.oracle.robot.hold(goal.item)
-    after = judge(stage.world.state, goal, seen, HUMANOID, stage.room_names)
+    before = outcome_of(simulation.world.state, goal, seen, HUMANOID, simulation.room_names)
+    simulation.oracle.robot.hold(goal.item)
+    after = outcome_of(simulation.world.state, goal, seen, HUMANOID, simulation.room_names)
     assert before.potential == potential(False, False, item, HUMANOID)
     assert after.potential == potential(False, True, target, HUMANOID)
 
@@ -71,31 +71,31 @@ def test_reward_is_the_change_of_potential() -> None:
     assert reward(replace(first, potential=6.0), first) == -4
 
 
-def test_judge_reads_the_world(stage: Stage, tasks: list[Task]) -> None:
-    task = next(task for task in tasks if task.home == stage.home.name)
-    goal, world, rooms = stage.begin(task).goal, stage.world, stage.room_names
+def test_judge_reads_the_world(simulation: Simulation, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == simulation.home.name)
+    goal, world, rooms = simulation.begin(task).goal, simulation.world, simulation.room_names
     source = world.supports[goal.item].receptacle
     nothing: dict[str, tuple[str, ...]] = {"humanoid": (), "drone": ()}
-    outcome = judge(world.state, goal, nothing, HUMANOID, rooms)
+    outcome = outcome_of(world.state, goal, nothing, HUMANOID, rooms)
     assert (outcome.potential, outcome.success, outcome.held) == (0, False, None)
     assert outcome.item_room == source.split("/")[0]
-    assert judge(world.state, goal, {"humanoid": (goal.item,), "drone": ()}, HUMANOID, rooms).potential == 2
+    assert outcome_of(world.state, goal, {"humanoid": (goal.item,), "drone": ()}, HUMANOID, rooms).potential == 2
     world.place(goal.item, *world.pose(goal.item), goal.receptacles[-1])
-    assert judge(world.state, goal, nothing, HUMANOID, rooms).success
-    assert judge(world.state, Goal(goal.item, (source,)), nothing, HUMANOID, rooms).success is False
-    stage.oracle.robot.hold(goal.item)
-    held = judge(world.state, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, HUMANOID, rooms)
-    room = rooms[stage.world.robots["humanoid"].room]
+    assert outcome_of(world.state, goal, nothing, HUMANOID, rooms).success
+    assert outcome_of(world.state, Goal(goal.item, (source,)), nothing, HUMANOID, rooms).success is False
+    simulation.oracle.robot.hold(goal.item)
+    held = outcome_of(world.state, goal, {"humanoid": (), "drone": goal.receptacles[:1]}, HUMANOID, rooms)
+    room = rooms[simulation.world.robots["humanoid"].room]
     assert (held.potential, held.held, held.item_room, held.success) == (5, goal.item, room, False)
 
 
-def test_outcome_does_not_change_with_the_world(stage: Stage, tasks: list[Task]) -> None:
-    task = next(task for task in tasks if task.home == stage.home.name)
-    goal = stage.begin(task).goal
-    outcome = judge(stage.world.state, goal, {"humanoid": (), "drone": ()}, HUMANOID, stage.room_names)
+def test_outcome_does_not_change_with_the_world(simulation: Simulation, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == simulation.home.name)
+    goal = simulation.begin(task).goal
+    outcome = outcome_of(simulation.world.state, goal, {"humanoid": (), "drone": ()}, HUMANOID, simulation.room_names)
     kept = dict(outcome.supports)
     assert kept
-    stage.world.clear()
+    simulation.world.clear()
     assert outcome.supports == kept
 
 

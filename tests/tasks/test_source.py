@@ -7,20 +7,20 @@ import pytest
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.tasks.kinds import REARRANGE
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import TaskSource, draw_solvable
 from chmarl_pb.tasks.splits import SPLIT_HOMES, load_tasks
 from chmarl_pb.tasks.task import Task
 
 
-def no_stage(home: str) -> Stage:
+def no_simulation(home: str) -> Simulation:
     raise AssertionError(f"asks for {home}, though the split has tasks")
 
 
 @pytest.mark.parametrize("split", ["val-unseen", "test-seen"])
 def test_a_split_without_a_home_plays_its_own_tasks_all_of_them(split: str) -> None:
     source, rng, tasks = TaskSource(split, None, REARRANGE), np.random.default_rng(0), load_tasks(split)
-    drawn = {source.draw(rng, no_stage).id for _ in range(40 * len(tasks))}
+    drawn = {source.draw(rng, no_simulation).id for _ in range(40 * len(tasks))}
     assert drawn == {task.id for task in tasks}, f"{len(drawn)} of {len(tasks)} tasks come up"
 
 
@@ -29,7 +29,7 @@ def test_draws_repeat_with_the_seed_and_differ_with_another() -> None:
 
     def ids(seed: int) -> list[str]:
         rng = np.random.default_rng(seed)
-        return [source.draw(rng, no_stage).id for _ in range(10)]
+        return [source.draw(rng, no_simulation).id for _ in range(10)]
 
     assert ids(1) == ids(1), "the same seed draws other tasks"
     assert ids(1) != ids(2), "another seed draws the same tasks"
@@ -39,20 +39,22 @@ def test_a_home_of_the_split_plays_the_split_s_tasks_of_that_home() -> None:
     home = SPLIT_HOMES["val-unseen"][0]
     source, rng = TaskSource("val-unseen", home, REARRANGE), np.random.default_rng(0)
     known = {task.id for task in load_tasks("val-unseen")}
-    drawn = [source.draw(rng, no_stage) for _ in range(50)]
+    drawn = [source.draw(rng, no_simulation) for _ in range(50)]
     assert {task.home for task in drawn} == {home}, "it plays in other homes"
     assert {task.id for task in drawn} <= known, "it makes up tasks, though the split has some for that home"
 
 
 def test_another_home_plays_tasks_made_up_for_it_that_the_planner_solves(
-    stage_of: Callable[[str], Stage],
+    simulation_of: Callable[[str], Simulation],
 ) -> None:
     source = TaskSource("val-unseen", "home_1", REARRANGE)  # a home of training
-    first, again = (source.draw(np.random.default_rng(4), stage_of) for _ in range(2))
+    first, again = (source.draw(np.random.default_rng(4), simulation_of) for _ in range(2))
     assert first == again, "the same seed makes up another task"
     assert first.home == "home_1" and first.id not in {task.id for task in load_tasks("train")}
-    stage = stage_of("home_1")
-    assert first.optimal_steps == max(len(plan.actions) for plan in stage.solve(first, REARRANGE).plans.values()) > 0
+    simulation = simulation_of("home_1")
+    assert (
+        first.optimal_steps == max(len(plan.actions) for plan in simulation.solve(first, REARRANGE).plans.values()) > 0
+    )
 
 
 def test_tasks_by_name() -> None:
@@ -66,13 +68,13 @@ def test_tasks_by_name() -> None:
 
 
 def test_a_home_without_solvable_tasks_is_named_with_the_reason(
-    stage_of: Callable[[str], Stage], monkeypatch: pytest.MonkeyPatch
+    simulation_of: Callable[[str], Simulation], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stage = stage_of("home_1")
+    simulation = simulation_of("home_1")
 
     def unsolvable(task: Task, kind: object) -> list[str]:
         raise TaskError("the bed cannot be reached")
 
-    monkeypatch.setattr(stage, "solve", unsolvable)
+    monkeypatch.setattr(simulation, "solve", unsolvable)
     with pytest.raises(TaskError, match=r"home_1.*none of 100 drawn tasks.*the bed cannot be reached"):
-        draw_solvable(stage, "home_1", np.random.default_rng(0))
+        draw_solvable(simulation, "home_1", np.random.default_rng(0))

@@ -14,7 +14,7 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.setting import draw_starts, receptacles_of
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import FIELDS, FOLDER, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
 from chmarl_pb.tasks.task import Task
 from tests.helpers.small_homes import HOMES
@@ -122,57 +122,61 @@ def test_missing_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("home", "missing"), [("home_3", "bench"), ("home_4", "desk")])
-def test_a_task_whose_home_lacks_its_receptacle(stage_of: Callable[[str], Stage], home: str, missing: str) -> None:
-    stage = stage_of(home)
+def test_a_task_whose_home_lacks_its_receptacle(
+    simulation_of: Callable[[str], Simulation], home: str, missing: str
+) -> None:
+    simulation = simulation_of(home)
     for role in ({"source": missing, "target": "bed"}, {"source": "bed", "target": missing}):
         with pytest.raises(TaskError, match=f"{home} has no {missing}"):
-            stage.begin(Task(**{**GOOD, **role}))
+            simulation.begin(Task(**{**GOOD, **role}))
 
 
-def test_sampled_tasks_are_spread_and_repeat_with_the_seed(stage: Stage) -> None:
+def test_sampled_tasks_are_spread_and_repeat_with_the_seed(simulation: Simulation) -> None:
     def draw(seed: int) -> list[Task]:
         rng = np.random.default_rng(seed)
-        return [sample_task(stage.space, stage.home.name, rng) for _ in range(300)]
+        return [sample_task(simulation.space, simulation.home.name, rng) for _ in range(300)]
 
     assert draw(1) == draw(1) != draw(2)
     tasks = draw(3)
     assert len({task.id for task in tasks}) == 300
     assert len({task.graspable for task in tasks}) == 45
-    classes = {thing.class_name for thing in stage.home.receptacles.values()}
+    classes = {thing.class_name for thing in simulation.home.receptacles.values()}
     assert {task.source for task in tasks} == {task.target for task in tasks} == classes
 
 
-def layout(stage: Stage) -> dict:
-    return {name: (stage.world.pose(name), stage.world.supports[name]) for name in stage.world.objects}
+def layout(simulation: Simulation) -> dict:
+    return {name: (simulation.world.pose(name), simulation.world.supports[name]) for name in simulation.world.objects}
 
 
-def test_set_up_is_the_seeds_alone(stage: Stage, tasks: list[Task]) -> None:
-    first, second = [task for task in tasks if task.home == stage.home.name][:2]
-    setting, before = stage.begin(first), layout(stage)
-    other = stage.begin(second)
-    assert layout(stage) != before and other != setting
-    stage.oracle.robot.hold(second.item)
-    assert stage.begin(first) == setting and layout(stage) == before
-    assert stage.world.held is None
+def test_set_up_is_the_seeds_alone(simulation: Simulation, tasks: list[Task]) -> None:
+    first, second = [task for task in tasks if task.home == simulation.home.name][:2]
+    setting, before = simulation.begin(first), layout(simulation)
+    other = simulation.begin(second)
+    assert layout(simulation) != before and other != setting
+    simulation.oracle.robot.hold(second.item)
+    assert simulation.begin(first) == setting and layout(simulation) == before
+    assert simulation.world.held is None
 
 
-def test_home_is_dressed(stage: Stage, tasks: list[Task]) -> None:
-    for task in [task for task in tasks if task.home == stage.home.name][:6]:
-        setting = stage.begin(task)
-        objects = stage.world.objects
+def test_home_is_dressed(simulation: Simulation, tasks: list[Task]) -> None:
+    for task in [task for task in tasks if task.home == simulation.home.name][:6]:
+        setting = simulation.begin(task)
+        objects = simulation.world.objects
         assert task.item in objects and len(objects) - 1 >= 15
         classes = [catalog.class_of(name) for name in objects]
         assert len(set(classes)) == len(classes)
-        assert setting.goal.item == task.item and setting.goal.receptacles == receptacles_of(stage.home, task.target)
-        source = stage.world.supports[task.item].receptacle
+        assert setting.goal.item == task.item and setting.goal.receptacles == receptacles_of(
+            simulation.home, task.target
+        )
+        source = simulation.world.supports[task.item].receptacle
         assert catalog.class_of(source) == task.source
 
 
-def touches(stage: Stage, item: str) -> set[str]:
+def touches(simulation: Simulation, item: str) -> set[str]:
     """Return what an object touches within a millimetre: the home's things and other objects."""
-    client, names = stage.world.client, {link: name for name, link in stage.world.links.items()}
-    bodies = {body: name for name, body in stage.world.bodies.items()}
-    body = stage.world.bodies[item]
+    client, names = simulation.world.client, {link: name for name, link in simulation.world.links.items()}
+    bodies = {body: name for name, body in simulation.world.bodies.items()}
+    body = simulation.world.bodies[item]
     found = set()
     for other, name in bodies.items():
         if other != body:
@@ -181,13 +185,13 @@ def touches(stage: Stage, item: str) -> set[str]:
     return found - {"humanoid", "drone"}
 
 
-def test_objects_rest_on_what_carries_them_by_contact(stage: Stage, tasks: list[Task]) -> None:
-    task = next(task for task in tasks if task.home == stage.home.name)
-    stage.begin(task)
-    world, physics = stage.world, stage.world.physics
+def test_objects_rest_on_what_carries_them_by_contact(simulation: Simulation, tasks: list[Task]) -> None:
+    task = next(task for task in tasks if task.home == simulation.home.name)
+    simulation.begin(task)
+    world, physics = simulation.world, simulation.world.physics
     world.sync()
     for item in world.objects:
-        assert touches(stage, item) == {world.supports[item].receptacle}, item
+        assert touches(simulation, item) == {world.supports[item].receptacle}, item
     (x, y, z), _ = world.pose(task.item)
     physics.thaw(task.item)
     for _ in range(120):
@@ -199,16 +203,16 @@ def test_objects_rest_on_what_carries_them_by_contact(stage: Stage, tasks: list[
     world.moved()
 
 
-def test_everything_is_inside_the_home(stage: Stage, tasks: list[Task]) -> None:
-    floors = [floor for room in stage.home.rooms.values() for floor in room.floors]
-    for task in [task for task in tasks if task.home == stage.home.name][:4]:
-        setting = stage.begin(task)
-        for item in stage.world.objects:
-            (x, y, z), _ = stage.world.pose(item)
+def test_everything_is_inside_the_home(simulation: Simulation, tasks: list[Task]) -> None:
+    floors = [floor for room in simulation.home.rooms.values() for floor in room.floors]
+    for task in [task for task in tasks if task.home == simulation.home.name][:4]:
+        setting = simulation.begin(task)
+        for item in simulation.world.objects:
+            (x, y, z), _ = simulation.world.pose(item)
             assert any(inside(floor, np.array([x, y])) for floor in floors) and 0.2 < z < 1.6
-        starts = draw_starts(task.seed, (stage.space.lattice, stage.space.drone_lattice))
-        assert tuple(robot.pose for robot in stage.robots.values()) == starts
-        assert set(setting.states) == {thing.name for thing in stage.home.things} | set(stage.world.objects)
+        starts = draw_starts(task.seed, (simulation.space.lattice, simulation.space.drone_lattice))
+        assert tuple(robot.pose for robot in simulation.robots.values()) == starts
+        assert set(setting.states) == {thing.name for thing in simulation.home.things} | set(simulation.world.objects)
 
 
 def test_task_files_are_those_of_the_release() -> None:

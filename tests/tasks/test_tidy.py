@@ -21,7 +21,7 @@ from chmarl_pb.tasks.kinds import KINDS, Rearrange, Tidy
 from chmarl_pb.tasks.language import parse_instruction, parse_instructions
 from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import draw_solvable
 from chmarl_pb.tasks.targets import is_done, target_of
 from chmarl_pb.tasks.task import Task
@@ -39,8 +39,8 @@ def env() -> Iterator[HouseholdEnv]:
 
 
 @pytest.fixture(scope="module")
-def task(stage_of: Callable[[str], Stage]) -> TidyTask:
-    task = draw_solvable(stage_of("home_6"), "home_6", np.random.default_rng(4), kind=Tidy(3, 3))
+def task(simulation_of: Callable[[str], Simulation]) -> TidyTask:
+    task = draw_solvable(simulation_of("home_6"), "home_6", np.random.default_rng(4), kind=Tidy(3, 3))
     assert isinstance(task, TidyTask)
     return task
 
@@ -64,10 +64,10 @@ def test_rows_that_make_no_sense_are_refused(task: TidyTask, change: Callable) -
         replace(task, moves=change(task.moves))
 
 
-def test_drawing(stage_of: Callable[[str], Stage]) -> None:
-    stage, counts = stage_of("home_6"), set()
+def test_drawing(simulation_of: Callable[[str], Simulation]) -> None:
+    simulation, counts = simulation_of("home_6"), set()
     for seed in range(40):
-        task = KINDS["tidy"].sample(stage.space, "home_6", np.random.default_rng(seed))
+        task = KINDS["tidy"].sample(simulation.space, "home_6", np.random.default_rng(seed))
         assert isinstance(task, TidyTask)
         counts.add(len(task.moves))
         assert all(move.source != move.target for move in task.moves)
@@ -185,31 +185,31 @@ def test_feedback_is_about_one_of_the_objects(env: HouseholdEnv) -> None:
 # The planner
 
 
-def test_no_order_is_shorter(stage_of: Callable[[str], Stage], task: TidyTask) -> None:
-    stage = stage_of("home_6")
-    goals = stage.begin(task, Tidy(3, 3)).goals
-    before = stage.world.state
-    best = plan_all(stage.oracle, goals)
-    assert stage.world.state is before and len(best.actions) == task.optimal_steps
+def test_no_order_is_shorter(simulation_of: Callable[[str], Simulation], task: TidyTask) -> None:
+    simulation = simulation_of("home_6")
+    goals = simulation.begin(task, Tidy(3, 3)).goals
+    before = simulation.world.state
+    best = plan_all(simulation.oracle, goals)
+    assert simulation.world.state is before and len(best.actions) == task.optimal_steps
     lengths = {}
     for order in permutations(goals):
         length, failed = 0, False
-        stage.world.state = before
+        simulation.world.state = before
         for goal in order:
             try:
-                way = stage.oracle.plan(goal, goals)
+                way = simulation.oracle.plan(goal, goals)
             except TaskError:
                 failed = True
                 break
             length += len(way)
             for action in way:
-                motion = stage.oracle.robot.plan(action, goal, stage.renderer.visible("humanoid"))
-                assert motion is not None and stage.oracle.robot.finish(motion)
-            assert is_done(goal, stage.world.state)
+                motion = simulation.oracle.robot.plan(action, goal, simulation.renderer.visible("humanoid"))
+                assert motion is not None and simulation.oracle.robot.finish(motion)
+            assert is_done(goal, simulation.world.state)
         if not failed:
             lengths[order] = length
-    stage.world.state = before
-    stage.world.sync()
+    simulation.world.state = before
+    simulation.world.sync()
     assert lengths[best.goals] == len(best.actions) == min(lengths.values())
 
 
@@ -255,8 +255,8 @@ def test_evaluation(task: TidyTask, tmp_path: Any) -> None:
 class Near(Rearrange):
     """A kind of one's own: the paper's tasks, but with a reward for nothing but success."""
 
-    def judge(self, state: WorldState, setting: Any, seen: dict[str, tuple[str, ...]]) -> Outcome:
-        outcome = super().judge(state, setting, seen)
+    def outcome(self, state: WorldState, setting: Any, seen: dict[str, tuple[str, ...]]) -> Outcome:
+        outcome = super().outcome(state, setting, seen)
         return replace(outcome, potential=float(outcome.success))
 
 

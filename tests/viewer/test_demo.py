@@ -128,11 +128,11 @@ def test_pictures_at_rest_are_those_of_the_cameras(recording):
         policy = make_policy("planner", env)
         observations, infos = env.reset(options={"task": recording.task})
         policy.reset(None)
-        replay = Replay(env.stage.home, team_in(env.world, env.stage.models))
+        replay = Replay(env.simulation.home, team_in(env.world, env.simulation.models))
         while env.agents:
             observations, _, _, _, infos = env.step(policy.act(observations, infos))
             for name in env.possible_agents:
-                seen = env.stage.renderer.picture(name, 160).rgb
+                seen = env.simulation.renderer.picture(name, 160).rgb
                 assert np.array_equal(replay.picture(name, scene_of(env.world), 160), seen)
     finally:
         env.close()
@@ -161,7 +161,7 @@ def _check_eye(pybullet, env, scene, name):
     links = range(pybullet.getNumJoints(body, physicsClientId=client))
     camera = next(i for i in links if pybullet.getJointInfo(body, i, physicsClientId=client)[12] == b"camera")
     state = pybullet.getLinkState(body, camera, computeForwardKinematics=True, physicsClientId=client)
-    position, quaternion = scene.eye(name, env.stage.models[name])
+    position, quaternion = scene.eye(name, env.simulation.models[name])
     assert np.allclose(state[4], position, atol=1e-4)
     assert abs(np.dot(state[5], quaternion)) == pytest.approx(1, abs=1e-4)
 

@@ -19,7 +19,7 @@ from chmarl_pb.rendering import movables as movables_module
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.world import Client, World
 from chmarl_pb.world import client as client_module
 from chmarl_pb.world import physics as physics_module
@@ -32,7 +32,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "humanoid": lambda: gymnasium.make("CHMARL/SceneGraphHumanoid-v0"),
     "vector": lambda: chmarl_pb.vector_env(2, workers=0),
     "sb3": lambda: chmarl_pb.sb3_vec_env(2, workers=0),
-    "stage": lambda: Stage("home_1"),
+    "simulation": lambda: Simulation("home_1"),
 }
 
 
@@ -44,7 +44,7 @@ def connected() -> set[int]:
 @pytest.fixture(autouse=True)
 def no_collector() -> Iterator[None]:
     """What is dropped goes at once, not when the garbage collector happens to come by."""
-    movables_module.movables(Stage("home_1").renderer._team)  # has a client for the whole process
+    movables_module.movables(Simulation("home_1").renderer._team)  # has a client for the whole process
     gc.collect()
     gc.disable()
     yield
@@ -58,7 +58,7 @@ def test_dropped_environments_keep_no_clients(kind: str) -> None:
     before = connected()
     for seed in range(10 if kind == "parallel" else 3):
         env = MAKERS[kind]()
-        if kind not in ("stage", "sb3") and seed < 3:
+        if kind not in ("simulation", "sb3") and seed < 3:
             env.reset(seed=seed)
         assert connected() > before
         del env

@@ -91,19 +91,19 @@ def _arm_joints() -> list[Joint]:
 
 
 def _chassis() -> dict[str, Mesh]:
-    """Return the round base with a dark skirt and the fixed stage of the lifting column."""
+    """Return the round base with a dark skirt and the fixed simulation of the lifting column."""
     skirt = lathe([(0.20, 0.01), (0.22, 0.09)], 10)
     cover = lathe([(0.22, 0.09), (0.20, 0.23), (0, 0.30)], 10)
     return {"dark": skirt, "shell": cover, "grey": lathe([(0.10, 0.26), (0.07, 0.80)], 8)}
 
 
 def _torso() -> dict[str, Mesh]:
-    """Return the trunk with its light, the neck, the moving stage of the column and the tucked left arm."""
+    """Return the trunk with its light, the neck, the moving simulation of the column and the tucked left arm."""
     sizes = [(-0.01, 0.15, 0.18), (0.06, 0.19, 0.25), (0.27, 0.21, 0.31), (0.37, 0.13, 0.19)]
     trunk = loft([at_height(rounded_rectangle(x, y, 0.3 * x, 1), z) for z, x, y in sizes])
     light = plate(ngon(0.035, 6), 0.108).moved(z=0.225)
     neck = lathe([(0.06, 0.35), (0.06, 0.43)], 6)
-    stage = lathe([(0.055, -0.32), (0.055, 0.0)], 6)
+    simulation = lathe([(0.055, -0.32), (0.055, 0.0)], 6)
     limbs = _tucked(_limb(UPPER_ARM, 0.05, 0.038), 0), _tucked(_limb(FOREARM, 0.04, 0.032), 1)
     balls = (_tucked(_ball(radius), level) for level, radius in enumerate((0.078, 0.06, 0.042)))
     fingers = _tucked(box(0.032, 0.04, 0.13).moved(z=-0.295), 2)
@@ -111,7 +111,7 @@ def _torso() -> dict[str, Mesh]:
         "shell": join(trunk, *limbs),
         "accent": join(*balls),
         "glow": light,
-        "dark": join(neck, stage, _tucked(_palm(), 2)),
+        "dark": join(neck, simulation, _tucked(_palm(), 2)),
         "grey": fingers,
     }
 

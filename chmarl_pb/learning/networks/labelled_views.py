@@ -18,7 +18,7 @@ from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
-from chmarl_pb.tasks.simulation import Stage
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import load_tasks
 
 GRID = 4  # cells along each side of a picture
@@ -129,15 +129,15 @@ def layout_views(job: Job) -> Views:
     """Return the views of one layout: the robots look around from random poses."""
     rng = np.random.default_rng([job.seed, job.task])
     task = load_tasks(job.split)[job.task]
-    stage = _stage(task.home)
-    stage.begin(task)
-    classes = np.array([_label(name) for name in stage.renderer.names])
+    simulation = _simulation(task.home)
+    simulation.begin(task)
+    classes = np.array([_label(name) for name in simulation.renderer.names])
     rows = []
-    for _ in range(LAYOUT_VIEWS // len(stage.robots)):
-        for robot in stage.robots.values():
+    for _ in range(LAYOUT_VIEWS // len(simulation.robots)):
+        for robot in simulation.robots.values():
             robot.spawn(int(rng.integers(robot.lattice.count)))
-        for name in stage.robots:
-            picture = stage.renderer.picture(name, VISIBILITY_SIZE)
+        for name in simulation.robots:
+            picture = simulation.renderer.picture(name, VISIBILITY_SIZE)
             # The last entry stands for no thing and for no label.
             labels = np.append(classes, len(LABELS))[picture.segmentation]
             rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))
@@ -166,8 +166,8 @@ def labels_of(
 
 
 @lru_cache(maxsize=5)
-def _stage(home: str) -> Stage:
-    return Stage(home)
+def _simulation(home: str) -> Simulation:
+    return Simulation(home)
 
 
 def _label(name: str) -> int:
