@@ -179,15 +179,17 @@ def test_all_see_and_all_tell(four: HouseholdEnv) -> None:
 
 
 def test_feedback_goes_to_the_robot_that_missed_something(four: HouseholdEnv) -> None:
-    four.reset(seed=2)
-    item = four.setting.goal.item
-    robot = four.simulation.oracles["humanoid_1"].robot
-    robot.spawn(robot.stand(item) or 0)
-    step(four)
-    if item not in four.outcome.seen["humanoid_1"]:
-        pytest.skip("the object is not in view from where it is picked")
-    missed = step(four)[-1]
-    assert missed["humanoid_1"]["feedback"] and not missed["drone_0"]["feedback"]
+    missed = 0
+    for seed in range(8):
+        four.reset(seed=seed)
+        item, robot = four.setting.goal.item, four.simulation.oracles["humanoid_1"].robot
+        robot.spawn(robot.stand(item) or 0)
+        step(four)
+        infos = step(four)[-1]
+        if item in infos["humanoid_1"]["visible"]:
+            missed += 1
+            assert infos["humanoid_1"]["feedback"] and not infos["drone_0"]["feedback"]
+    assert missed >= 4, "from where an object is picked it is mostly in view"
 
 
 @pytest.mark.parametrize("name", sorted(BUILT_IN))
