@@ -152,7 +152,8 @@ class FastRenderer:
         objects = self._world.state.objects
         if objects is not self._objects:
             self._bodies.put_objects(objects.poses)
-            self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
+            if self._objects is None or objects.poses.keys() != self._objects.poses.keys():
+                self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
             self._seen = _seen_of(objects, self._team)
             self._objects = objects
 

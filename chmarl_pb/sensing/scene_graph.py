@@ -11,7 +11,7 @@ from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.rendering.renderer import classes_of
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.sensing.relations import Facts, describe
-from chmarl_pb.world import Grip, Objects, Support, WorldState
+from chmarl_pb.world import Grip, Objects, RobotState, Support, WorldState
 
 #: Most nodes of a graph: things of a home, objects, robots and rooms; ``homes check`` holds homes to it.
 MAX_NODES = 96
@@ -67,7 +67,6 @@ class SceneGraphs:
             names: every name that can be visible, see :class:`chmarl_pb.rendering.renderer.Renderer`.
             robots: robot -> its kind.
         """
-        self._space = space
         self._rooms = list(space.home.rooms)
         self._numbers = {name: number for number, name in enumerate(names)}
         self._room_classes = np.array(
@@ -84,11 +83,15 @@ class SceneGraphs:
             movable=np.zeros(count, dtype=np.bool_),
             position=np.zeros((count, 3)),
         )
+        self._covered: dict[str, list[float]] = {}  # receptacle -> heights of its surfaces that have one above them
+        for surface in space.surfaces:
+            if surface.covered:
+                self._covered.setdefault(surface.receptacle, []).append(surface.height)
         # What the facts and the kept graphs follow from; compared by identity.
         self._objects = Objects()
         self._grips: Mapping[str, Grip] = {}
         self._states: Mapping[str, str] = {}
-        self._covered: dict[Support, bool] = {}
+        self._robots: Mapping[str, RobotState] = {}
         self._kept: dict[tuple[str, ...], SceneGraph] = {}  # of things that have not moved
 
     def graph(self, state: WorldState, seen: tuple[str, ...], states: Mapping[str, str]) -> SceneGraph:
@@ -113,7 +116,7 @@ class SceneGraphs:
 
     def _make(self, seen: tuple[str, ...]) -> SceneGraph:
         numbers = np.array(list(map(self._numbers.__getitem__, seen)), dtype=np.int32)
-        node_class, node_state = np.zeros((2, MAX_NODES), dtype=np.int16)
+        node_class, node_state = np.zeros(MAX_NODES, dtype=np.int16), np.zeros(MAX_NODES, dtype=np.int16)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
         present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
         return SceneGraph((*seen, *[self._rooms[room] for room in present.tolist()]), node_class, node_state, edges)
@@ -121,17 +124,20 @@ class SceneGraphs:
     def _learn_robots(self, state: WorldState) -> None:
         facts = self._facts
         for name, robot in state.robots.items():
-            number = self._numbers[name]
-            facts.room[number], facts.position[number] = robot.room, robot.base[0]
+            if robot is not self._robots.get(name):
+                number = self._numbers[name]
+                facts.room[number], facts.position[number] = robot.room, robot.base[0]
+        self._robots = state.robots
         for name, grip in state.grips.items():
             facts.room[self._numbers[grip.item]] = state.robots[name].room
 
     def _learn_objects(self, state: WorldState, states: Mapping[str, str]) -> None:
         facts, objects = self._facts, state.objects
         self._kept.clear()
-        if objects.poses:
-            positions = [pose[0] for pose in objects.poses.values()]
-            facts.position[[self._numbers[name] for name in objects.poses]] = positions
+        before = self._objects.poses
+        for name, pose in objects.poses.items():
+            if before.get(name) is not pose:
+                facts.position[self._numbers[name]] = pose[0]
         if (
             objects.supports is not self._objects.supports
             or state.grips is not self._grips
@@ -159,10 +165,4 @@ class SceneGraphs:
         self._facts.state[:] = [catalog.STATE_IDS[known.get(name, "fixed")] for name in self._numbers]
 
     def _is_covered(self, support: Support) -> bool:
-        if support not in self._covered:
-            self._covered[support] = any(
-                surface.covered and surface.receptacle == support.receptacle
-                and abs(surface.height - support.height) < 0.01
-                for surface in self._space.surfaces
-            )  # fmt: skip
-        return self._covered[support]
+        return any(abs(height - support.height) < 0.01 for height in self._covered.get(support.receptacle, ()))
