@@ -2,10 +2,9 @@
 
 import argparse
 import sys
-from pathlib import Path
 
 from chmarl_pb.cli.arguments import add_verb, output_file, verbs
-from chmarl_pb.homes.assemble import build_home
+from chmarl_pb.cli.authoring import add_authoring
 from chmarl_pb.homes.home import home_names, home_path, load_home
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.rendering.preview import preview
@@ -23,10 +22,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     for verb in (check, draw):
         verb.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
     draw.add_argument("--out", type=output_file, required=True, metavar="PNG", help="picture to write")
-    build = add_verb(all_verbs, "build", "build a home's URDF from its layout")
-    build.set_defaults(run=_build)
-    build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
-    build.add_argument("--out", type=output_file, metavar="URDF", help="file to write (default: beside the layout)")
+    add_authoring(all_verbs)
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -55,10 +51,4 @@ def _preview(options: argparse.Namespace) -> int:
     """Draw a home from above."""
     preview(home_path(options.file), options.out)
     print(options.out)
-    return 0
-
-
-def _build(options: argparse.Namespace) -> int:
-    """Build a home's URDF from its layout."""
-    print(build_home(options.layout, options.out))
     return 0

@@ -13,7 +13,8 @@ import yourdfpy
 
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
-from chmarl_pb.homes.layout import Colour, Furniture, Layout, load_layout
+from chmarl_pb.homes.layout import Furniture, Layout, load_layout
+from chmarl_pb.homes.layout_file import Colour
 from chmarl_pb.homes.walls import Rect, Wall, pieces
 
 ROOT = "home"

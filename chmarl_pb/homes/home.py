@@ -110,10 +110,10 @@ class Home:
 
     @property
     def goto_rooms(self) -> tuple[str, ...]:
-        """Rooms that robots can be sent to, in the catalogue's order of kinds, then by name."""
+        """Rooms that robots can be sent to, in the catalogue's order of kinds, then of their numbers."""
         order = catalog.ROOM_KINDS
         rooms = [room for room in self.rooms if catalog.room_kind(room) in order]
-        return tuple(sorted(rooms, key=lambda room: (order.index(catalog.room_kind(room)), room)))
+        return tuple(sorted(rooms, key=lambda room: (order.index(catalog.room_kind(room)), len(room), room)))
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:

@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -56,7 +57,7 @@ def _write(links: Sequence[Link], folder: Path) -> Path:
     """Write the copy into a folder and return its URDF."""
     path = folder / "home.urdf"
     try:
-        path.write_text("\n".join(_urdf(links, folder)) + "\n", encoding="utf-8")
+        path.write_text(write_links(links, folder), encoding="utf-8")
     except OSError as error:
         raise _cannot_copy(error) from error
     return path
@@ -80,40 +81,61 @@ def _folder(process: int) -> Path:
     return folder
 
 
-def _urdf(links: Sequence[Link], folder: Path) -> Iterator[str]:
-    """Yield the lines of the URDF; the meshes are written into the folder."""
-    yield f'<?xml version="1.0"?>\n<robot name="{ROOT}">\n<link name="{ROOT}">{_STATIC}</link>'
+def write_links(links: Sequence[Link], folder: Path, name: str = ROOT, relative: str | None = None) -> str:
+    """Return the text of a URDF; its meshes are written into a folder.
+
+    Args:
+        links: the links of the home that have geometry.
+        folder: for the meshes; one that is plain already is named where it lies.
+        name: of the home.
+        relative: all meshes are written, and named by this folder's path as seen from the URDF.
+    """
+    meshes = _Meshes(folder, relative)
+    return "\n".join(_urdf(links, name, meshes)) + "\n"
+
+
+@dataclass
+class _Meshes:
+    """Where the URDF's meshes lie."""
+
+    folder: Path
+    relative: str | None
+
+    def name(self, mesh: Mesh, visible: bool) -> str:
+        """Return the name of a mesh: its own file's if that is plain, else a copy's, with its texture if visible."""
+        if self.relative is None and mesh.file is not None and _is_plain(str(mesh.file)):
+            return str(mesh.file)
+        files = mesh.drawn if visible else mesh.solid
+        for name, content in files.items():
+            if not (self.folder / name).exists():
+                (self.folder / name).write_bytes(content)
+        last = list(files)[-1]
+        return str(self.folder / last) if self.relative is None else f"{self.relative}/{last}"
+
+
+def _urdf(links: Sequence[Link], name: str, meshes: _Meshes) -> Iterator[str]:
+    """Yield the lines of the URDF; the meshes are written."""
+    yield f'<?xml version="1.0"?>\n<robot name={quoteattr(name)}>\n<link name="{ROOT}">{_STATIC}</link>'
     for link in links:
         yield f'<link name="{link.name}">{_STATIC}'
         for shape in link.visuals:
-            yield from _shape("visual", shape, folder)
+            yield from _shape("visual", shape, meshes)
         for shape in link.collisions:
-            yield from _shape("collision", shape, folder)
+            yield from _shape("collision", shape, meshes)
         yield f'</link>\n<joint name="fix {link.name}" type="fixed"><parent link="{ROOT}"/><child link="{link.name}"/>'
         yield f"{_origin(link.origin)}</joint>"
     yield "</robot>"
 
 
-def _shape(tag: str, shape: Shape, folder: Path) -> Iterator[str]:
+def _shape(tag: str, shape: Shape, meshes: _Meshes) -> Iterator[str]:
     yield f"<{tag}>{_origin(shape.origin)}<geometry>"
     sizes = " ".join(f'{name}="{_words(numbers)}"' for name, numbers in shape.sizes.items())
-    file = "" if shape.mesh is None else f" filename={quoteattr(str(_mesh(shape.mesh, folder, tag == 'visual')))}"
+    file = "" if shape.mesh is None else f" filename={quoteattr(meshes.name(shape.mesh, tag == 'visual'))}"
     yield f"<{shape.kind} {sizes}{file}/></geometry>"
     if shape.colour is not None:
         words = _words(shape.colour)
         yield f'<material name="{words}"><color rgba="{words}"/></material>'
     yield f"</{tag}>"
-
-
-def _mesh(mesh: Mesh, folder: Path, visible: bool) -> Path:
-    """Return the path of a mesh: its own file if that is plain, else a copy, with its texture if it is visible."""
-    if mesh.file is not None and _is_plain(str(mesh.file)):
-        return mesh.file
-    files = mesh.drawn if visible else mesh.solid
-    for name, content in files.items():
-        if not (folder / name).exists():
-            (folder / name).write_bytes(content)
-    return folder / list(files)[-1]
 
 
 def _is_plain(path: str) -> bool:

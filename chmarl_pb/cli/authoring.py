@@ -1,0 +1,88 @@
+"""The verbs of ``chmarl-pb homes`` for those who make homes: new, build and export."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from chmarl_pb.cli.arguments import add_verb, output_file, output_folder
+from chmarl_pb.errors import ChmarlError, OptionError
+from chmarl_pb.files import write_atomically
+from chmarl_pb.homes.assemble import build_home
+from chmarl_pb.homes.export import export_gltf, export_urdf
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.homes.layout import SCHEMA, STARTER
+from chmarl_pb.rendering.preview import preview
+
+_GLANCE = 0.3  # seconds between two looks at the layout
+
+
+def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verbs to a parser."""
+    new = add_verb(verbs, "new", "write a small layout to begin with, and its schema for editors beside it")
+    new.set_defaults(run=_new)
+    new.add_argument("layout", type=output_file, metavar="TOML", help="file to write; it must not be there yet")
+    build = add_verb(verbs, "build", "build a home's URDF from its layout")
+    build.set_defaults(run=_build)
+    build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
+    build.add_argument("--out", type=output_file, metavar="URDF", help="file to write (default: beside the layout)")
+    build.add_argument(
+        "--watch", action="store_true", help="build whenever the layout is saved, and draw it as a PNG beside the URDF"
+    )
+    export = add_verb(verbs, "export", "write a home as plain URDF with its meshes, and as binary glTF")
+    export.set_defaults(run=_export)
+    export.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
+    export.add_argument("--out", type=output_folder, required=True, metavar="DIR", help="folder to write to")
+
+
+def _new(options: argparse.Namespace) -> int:
+    """Write the starter and its schema."""
+    layout: Path = options.layout
+    if layout.suffix != ".toml":
+        raise OptionError(f"{layout}: a layout's name ends in .toml")
+    if layout.exists():
+        raise OptionError(f"{layout} is there already; name another file, or remove it")
+    write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
+    write_atomically(layout, STARTER.read_text(encoding="utf-8"))
+    print(f"{layout}\nnext: chmarl-pb homes build {layout} --watch")
+    return 0
+
+
+def _build(options: argparse.Namespace) -> int:
+    """Build a home's URDF from its layout, once or whenever the layout is saved."""
+    if not options.watch:
+        print(build_home(options.layout, options.out))
+        return 0
+    built: tuple[int, int] | None = None
+    while True:
+        now = _stamp(options.layout)
+        if now != built:
+            built = now
+            _build_and_draw(options.layout, options.out)
+        time.sleep(_GLANCE)
+
+
+def _stamp(layout: Path) -> tuple[int, int]:
+    """Return what changes when a file is saved; zeros while an editor replaces it."""
+    try:
+        found = layout.stat()
+    except FileNotFoundError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+def _build_and_draw(layout: Path, out: Path | None) -> None:
+    """Build and draw once; a mistake in the layout is printed, and the last home stays."""
+    try:
+        home = build_home(layout, out)
+        print(f"{time.strftime('%H:%M:%S')} {home} {preview(home, home.with_suffix('.png'))}", flush=True)
+    except ChmarlError as error:
+        print(f"{time.strftime('%H:%M:%S')} {error}", file=sys.stderr, flush=True)
+
+
+def _export(options: argparse.Namespace) -> int:
+    """Write a home as URDF and as glTF."""
+    home = load_home(options.file)
+    print(export_urdf(home, options.out / f"{home.name}.urdf"))
+    print(export_gltf(home, options.out / f"{home.name}.glb"))
+    return 0
