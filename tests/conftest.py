@@ -21,6 +21,7 @@ from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 from tests.helpers.small_homes import HOMES, home_text
+from tests.helpers.warm_processes import start_warm
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -37,6 +38,22 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = tempfile.mkdtemp(prefix="chmarl-views-")
         os.environ["CHMARL_CACHE"] = folder
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def warm_processes() -> Iterator[pytest.MonkeyPatch]:
+    """Processes that the package starts are there at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        start_warm(patch)
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def spawned(warm_processes: pytest.MonkeyPatch) -> Iterator[None]:
+    """Processes are spawned, as they are outside of tests."""
+    warm_processes.undo()
+    yield
+    start_warm(warm_processes)
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.processes import in_processes
 
 PACKAGE = Path(__file__).parents[1]
+pytestmark = pytest.mark.usefixtures("spawned")
 
 
 def square(number: int) -> int:

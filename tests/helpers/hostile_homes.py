@@ -1,6 +1,6 @@
 """Homes that no program should trip over, and a program that plays them, each in a process of its own.
 
-Run with folders as arguments, it prints one line of JSON for each: how the check and an environment ended.
+It reads folders, one a line, and prints one line of JSON for each: how the check and an environment ended.
 """
 
 import json
@@ -14,6 +14,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -138,8 +139,6 @@ def _meshes() -> dict[str, Files]:
         "beyond single precision": CUBE.replace("v 0 0 0", "v 1e300 0 0"),
         "two corners": CUBE + "f 1 2\n",
         "null characters": "\0" * 200,
-        "500,000 vertices": "v 0 0 0\n" * 500_000 + CUBE,
-        "500,000 faces": CUBE + "f 1 2 3\n" * 500_000,
         "a zip archive": zipped("mesh.obj", CUBE.encode()),
     }
     one = '<triangles count="1"><input semantic="VERTEX" source="#v" offset="{}"/><p>0 1 2</p></triangles>'
@@ -178,7 +177,10 @@ def _meshes() -> dict[str, Files]:
     for role in ("visual", "collision"):
         for ending, contents in (("obj", objs), ("dae", collada), ("stl", stls)):
             homes |= {f"{ending}, {n} ({role})": with_mesh(f"mesh.{ending}", c, role) for n, c in contents.items()}
-    return homes
+    return homes | {
+        "500,000 vertices": with_mesh("mesh.obj", "v 0 0 0\n" * 500_000 + CUBE),
+        "500,000 faces": with_mesh("mesh.obj", CUBE + "f 1 2 3\n" * 500_000, "collision"),
+    }
 
 
 def _materials() -> dict[str, Files]:
@@ -353,11 +355,17 @@ def apart(job: Callable[[Path], int], urdf: Path) -> dict[str, Any]:
         return {"code": code, "says": complaints.read(4000).decode(errors="replace")}
 
 
-if __name__ == "__main__":
-    import chmarl_pb.envs.parallel
-    import chmarl_pb.navigation.check
-    import chmarl_pb.rendering.preview  # noqa: F401
+def warm_up() -> None:
+    """Check and play a good home, so that what the processes need is loaded before they fork."""
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(sys.stderr):
+        urdf = Path(folder) / "home.urdf"
+        urdf.write_text(home_text(), encoding="utf-8")
+        if check(urdf) or play(urdf):
+            raise SystemExit("a good home is refused")
 
-    for name in sys.argv[1:]:
+
+if __name__ == "__main__":
+    warm_up()
+    for name in map(str.strip, sys.stdin):
         urdf = Path(name) / "home.urdf"
         print(json.dumps({"home": name, "check": apart(check, urdf), "play": apart(play, urdf)}), flush=True)

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,23 +14,37 @@ from tests.helpers.hostile_homes import GROUPS, write
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.fixture(scope="module")
+def ends_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path], dict]]:
+    """A function that tells how the check and an environment end on a home, from a process that outlives them."""
+    told = tmp_path_factory.mktemp("strangers") / "stderr"
+    with (
+        told.open("w") as errors,
+        subprocess.Popen(
+            [sys.executable, ROOT / "tests/helpers/hostile_homes.py"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=told.parent,
+        ) as process,
+    ):  # fmt: skip
+        assert process.stdin and process.stdout
+
+        def ends(folder: Path) -> dict:
+            print(folder, file=process.stdin, flush=True)
+            line = process.stdout.readline()
+            assert line, told.read_text()
+            return json.loads(line)
+
+        yield ends
+
+
 @pytest.mark.parametrize("group", GROUPS)
-def test_homes_from_strangers(tmp_path: Path, group: str) -> None:
-    homes = GROUPS[group]()
-    folders = [tmp_path / str(number) for number in range(len(homes))]
-    for folder, files in zip(folders, homes.values(), strict=True):
-        write(folder, files)
-    run = subprocess.run(
-        [sys.executable, ROOT / "tests/helpers/hostile_homes.py", *folders],
-        capture_output=True, text=True, timeout=600, env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=tmp_path,
-    )  # fmt: skip
-    ends = [json.loads(line) for line in run.stdout.splitlines()]
-    assert len(ends) == len(homes), run.stderr
-    wrong = {
-        name: end
-        for name, end in zip(homes, ends, strict=True)
-        if not (_plays(end) if group == "playable" else _is_refused(end))
-    }
+def test_homes_from_strangers(tmp_path: Path, group: str, ends_of: Callable[[Path], dict]) -> None:
+    wrong = {}
+    for number, (name, files) in enumerate(GROUPS[group]().items()):
+        write(tmp_path / str(number), files)
+        end = ends_of(tmp_path / str(number))
+        if not (_plays(end) if group == "playable" else _is_refused(end)):
+            wrong[name] = end
     assert not wrong, "\n".join(f"{name}: {end}" for name, end in wrong.items())
 
 

@@ -26,6 +26,8 @@ from chmarl_pb.errors import ActionError, OptionError, WorkerError
 from tests.helpers.toy_env import DIE, FAIL, ToyEnv
 from tests.helpers.toy_vectors import COUNT, EVERYWHERE
 
+pytestmark = pytest.mark.usefixtures("spawned")
+
 
 def gone(pid: int, patience: float = 10) -> bool:
     """Whether a process ends in some seconds."""
