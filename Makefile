@@ -18,7 +18,7 @@ demo: $(VENV)/.run
 	$(RUN)/chmarl-pb demo --out out
 
 test: check
-	$(RUN)/python -m pytest -n 2 -m "not slow"
+	$(RUN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 check: $(VENV)/.dev
 	$(RUN)/ruff check .
@@ -27,10 +27,10 @@ check: $(VENV)/.dev
 
 # The same tests, with the lines counted that they run: half as slow again. Fails below the floor in pyproject.toml.
 coverage: $(VENV)/.dev
-	$(RUN)/python -m pytest -n 2 -m "not slow" --cov --cov-report=term
+	$(RUN)/python -m pytest -n 2 --dist worksteal -m "not slow" --cov --cov-report=term
 
 test-slow: $(VENV)/.dev
-	$(RUN)/python -m pytest -n 2 -m slow
+	$(RUN)/python -m pytest -n 2 --dist worksteal -m slow
 
 bench: $(VENV)/.run
 	$(RUN)/chmarl-pb bench

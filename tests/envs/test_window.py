@@ -13,6 +13,7 @@ import pytest
 import chmarl_pb
 from chmarl_pb.envs import window
 from chmarl_pb.errors import MissingExtraError
+from tests.helpers import warm_python
 
 pygame = pytest.importorskip("pygame")
 
@@ -38,10 +39,12 @@ print("optimised")
 """
 
 
-def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run code in a process without a display, but for what is named."""
+def run(code: str, start: str = "cold", **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a process without a display, but for what is named; "cold" starts an interpreter of its own."""
     without = {"DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "SDL_FRAMEBUFFER_ACCELERATION"}
     inherited = {name: value for name, value in os.environ.items() if name not in without}
+    if start == "warm":
+        return warm_python.run(("-c", code), environment=inherited | environment)
     return subprocess.run(
         [sys.executable, "-c", code], env=inherited | environment, capture_output=True, text=True, check=False
     )
@@ -50,7 +53,7 @@ def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is always a display")
 @pytest.mark.parametrize("environment", [{}, {"DISPLAY": ":4242"}, {"SDL_VIDEODRIVER": "x11"}], ids=str)
 def test_no_display_is_one_sentence(environment: dict[str, str]) -> None:
-    ended = run(REFUSED, **environment)
+    ended = run(REFUSED, start="warm" if environment else "cold", **environment)
     assert (ended.returncode, ended.stderr) == (0, "")
     (line,) = ended.stdout.splitlines()
     assert "no display" in line
@@ -59,7 +62,7 @@ def test_no_display_is_one_sentence(environment: dict[str, str]) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="reads which libraries are loaded")
-@pytest.mark.parametrize("driver", ["dummy", "offscreen", ""])
+@pytest.mark.parametrize("driver", ["dummy", pytest.param("offscreen", marks=pytest.mark.slow), ""])
 def test_pytorch_optimises_after_a_window(driver: str) -> None:
     pytest.importorskip("torch")
     ended = run((CHECK if driver else REFUSED) + OPTIMISE, **({"SDL_VIDEODRIVER": driver} if driver else {}))

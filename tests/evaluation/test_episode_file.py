@@ -16,12 +16,22 @@ from chmarl_pb.viewer.record import record_file
 TASK = load_tasks("test-unseen")[0]
 
 
-@pytest.fixture(scope="module")
-def episode() -> EpisodeFile:
-    env = HouseholdEnv(home=TASK.home, max_steps=20, messages=False)
+def recorded(steps: int) -> EpisodeFile:
+    env = HouseholdEnv(home=TASK.home, max_steps=steps, messages=False)
     file = record_episode(env, make_policy("random", env), "random", 5, TASK)
     env.close()
     return file
+
+
+@pytest.fixture(scope="module")
+def episode() -> EpisodeFile:
+    return recorded(20)
+
+
+@pytest.fixture(scope="module")
+def brief() -> EpisodeFile:
+    """An episode whose motions are soon driven."""
+    return recorded(5)
 
 
 def test_an_episode_survives_its_file(tmp_path: Path, episode: EpisodeFile) -> None:
@@ -64,11 +74,11 @@ def test_replay_after_other_episodes_is_the_same(env: HouseholdEnv) -> None:
     assert file.success and replay_episode(file) is None
 
 
-def test_an_episode_can_be_shown(episode: EpisodeFile) -> None:
+def test_an_episode_can_be_shown(brief: EpisodeFile) -> None:
     """The demo plays the actions with driven motions; they end in the same way, also where the episode was cut."""
-    recording = record_file(episode)
-    assert (recording.steps, recording.success, recording.policy) == (20, episode.success, "random")
-    assert [moment.reward for moment in recording.moments[1:]] == list(episode.rewards)
+    recording = record_file(brief)
+    assert (recording.steps, recording.success, recording.policy) == (5, brief.success, "random")
+    assert [moment.reward for moment in recording.moments[1:]] == list(brief.rewards)
 
 
 @pytest.mark.parametrize(
@@ -145,10 +155,10 @@ def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     ],
     ids=["home", "ending", "length"],
 )
-def test_what_a_file_does_not_say_is_not_shown(episode: EpisodeFile, change: dict[str, Any], words: str) -> None:
+def test_what_a_file_does_not_say_is_not_shown(brief: EpisodeFile, change: dict[str, Any], words: str) -> None:
     if change == {"actions": "cut"}:
-        change = {"actions": episode.actions[:-1], "rewards": episode.rewards[:-1], "states": episode.states[:-1]}
+        change = {"actions": brief.actions[:-1], "rewards": brief.rewards[:-1], "states": brief.states[:-1]}
     elif change == {"success": "other"}:
-        change = {"success": not episode.success}
+        change = {"success": not brief.success}
     with pytest.raises(ResultError, match=words):
-        record_file(replace(episode, **change))
+        record_file(replace(brief, **change))

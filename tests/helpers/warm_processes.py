@@ -28,7 +28,7 @@ class WarmProcess(ForkServerProcess):
 class WarmContext(SpawnContext):
     """The queues and pipes of spawned processes, and processes that are forked."""
 
-    Process = WarmProcess  # type: ignore[assignment]
+    Process = WarmProcess
 
 
 def start_warm(patch: pytest.MonkeyPatch) -> None:

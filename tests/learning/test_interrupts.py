@@ -22,6 +22,7 @@ from chmarl_pb.learning.runs.validation import by_return
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.uneven_env import UnevenEnv
+from tests.helpers.warm_python import WarmPython
 
 torch.set_num_threads(1)  # these networks are too small for more
 
@@ -48,14 +49,19 @@ def test_a_run_may_be_interrupted_anywhere(
     assert_same(tmp_path / "whole", tmp_path / "pieces")
 
 
-def start(*arguments: str) -> subprocess.Popen:
+Process = subprocess.Popen | WarmPython
+
+
+def start(*arguments: str, warm: bool = True) -> Process:
+    if warm:
+        return WarmPython(("-m", *arguments))
     return subprocess.Popen(
         [sys.executable, "-m", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": os.getcwd()},
     )  # fmt: skip
 
 
-def wait_for(process: subprocess.Popen, folder: Path, rows: int) -> None:
+def wait_for(process: Process, folder: Path, rows: int) -> None:
     """Wait until a run has written some rows of metrics."""
     metrics = folder / "metrics.jsonl"
     while not metrics.exists() or len(metrics.read_text().splitlines()) < rows:
@@ -67,7 +73,7 @@ def wait_for(process: subprocess.Popen, folder: Path, rows: int) -> None:
 def test_a_signal_saves_and_the_same_command_ends_with_the_same_numbers(number: int, tmp_path: Path) -> None:
     train(UnevenEnv, "vdn", SMALL, tmp_path / "whole")
     folder = tmp_path / "cut"
-    process = start("tests.helpers.slow_run", "vdn", str(folder))
+    process = start("tests.helpers.slow_run", "vdn", str(folder), warm=number == signal.SIGINT)
     wait_for(process, folder, 3)
     process.send_signal(number)
     out, told = process.communicate()

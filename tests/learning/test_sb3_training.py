@@ -41,6 +41,7 @@ from tests.helpers.stopping import in_pieces
 
 torch.set_num_threads(1)  # these networks are too small for more
 HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"
+ALGORITHMS = (pytest.param("ppo", marks=pytest.mark.slow), "dqn", "recurrent-ppo")  # the last does all that PPO does
 TINY: dict[str, Any] = {"envs": 1, "tasks": 2, "max_steps": 4, "features": 8, "image_size": 32}
 
 
@@ -126,7 +127,7 @@ def weights(model: Any) -> dict[str, torch.Tensor]:
     return model.policy.state_dict()
 
 
-@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+@pytest.mark.parametrize("algo", ALGORITHMS)
 def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = Config(algo, HUMANOID, steps=24, interval=8, **TINY)
     whole = weights(run(config, tmp_path / "whole", workers=0))
@@ -146,7 +147,7 @@ def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkey
         run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "dqn", "recurrent-ppo"])
+@pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
     algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

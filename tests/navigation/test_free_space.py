@@ -32,16 +32,20 @@ def samples_of(place: np.ndarray, size: tuple[float, float, float]) -> np.ndarra
 
 @pytest.mark.parametrize("item", SIZES)
 def test_objects_fit_their_places(simulation: Simulation, item: str) -> None:
-    size, rng = simulation.world.size(item), np.random.default_rng(0)
+    size, rng, heights, samples = simulation.world.size(item), np.random.default_rng(0), [], []
     for name, thing in simulation.home.receptacles.items():
         places = simulation.space.places(name, size)
         for place in places[rng.permutation(len(places))[:15]]:
             tops = [solid for solid in thing.solids if abs(solid.top - place[2]) < 0.005]
             points = samples_of(place, size)
             assert np.logical_or.reduce([inside(top.polygon, points, 2e-3) for top in tops]).all(), name
-            for solid in simulation.home.solids:
-                if solid.spans(place[2] + 0.01, place[2] + size[2]):
-                    assert not inside(solid.polygon, points).any(), f"{item} on {name} at {place.round(3)}"
+            heights.append(place[2])
+            samples.append(points)
+    points, levels = np.stack(samples), np.array(heights)
+    for solid in simulation.home.solids:
+        spanned = [solid.spans(level + 0.01, level + size[2]) for level in levels]
+        within = points[spanned].reshape(-1, 2)
+        assert not inside(solid.polygon, within).any(), f"{item} in {solid}"
 
 
 def test_places_are_fixed_and_distinct(simulation: Simulation) -> None:

@@ -139,8 +139,8 @@ def test_visible_is_what_the_counts_of_all_pixels_say(simulation: Simulation, ta
     rng, renderer = np.random.default_rng(9), simulation.renderer
     for number in range(3):
         begin(simulation, tasks, number)
-        for step in range(120):
-            if step == 60:
+        for step in range(40):
+            if step == 20:
                 item = simulation.world.objects[number]
                 simulation.oracle.robot.spawn(simulation.space.stand(simulation.world.grip(item)) or 0)
                 simulation.oracle.robot.hold(item)

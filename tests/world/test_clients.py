@@ -41,6 +41,15 @@ def connected() -> set[int]:
     return {number for number in range(1024) if pybullet.getConnectionInfo(number)["isConnected"]}
 
 
+@pytest.fixture(autouse=True, scope="module")
+def few_to_collect() -> Iterator[None]:
+    """What other tests have left is not looked through again for each test here."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.fixture(autouse=True)
 def no_collector() -> Iterator[None]:
     """What is dropped goes at once, not when the garbage collector happens to come by."""
