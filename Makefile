@@ -52,6 +52,7 @@ assets: $(VENV)/.run
 	$(RUN)/python -m tools.assets.graspables
 	$(RUN)/python -m tools.assets.furniture
 	$(RUN)/python -m tools.assets.robots
+	$(RUN)/python -m tools.assets.textures
 
 homes: $(VENV)/.run
 	rm -rf scenes/meshes

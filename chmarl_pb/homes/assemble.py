@@ -13,9 +13,10 @@ import yourdfpy
 
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
-from chmarl_pb.homes.layout import Furniture, Layout, load_layout
+from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
 from chmarl_pb.homes.layout_file import Colour
-from chmarl_pb.homes.walls import Rect, Wall, pieces
+from chmarl_pb.homes.textures import textured_box
+from chmarl_pb.homes.walls import Rect, Wall, lintels, pieces
 
 ROOT = "home"
 FLOOR_THICKNESS = 0.1
@@ -48,16 +49,25 @@ def build_home(layout_path: str | Path, out_path: str | Path | None = None) -> P
 
 
 def write_home(layout: Layout, path: Path) -> Path:
-    """Write the URDF of a layout and copy the meshes that it names into ``meshes`` beside it."""
-    robot = assemble(layout)
+    """Write the URDF of a layout and the meshes that it names into ``meshes`` beside it."""
+    files: dict[str, bytes] = {}
+    robot = assemble(layout, files)
     for model in dict.fromkeys(piece.model for piece in layout.furniture):
         _copy_meshes(load_model(model), path.parent)
+    for name, content in files.items():
+        _write(path.parent / MESHES / name, content)
     _write(path, to_xml(robot))
     return path
 
 
-def assemble(layout: Layout) -> yourdfpy.Robot:
-    """Return the whole home as one URDF robot: links named ``<room>/<class>_<n>``, floors at z = 0."""
+def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.Robot:
+    """Return the whole home as one URDF robot: links named ``<room>/<class>_<n>``, floors at z = 0.
+
+    Args:
+        layout: of the home.
+        files: gets the content of the meshes that are made for it, by their names in ``meshes``.
+    """
+    made: dict[str, bytes] = {} if files is None else files
     robot = yourdfpy.Robot(layout.name, links=[_link(ROOT)])
     names: Counter[str] = Counter()
 
@@ -69,9 +79,11 @@ def assemble(layout: Layout) -> yourdfpy.Robot:
 
     for room in layout.rooms:
         for rect in room.rects:
-            fix(f"{room.name}/floor", _floor(rect, room.floor), _pose(*_centre(rect), 0.0))
+            fix(f"{room.name}/floor", _floor(rect, room, made), _pose(*_centre(rect), 0.0))
     for wall in pieces(layout.rects, layout.gaps, layout.wall_thickness):
-        fix(f"{wall.owner}/wall", _wall(wall, layout), _wall_pose(wall))
+        fix(f"{wall.owner}/wall", _wall(wall, layout, made), _wall_pose(wall))
+    for lintel in lintels(layout.rects, layout.gaps) if layout.door_height else ():
+        fix(f"{lintel.owner}/wall", _lintel(lintel, layout, made), _wall_pose(lintel))
     for piece in layout.furniture:
         thing = f"{piece.room}/{load_model(piece.model).thing_class}"
         fix(thing, _furniture(piece), _pose(*piece.position, yaw=math.radians(piece.yaw)))
@@ -125,15 +137,26 @@ def _box(size: Sequence[float], origin: Array, colour: Colour) -> yourdfpy.Visua
     return yourdfpy.Visual(origin=origin, geometry=geometry, material=_material(colour))
 
 
-def _solid(visual: yourdfpy.Visual) -> yourdfpy.Collision:
-    return yourdfpy.Collision(None, visual.origin, visual.geometry)
+def _surface(
+    size: Sequence[float], origin: Array, colour: Colour, texture: Path | None, files: dict[str, bytes]
+) -> yourdfpy.Visual:
+    """Return a box; with a texture, a mesh, whose files are noted."""
+    visual = _box(size, origin, colour)
+    if texture is not None:
+        made = textured_box(texture, (float(size[0]), float(size[1]), float(size[2])))
+        files |= made
+        visual.geometry = yourdfpy.Geometry(mesh=yourdfpy.Mesh(f"{MESHES}/{list(made)[-1]}"))
+    return visual
 
 
-def _floor(rect: Rect, colour: Colour) -> yourdfpy.Link:
+def _solid(size: Sequence[float], origin: Array) -> yourdfpy.Collision:
+    return yourdfpy.Collision(None, origin, yourdfpy.Geometry(box=yourdfpy.Box(np.array(size))))
+
+
+def _floor(rect: Rect, room: Room, files: dict[str, bytes]) -> yourdfpy.Link:
     """Return a floor in the frame of its rectangle's centre, its top at z = 0."""
-    size = (rect[2] - rect[0], rect[3] - rect[1], FLOOR_THICKNESS)
-    box = _box(size, _pose(0, 0, -FLOOR_THICKNESS / 2), colour)
-    return _link("", [box], [_solid(box)])
+    size, origin = (rect[2] - rect[0], rect[3] - rect[1], FLOOR_THICKNESS), _pose(0, 0, -FLOOR_THICKNESS / 2)
+    return _link("", [_surface(size, origin, room.floor, room.floor_texture, files)], [_solid(size, origin)])
 
 
 def _wall_pose(wall: Wall) -> Array:
@@ -142,27 +165,52 @@ def _wall_pose(wall: Wall) -> Array:
     return _pose(middle, wall.line, 0) if wall.axis == "x" else _pose(wall.line, middle, 0, math.pi / 2)
 
 
-def _wall(wall: Wall, layout: Layout) -> yourdfpy.Link:
-    """Return a wall: one solid, each face in the colour of its room, with skirting and trim at doorways."""
-    colours = {room.name: room.wall for room in layout.rooms}
+def _wall(wall: Wall, layout: Layout, files: dict[str, bytes]) -> yourdfpy.Link:
+    """Return a wall: one solid, each face in the looks of its room, with skirting and trim at doorways."""
     length, thickness, height = wall.end - wall.start, layout.wall_thickness, layout.wall_height
-    # The wall's frame has x along the wall: its +y side is the room above, or the room below when it runs along y.
-    rooms = (wall.above, wall.below) if wall.axis == "x" else (wall.below, wall.above)
-    faces = [(side, room) for side, room in zip((1, -1), rooms, strict=True) if room]
-    whole = _box((length, thickness, height), _pose(0, 0, height / 2), colours[wall.owner])
-    visuals = [whole]
-    if len(faces) == 2:
-        half = (length, thickness / 2, height)
-        visuals = [_box(half, _pose(0, side * thickness / 4, height / 2), colours[room]) for side, room in faces]
-    for side, room in faces:
-        red, green, blue = (SKIRTING_SHADE * channel for channel in colours[room])
+    visuals = _faces(wall, layout, 0.0, files)
+    for side, room in _sides(wall, layout):
+        red, green, blue = (SKIRTING_SHADE * channel for channel in room.wall)
         middle = _pose(0, side * (thickness + SKIRTING[0]) / 2, SKIRTING[1] / 2)
         visuals.append(_box((length, *SKIRTING), middle, (red, green, blue)))
+    top = layout.door_height or height
     for jamb, end in zip(wall.jambs, (-1, 1), strict=True):
         if jamb:
             x = end * ((length - JAMB[0]) / 2 + 0.001)
-            visuals.append(_box((JAMB[0], thickness + 2 * JAMB[1], height + 0.001), _pose(x, 0, height / 2), TRIM))
-    return _link("", visuals, [_solid(whole)])
+            visuals.append(_box((JAMB[0], thickness + 2 * JAMB[1], top + 0.001), _pose(x, 0, top / 2), TRIM))
+    return _link("", visuals, [_solid((length, thickness, height), _pose(0, 0, height / 2))])
+
+
+def _lintel(wall: Wall, layout: Layout, files: dict[str, bytes]) -> yourdfpy.Link:
+    """Return the piece of wall above a doorway, with trim below it."""
+    length, thickness, height = wall.end - wall.start, layout.wall_thickness, layout.wall_height
+    bottom = layout.door_height or height
+    board = (length + 2 * JAMB[0], thickness + 2 * JAMB[1], JAMB[0])
+    visuals = [*_faces(wall, layout, bottom, files), _box(board, _pose(0, 0, bottom - JAMB[0] / 2), TRIM)]
+    return _link("", visuals, [_solid((length, thickness, height - bottom), _pose(0, 0, (height + bottom) / 2))])
+
+
+def _faces(wall: Wall, layout: Layout, bottom: float, files: dict[str, bytes]) -> list[yourdfpy.Visual]:
+    """Return a wall from a height up: one box, or one for each of the two rooms beside it."""
+    length, thickness, height = wall.end - wall.start, layout.wall_thickness, layout.wall_height
+    middle, sides = (height + bottom) / 2, _sides(wall, layout)
+    if len(sides) == 1:
+        ((_, room),) = sides
+        size = (length, thickness, height - bottom)
+        return [_surface(size, _pose(0, 0, middle), room.wall, room.wall_texture, files)]
+    half = (length, thickness / 2, height - bottom)
+    return [
+        _surface(half, _pose(0, side * thickness / 4, middle), room.wall, room.wall_texture, files)
+        for side, room in sides
+    ]
+
+
+def _sides(wall: Wall, layout: Layout) -> list[tuple[int, Room]]:
+    """Return the rooms beside a wall, and whether each lies on its +y side (1) or its -y side (-1)."""
+    rooms = {room.name: room for room in layout.rooms}
+    # The wall's frame has x along the wall: its +y side is the room above, or the room below when it runs along y.
+    names = (wall.above, wall.below) if wall.axis == "x" else (wall.below, wall.above)
+    return [(side, rooms[name]) for side, name in zip((1, -1), names, strict=True) if name]
 
 
 def _furniture(piece: Furniture) -> yourdfpy.Link:

@@ -1,15 +1,20 @@
 """Layout files: a home as rooms, doors and furniture, in TOML (format: docs/homes.md)."""
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+from PIL import Image
+
 from chmarl_pb.catalog import ROOMS, room_kind
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.furniture import Model, load_model
 from chmarl_pb.homes.layout_file import Colour, Table, read_each, read_tables, refuse
+from chmarl_pb.homes.source import read_regular
+from chmarl_pb.homes.textures import textures
 from chmarl_pb.homes.walls import Gap, Rect, Wall, boundary, gap_in
 
 GRID = 0.25
@@ -24,18 +29,31 @@ STARTER = Path(__file__).with_name("starter.toml")
 SCHEMA = Path(__file__).with_name("layout.schema.json")
 """The JSON Schema of layouts, for editors."""
 
+_LOWEST_LINTEL = 2.0  # metres: robots pass below
 _TOLERANCE = 0.01
+_MOST_PICTURE_BYTES = 2**22
 _MOST_RECTS, _MOST_DOORS, _MOST_FURNITURE = 64, 64, 1000
 
 
 @dataclass(frozen=True)
 class Room:
-    """A room: one or several rectangles up to the middle of its walls (metres), with the colours of floor and walls."""
+    """A room: one or several rectangles up to the middle of its walls (metres), and how floor and walls look.
+
+    Attributes:
+        name: kind and number.
+        rects: its rectangles.
+        floor: colour of the floor.
+        wall: colour of the walls.
+        floor_texture: picture of one square metre that the colour tints; None: plain.
+        wall_texture: the same of the walls.
+    """
 
     name: str
     rects: tuple[Rect, ...]
     floor: Colour
     wall: Colour
+    floor_texture: Path | None = None
+    wall_texture: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +79,7 @@ class Furniture:
 
 @dataclass(frozen=True)
 class Layout:
-    """A whole home. Lengths in metres, x to the east, y to the north, floors at z = 0."""
+    """A whole home. Lengths in metres, x to the east, y to the north, floors at z = 0; None: doorways have no top."""
 
     name: str
     wall_height: float
@@ -69,6 +87,7 @@ class Layout:
     rooms: tuple[Room, ...]
     doors: tuple[Door, ...]
     furniture: tuple[Furniture, ...]
+    door_height: float | None = None
 
     @property
     def rects(self) -> dict[str, tuple[Rect, ...]]:
@@ -90,9 +109,12 @@ def load_layout(path: str | Path) -> Layout:
         HomeError: the file cannot be read, or a table or value in it cannot be used; the message names it.
     """
     top = read_tables(Path(path))
-    top.allow("name wall_height wall_thickness palette room door furniture")
+    top.allow("name wall_height wall_thickness door_height palette room door furniture")
     name, height = top.text("name"), top.number("wall_height", 2.5, low=1.0)
     thickness = top.number("wall_thickness", 0.1, low=0.02)
+    lintel = top.number("door_height", low=_LOWEST_LINTEL) if "door_height" in top.values else None
+    if lintel is not None and lintel >= height:
+        raise top.error(f"'door_height' {lintel:g} is not below 'wall_height' {height:g}", "door_height")
     problems: list[HomeError] = []
     rooms = _read_rooms(top, problems)
     refuse(problems)  # without its rooms, nothing else can be judged
@@ -101,7 +123,7 @@ def load_layout(path: str | Path) -> Layout:
     pieces = top.tables("furniture", _MOST_FURNITURE)
     furniture = read_each(pieces, lambda table: _read_furniture(table, rooms, thickness), problems)
     refuse(problems)
-    return Layout(name, height, thickness, rooms, doors, furniture)
+    return Layout(name, height, thickness, rooms, doors, furniture, lintel)
 
 
 def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:
@@ -126,7 +148,7 @@ def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:
 
 
 def _read_room(table: Table) -> Room:
-    table.allow("name rect rects floor wall")
+    table.allow("name rect rects floor wall floor_texture wall_texture")
     name = table.text("name")
     if room_kind(name) not in ROOMS:
         raise table.error(f"unknown room kind {room_kind(name)!r}; known kinds: {', '.join(ROOMS)}", "name")
@@ -138,7 +160,25 @@ def _read_room(table: Table) -> Room:
     rects = tuple(_read_rect(Table({"rect": row}, table.file, table.place)) for row in rows)
     if any(_overlap(one, two) for i, one in enumerate(rects) for two in rects[:i]):
         raise table.error(f"two rectangles of {name!r} overlap; let them touch")
-    return Room(name, rects, table.colour("floor"), table.colour("wall"))
+    looks = (_read_texture(table, key) for key in ("floor_texture", "wall_texture"))
+    return Room(name, rects, table.colour("floor"), table.colour("wall"), *looks)
+
+
+def _read_texture(table: Table, key: str) -> Path | None:
+    """Return the picture of a name of the package's, or of a path as seen from the layout."""
+    if key not in table.values:
+        return None
+    name, known = table.text(key, r"\S.*"), textures()
+    if name in known:
+        return known[name]
+    path = table.file.path.parent / name
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise table.error(f"{key!r} must be one of {', '.join(known)} or the path of a PNG or JPEG, got {name!r}", key)
+    try:
+        Image.open(io.BytesIO(read_regular(path, _MOST_PICTURE_BYTES))).verify()
+    except (ValueError, OSError, SyntaxError) as problem:
+        raise table.error(f"{key!r}: {name!r} cannot be read as a picture: {problem}", key) from problem
+    return path
 
 
 def _read_rect(table: Table) -> Rect:

@@ -79,6 +79,17 @@ def pieces(rooms: Mapping[str, Sequence[Rect]], gaps: Sequence[Gap], thickness: 
     return [piece for wall in closed for piece in _cut(wall, gaps)]
 
 
+def lintels(rooms: Mapping[str, Sequence[Rect]], gaps: Sequence[Gap]) -> list[Wall]:
+    """Return the pieces of wall above the doorways, in the order of the doors."""
+    walls = boundary(rooms)
+    return [
+        replace(wall, start=gap.start, end=gap.end)
+        for gap in gaps
+        for wall in walls
+        if (wall.axis, wall.line) == (gap.axis, gap.line) and wall.start < gap.start < wall.end
+    ]
+
+
 def _along(axis: Axis, rooms: Mapping[str, Sequence[Rect]]) -> Iterator[Wall]:
     """Yield the walls along one axis: for each line, the longest runs between the same two sides."""
     first = 0 if axis == "x" else 1
