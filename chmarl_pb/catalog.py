@@ -260,15 +260,6 @@ def furniture_urdf(model: str) -> Path:
     return _urdf("furniture", model)
 
 
-def robot_urdf(name: str) -> Path:
-    """Return the URDF file of a robot.
-
-    Raises:
-        AssetError: there is no such robot.
-    """
-    return _urdf("robots", name)
-
-
 def _urdf(folder: str, name: str) -> Path:
     path = URDF_DIR / folder / f"{name}.urdf"
     if not path.is_file():

@@ -62,12 +62,11 @@ def test_room_of_and_room_kind() -> None:
     assert catalog.room_kind("bedroom_2") == catalog.room_kind("bedroom") == "bedroom"
 
 
-def test_urdf_of_every_graspable_and_robot() -> None:
+def test_urdf_of_every_graspable() -> None:
     assert all(catalog.graspable_urdf(name).is_file() for name in catalog.GRASPABLES)
-    assert all(catalog.robot_urdf(name).is_file() for name in catalog.ROBOTS)
 
 
-@pytest.mark.parametrize("find", [catalog.graspable_urdf, catalog.furniture_urdf, catalog.robot_urdf])
+@pytest.mark.parametrize("find", [catalog.graspable_urdf, catalog.furniture_urdf])
 def test_unknown_model_names_the_known_ones(find) -> None:
     with pytest.raises(AssetError, match=r"unicorn.*no such model; known in"):
         find("unicorn")

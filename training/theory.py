@@ -5,8 +5,6 @@ small change brings nearer to the true one. For IQL and VDN that is one table; f
 reaches in the games of :mod:`training.games`. Tables have agent 1's actions as rows and agent 2's as columns.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.optimize import LinearConstraint, minimize
 
@@ -23,43 +21,23 @@ def additive_fit(table: np.ndarray) -> np.ndarray:
     return fitted
 
 
-def monotonic_fit(table: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Return the nearest table that rises (or stays) with both agents' values (isotonic regression).
-
-    It is a bound: no mixer with dQ_tot / dQ_i >= 0 comes nearer while the agents' values are in this order. Different
-    orders are different local optima. In the non-monotonic game, the order with both agents' A last leaves a squared
-    error of 320, that with A first 288: the better one holds the optimum, but the mean payoff of A is the worst, so
-    learning from small weights falls into the other.
-
-    Args:
-        table: the true one.
-        order: a table whose row and column sums have the order of the agents' values.
-    """
-    return _nearest(table, order, _rises)
-
-
 def supermodular_fit(table: np.ndarray, order: np.ndarray) -> np.ndarray:
     """Return the nearest table that rises with both agents' values, and the faster the higher the other's value is.
 
-    This bounds QMIX more tightly: its mixing network is a sum of convex functions (ELU) of weighted sums, all weights
+    This bounds QMIX: its mixing network is a sum of convex functions (ELU) of weighted sums, all weights
     at least 0, so the gain from raising both values is no less than the sum of the gains from raising each alone. An
     AND of two agents is such a table, an OR is not. Two by two tables of this kind are all within reach of QMIX;
-    of larger ones perhaps not all.
+    of larger ones perhaps not all. Different orders of the agents' values are different local optima.
 
     Args:
         table: the true one.
         order: a table whose row and column sums have the order of the agents' values.
     """
-    return _nearest(table, order, lambda shape: np.vstack([_rises(shape), _rises_together(shape)]))
-
-
-def _nearest(table: np.ndarray, order: np.ndarray, bounds: Callable[[tuple[int, ...]], np.ndarray]) -> np.ndarray:
-    """Return the nearest table of which no bound is negative, once its rows and columns are put in order."""
     rows, columns = np.argsort(order.sum(axis=1)), np.argsort(order.sum(axis=0))
     wanted = table[np.ix_(rows, columns)].ravel()
     found = minimize(
         lambda x: ((x - wanted) ** 2).sum(), np.sort(wanted), jac=lambda x: 2 * (x - wanted), method="SLSQP",
-        constraints=[LinearConstraint(bounds(table.shape), 0, np.inf)], options={"ftol": 1e-12, "maxiter": 500},
+        constraints=[LinearConstraint(_rises(table.shape), 0, np.inf)], options={"ftol": 1e-12, "maxiter": 500},
     )  # fmt: skip
     fit = np.empty(table.shape)
     fit[np.ix_(rows, columns)] = found.x.reshape(table.shape)
@@ -67,12 +45,7 @@ def _nearest(table: np.ndarray, order: np.ndarray, bounds: Callable[[tuple[int, 
 
 
 def _rises(shape: tuple[int, ...]) -> np.ndarray:
-    """Return what makes of a flat table all its differences from row to row and from column to column."""
+    """Return what makes of a flat table its differences along rows and columns, and its mixed second differences."""
     units = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-    return np.hstack([np.diff(units, axis=axis).reshape(len(units), -1) for axis in (1, 2)]).T
-
-
-def _rises_together(shape: tuple[int, ...]) -> np.ndarray:
-    """Return what makes of a flat table all its mixed second differences."""
-    units = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-    return np.diff(np.diff(units, axis=1), axis=2).reshape(len(units), -1).T
+    differences = np.diff(units, axis=1), np.diff(units, axis=2), np.diff(np.diff(units, axis=1), axis=2)
+    return np.hstack([part.reshape(len(units), -1) for part in differences]).T

@@ -10,7 +10,7 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.solids import Points, Solid, inside
+from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
 
@@ -78,11 +78,6 @@ class Room:
         """Floor area in square metres."""
         return sum(_area(floor) for floor in self.floors)
 
-    def contains(self, points: Points) -> np.ndarray:
-        """Return which of the points (..., 2) lie on its floor."""
-        on_floor: np.ndarray = np.logical_or.reduce([inside(floor, points) for floor in self.floors])
-        return on_floor
-
 
 @dataclass(frozen=True, eq=False)
 class Home:
@@ -132,10 +127,6 @@ class Home:
     def receptacles(self) -> dict[str, Thing]:
         """Name -> thing, for the things of the catalogue's receptacle classes that are solid."""
         return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES and thing.solids}
-
-    def room_at(self, point: Points) -> str | None:
-        """Return the room whose floor holds the point (2,), or None outside."""
-        return next((name for name, room in self.rooms.items() if room.contains(np.asarray(point)[:2])), None)
 
 
 def home_names() -> list[str]:

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from chmarl_pb.robots.file import packaged
 from chmarl_pb.robots.registry import MOST, TEAM
 
-NODE_CLASS, NODE_STATE, EDGES = GRAPH = ("node_class", "node_state", "edges")
+NODE_CLASS, _, EDGES = GRAPH = ("node_class", "node_state", "edges")
 INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
 MESSAGES, SELF, GOAL = "messages", "self", "goal"
 

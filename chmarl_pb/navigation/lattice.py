@@ -21,7 +21,6 @@ SPACING = 0.25  # metres between neighbouring positions of robots that drive
 HEADINGS = 12  # of 30 degrees each; heading 0 looks along +x, 3 along +y
 FORWARD = 0.5  # metres of one Move Forward
 DRONE_SPACING = 0.5
-DRONE_MOVE = 1.0
 DRONE_HEADING = np.pi / 2  # of robots that fly: forward is +y, so that a picture lies like the plan
 
 

@@ -1,6 +1,7 @@
 """Sensors: each gives some keys of a robot's observation; the built-in ones by name, others as objects."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -122,12 +123,15 @@ class SceneGraphSensor:
         return {**view.graph().arrays()}
 
 
-class ImageSensor:
-    """The camera's colours: ``image``."""
+@dataclass(frozen=True)
+class _CameraSensor:
+    """What a robot's camera shows, as pictures of this width and height in pixels."""
 
-    def __init__(self, size: int):
-        """Draw pictures of this width and height in pixels."""
-        self.size = size
+    size: int
+
+
+class ImageSensor(_CameraSensor):
+    """The camera's colours: ``image``."""
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of pictures."""
@@ -138,12 +142,8 @@ class ImageSensor:
         return {"image": view.image(self.size)}
 
 
-class DepthSensor:
+class DepthSensor(_CameraSensor):
     """How far away everything is that the camera shows: ``depth``, metres along the line of sight."""
-
-    def __init__(self, size: int):
-        """Draw pictures of this width and height in pixels."""
-        self.size = size
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of pictures; the camera's far plane is its end."""
@@ -154,12 +154,8 @@ class DepthSensor:
         return {"depth": view.depth(self.size)}
 
 
-class SegmentationSensor:
+class SegmentationSensor(_CameraSensor):
     """What each pixel shows: ``segmentation``, class ids as in ``node_class``, 0 where nothing has a class."""
-
-    def __init__(self, size: int):
-        """Draw pictures of this width and height in pixels."""
-        self.size = size
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of pictures."""

@@ -104,8 +104,3 @@ def as_bytes(text: str, length: int) -> NDArray[np.uint8]:
     array = np.zeros(length, dtype=np.uint8)
     array[: len(data)] = np.frombuffer(data, dtype=np.uint8)
     return array
-
-
-def as_text(array: NDArray[np.uint8]) -> str:
-    """Return the text of such bytes."""
-    return bytes(array).rstrip(b"\0").decode(errors="ignore")

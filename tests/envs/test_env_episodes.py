@@ -13,7 +13,7 @@ from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
-from tests.helpers.playing import HUMANOID_ACTIONS, STAY, digest, everything, play, random_actions
+from tests.helpers.playing import HUMANOID_ACTIONS, STAY, digest, everything, play, random_actions, room_at
 
 # Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -241,7 +241,7 @@ def test_self_tells_room_heading_and_hand(env: HouseholdEnv, tasks: list[Task]) 
         observations, *_ = env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 1})
     own = observations["humanoid"]["self"]
     x, y, yaw = env.simulation.oracle.robot.lattice.pose(env.simulation.oracle.robot.pose)
-    assert env.world.home.room_at(np.array([x, y])) == (*env.rooms, "hallway")[int(own[:5].argmax())]
+    assert room_at(env.world.home, x, y) == (*env.rooms, "hallway")[int(own[:5].argmax())]
     np.testing.assert_allclose(own[5:], [np.cos(yaw), np.sin(yaw), 1], atol=1e-6)
     np.testing.assert_allclose(observations["drone"]["self"], [0, 1, 0, 0, 0, 0, 1, 0], atol=1e-6)
 

@@ -7,6 +7,8 @@ import numpy as np
 import pybullet
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.solids import inside
 from chmarl_pb.robots.registry import TEAM
 
 HUMANOID_ACTIONS = (
@@ -18,6 +20,12 @@ DRONE_ACTIONS = (
     "move_right", "stay",
 )  # fmt: skip
 STAY = {"humanoid": 9, "drone": 8}
+
+
+def room_at(home: Home, x: float, y: float) -> str | None:
+    """Return the room whose floor holds a point, or None outside."""
+    rooms = home.rooms.values()
+    return next((room.name for room in rooms if any(inside(floor, np.array([x, y])) for floor in room.floors)), None)
 
 
 def random_actions(env: HouseholdEnv, rng: np.random.Generator) -> dict[str, int]:

@@ -15,7 +15,7 @@ from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.spaces import Interface, interface_of
 from training.games import TwoStepGame
-from training.theory import additive_fit, monotonic_fit, supermodular_fit
+from training.theory import additive_fit, supermodular_fit
 
 NUMBERS = st.floats(-20, 20, width=32)
 
@@ -69,13 +69,10 @@ def test_fits_are_of_their_class_and_keep_the_mean(numbers: list[float]) -> None
     assert np.allclose(additive + additive[0, 0], additive[:, :1] + additive[:1], atol=1e-4)
     assert additive.mean() == pytest.approx(table.mean(), abs=1e-4)
     order = np.add.outer([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
-    monotonic = monotonic_fit(table, order)
-    assert (np.diff(monotonic, axis=0) >= -1e-3).all() and (np.diff(monotonic, axis=1) >= -1e-3).all()
-    assert ((monotonic - table) ** 2).sum() <= ((table.mean() - table) ** 2).sum() + 1e-3
-
     supermodular = supermodular_fit(table, order)
-    assert (np.diff(np.diff(supermodular, axis=0), axis=1) >= -1e-3).all() and (np.diff(supermodular) >= -1e-3).all()
-    assert ((monotonic - table) ** 2).sum() <= ((supermodular - table) ** 2).sum() + 1e-2
+    assert (np.diff(supermodular, axis=0) >= -1e-3).all() and (np.diff(supermodular, axis=1) >= -1e-3).all()
+    assert (np.diff(np.diff(supermodular, axis=0), axis=1) >= -1e-3).all()
+    assert ((supermodular - table) ** 2).sum() <= ((table.mean() - table) ** 2).sum() + 1e-2
 
 
 @given(st.lists(NUMBERS, min_size=3, max_size=3), st.integers(0, 9), *[st.floats(0, 10, width=32)] * 2)
@@ -92,7 +89,6 @@ def test_qmix_is_supermodular(values: list[float], seed: int, one: float, other:
 
 def test_an_or_is_monotonic_and_beyond_qmix() -> None:
     table = np.array([[0.0, 8.0], [8.0, 8.0]])
-    np.testing.assert_allclose(monotonic_fit(table, table), table, atol=1e-6)
     np.testing.assert_allclose(supermodular_fit(table, table), [[-2, 6], [6, 6]] + 4 * np.eye(2), atol=1e-6)
     np.testing.assert_allclose(supermodular_fit(8 - table, 8 - table), 8 - table, atol=1e-6)  # an AND
 

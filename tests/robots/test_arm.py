@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from chmarl_pb import catalog
 from chmarl_pb.robots import arm as arm_module
 from chmarl_pb.robots.arm import JOINTS, REACH, Arm, Configuration
 from chmarl_pb.robots.file import find_model
@@ -174,7 +173,7 @@ def test_motors_follow_a_motion_with_a_load(arm: Arm) -> None:
 
 @pytest.mark.parametrize("name", ["humanoid", "drone"])
 def test_inertias_are_physical(name: str) -> None:
-    for inertial in ET.parse(catalog.robot_urdf(name)).iter("inertial"):
+    for inertial in ET.parse(OUT / f"{name}.urdf").iter("inertial"):
         moments = {key: float(value) for key, value in inertial.find("inertia").attrib.items()}
         xx, xy, xz, yy, yz, zz = (moments[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -190,7 +189,7 @@ def test_triangle_budget(name: str, budget: int) -> None:
 
 
 def test_drone_camera_looks_down(client: int) -> None:
-    body = p.loadURDF(str(catalog.robot_urdf("drone")), useFixedBase=True, physicsClientId=client)
+    body = p.loadURDF(str(OUT / "drone.urdf"), useFixedBase=True, physicsClientId=client)
     state = p.getLinkState(body, 0, computeForwardKinematics=True, physicsClientId=client)
     turn = np.reshape(p.getMatrixFromQuaternion(state[5]), (3, 3))
     assert np.allclose(turn[:, 0], (0, 0, -1), atol=1e-5)

@@ -15,7 +15,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.sensing.sensors import View
-from chmarl_pb.sensing.text import LENGTH, as_bytes, as_text
+from chmarl_pb.sensing.text import LENGTH, as_bytes
 
 ALL = ("scene_graph", "visual", "depth", "segmentation", "text")
 
@@ -102,6 +102,10 @@ def test_the_benchmarks_observations_stay(env: Any) -> None:
         for key, value in seen["humanoid"].items():
             np.testing.assert_array_equal(value, with_all[key])
         alone.close()
+
+
+def as_text(array: np.ndarray) -> str:
+    return bytes(array).rstrip(b"\0").decode(errors="ignore")
 
 
 def test_texts_as_bytes() -> None:

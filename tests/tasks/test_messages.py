@@ -8,6 +8,7 @@ from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import WorldState
+from tests.helpers.playing import room_at
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 GOAL = Goal("mug_1", ("bedroom/desk_1", "livingroom/desk_1", "hallway/desk_1"))
@@ -74,7 +75,7 @@ def rooms_of(env: HouseholdEnv, seen: set[str]) -> tuple[set[str], set[str]]:
     support = env.world.supports.get(item)
     if support is None:
         x, y, _ = env.world.robots["humanoid"].base[0]
-        where = env.world.home.room_at(np.array([x, y]))
+        where = room_at(env.world.home, x, y)
     else:
         where = support.receptacle.split("/")[0]
     targets = {name.split("/")[0] for name in seen if name in env.setting.goal.receptacles}
