@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Protocol, Union
+from typing import Annotated, Any, Union
 
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
@@ -73,31 +73,6 @@ class Place:
         check(self)
 
 
-class Command(Protocol):
-    """A training that was asked for.
-
-    Attributes:
-        algo: name of the algorithm.
-        config: settings of the learner.
-        place: where it happens.
-    """
-
-    algo: Any
-    config: Any
-    place: Place
-
-    @property
-    def observation(self) -> str:
-        """What the robots observe."""
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder: everything that makes a row of the tables."""
-
-    def run(self, folder: Path) -> None:
-        """Train in a folder."""
-
-
 @dataclass(frozen=True)
 class Play:
     """Learn by playing."""
@@ -108,14 +83,9 @@ class Play:
     place: Annotated[Place, Flat] = Place()
 
     @property
-    def observation(self) -> str:
-        """What the robots observe."""
-        return self.env.observation
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return _name(self.algo, self.env, self.config.seed)
+    def setting(self) -> Env:
+        """What the robots are and observe."""
+        return self.env
 
     def run(self, folder: Path) -> None:
         """Train in a folder."""
@@ -123,7 +93,7 @@ class Play:
 
 
 @dataclass(frozen=True)
-class DaggerMappo:
+class DaggerMappo(Play):
     """Imitate the search policy, then learn by MAPPO from there on.
 
     The search policy knows no more than the robots see; to imitate it gives a learner that looks around and goes on,
@@ -133,21 +103,8 @@ class DaggerMappo:
         imitation: settings of the first training; it has the same seed and the same kind of networks as the second.
     """
 
-    algo: Fixed
     config: Annotated[MappoConfig, Flat]
     imitation: DAggerConfig = field(default_factory=DAggerConfig)
-    env: Annotated[Env, Flat] = Env()
-    place: Annotated[Place, Flat] = Place()
-
-    @property
-    def observation(self) -> str:
-        """What the robots observe."""
-        return self.env.observation
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return _name(self.algo, self.env, self.config.seed)
 
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
@@ -172,14 +129,9 @@ class Clone:
     place: Annotated[Place, Flat] = Place()
 
     @property
-    def observation(self) -> str:
-        """What the robots observe."""
-        return self.config.observation
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return _name(self.algo, self.config, self.config.seed)
+    def setting(self) -> CloningConfig:
+        """What the robots are and observe."""
+        return self.config
 
     def run(self, folder: Path) -> None:
         """Train in a folder."""
@@ -188,8 +140,10 @@ class Clone:
         clone(self.config, folder, self.data, False, self.place.threads, self.place.device)
 
 
+Command = Play | Clone
+
 #: Algorithm -> the command that trains it, with its defaults.
-COMMANDS: dict[str, Any] = {
+COMMANDS: dict[str, Command] = {
     "bc": Clone("bc", CloningConfig()),
     **{name: Play(name, row.config(image_encoder="resnet18")) for name, row in ALGORITHMS.items()},
     "dagger-mappo": DaggerMappo("dagger-mappo", MappoConfig(image_encoder="detector")),
@@ -203,11 +157,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str]) -> int:
     command = parse(arguments)
-    folder = command.place.out or Path("out/train") / command.name
+    folder = command.place.out or Path("out/train") / name_of(command)
     command.run(folder)
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
-    own: str = getattr(command, "env", command.config).robots
-    options = f"--observation {command.observation}" + (f" --robots {own}" if listed(own) != TEAM else "")
+    robots = f" --robots {command.setting.robots}" if listed(command.setting.robots) != TEAM else ""
+    options = f"--observation {command.setting.observation}{robots}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
     return 0
 
@@ -247,7 +201,8 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
     train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads, place.device)
 
 
-def _name(algo: str, setting: Any, seed: int) -> str:
+def name_of(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
+    setting = command.setting
     words = [word for word in ("centralized", "messages", "feedback") if getattr(setting, word, False)]
-    return "-".join([algo, setting.observation, *words, f"seed{seed}"])
+    return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])

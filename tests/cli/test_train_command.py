@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("tyro")
 
-from chmarl_pb.cli.train import COMMANDS, main, parse
+from chmarl_pb.cli.train import COMMANDS, main, name_of, parse
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
 
@@ -37,7 +37,7 @@ def test_flags_are_typed_and_belong_to_their_learner(capsys: pytest.CaptureFixtu
     first = parse(["--algo", "qmix", "--episodes", "7", "--gamma", "0.5", "--no-messages"])
     assert first == parse(["--gamma", "0.5", "--no-messages", "--episodes=7", "--algo=qmix"])
     assert first == parse(["qmix", "--gamma", "0.5", "--episodes", "7", "--no-messages"])
-    assert (first.config.episodes, first.config.gamma, first.name) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
+    assert (first.config.episodes, first.config.gamma, name_of(first)) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
     assert parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"]).config.past_actions is False
     for wrong in (["--algo", "bc", "--episodes", "3"], ["--algo", "iql", "--epochs", "3"]):
         with pytest.raises(SystemExit) as caught:
@@ -56,7 +56,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         ("--algo", "dagger-mappo", "--no-messages"): "dagger-mappo-scene_graph-feedback-seed0",
     }
     for words, name in names.items():
-        assert parse(words).name == name
+        assert name_of(parse(words)) == name
 
 
 @pytest.mark.parametrize(

@@ -28,12 +28,12 @@ from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.seal import LENGTH
 from chmarl_pb.learning.sb3 import load_policy
 from chmarl_pb.learning.sb3.config import PRESETS, Config
-from chmarl_pb.learning.sb3.features import FeatureVecEnv, HouseholdFeatures
+from chmarl_pb.learning.sb3.features import HouseholdFeatures
 from chmarl_pb.learning.sb3.policy import read_model
 from chmarl_pb.learning.sb3.run import Log
 from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
-from chmarl_pb.learning.sb3.wrappers import ScaledRewards
+from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.sources import find_policy, register_loader
 from tests.helpers.damage import Evil, flipped
@@ -201,7 +201,7 @@ def test_frozen_features_take_the_place_of_pictures() -> None:
     torch.manual_seed(0)
     resnet = FrozenEncoder("resnet18", ResNet18().state_dict())
     options = {"split": "val-unseen", "image_size": 32, "max_steps": 2}
-    env = FeatureVecEnv(chmarl_pb.sb3_vec_env(2, "CHMARL/Visual-v0", workers=0, **options), resnet)
+    env = encode_pictures(chmarl_pb.sb3_vec_env(2, "CHMARL/Visual-v0", workers=0, **options), resnet)
     space = env.observation_space
     assert isinstance(space, spaces.Dict) and space["drone_image"].shape == (FEATURES,)
     seen = env.reset()

@@ -34,7 +34,7 @@ def test_what_a_command_needs_is_made_before_it() -> None:
     for words in TRAININGS:
         command = train.parse(words)
         here = COMMANDS.index(["python", "-m", "training.train", *words])
-        if command.observation == "visual" and command.config.image_encoder != "cnn":
+        if command.setting.observation == "visual" and command.config.image_encoder != "cnn":
             assert command.config.image_encoder == "resnet18"  # what pretraining makes unless told otherwise
             assert place("python", "-m", "training.pretrain") < here
         if command.algo == "bc":
@@ -42,5 +42,5 @@ def test_what_a_command_needs_is_made_before_it() -> None:
 
 
 def test_the_checkpoint_that_is_evaluated_is_of_a_training_before() -> None:
-    folders = [str(Path("out/train") / train.parse(words).name) for words in TRAININGS]
+    folders = [str(Path("out/train") / train.name_of(train.parse(words))) for words in TRAININGS]
     assert str(Path(EVALUATED[EVALUATED.index("--policy") + 1]).parent) in folders

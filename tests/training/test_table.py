@@ -110,9 +110,9 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
         arguments = run.command("train")[1:]
         if row.module == "training.train":
             command = parse_train(arguments)
-            setting = command.config if row.clones else command.env
-            told = (setting.observation, setting.messages, setting.feedback, command.config.seed, command.place.out)
-            assert told == (row.observation, row.messages, row.feedback, 3, run.folder)
+            setting = command.setting
+            given = (setting.observation, setting.messages, setting.feedback, command.config.seed, command.place.out)
+            assert given == (row.observation, row.messages, row.feedback, 3, run.folder)
         if row.module == "training.sb3":
             config, out, workers, _ = parse_sb3(arguments)
             assert (config.observation, config.messages, config.feedback, config.seed) == (

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
+from pettingzoo.utils.wrappers import BaseParallelWrapper
 from rich.progress import Progress
 
 from chmarl_pb.errors import DatasetError
@@ -55,7 +55,7 @@ def all_with_features(seen: Sequence[dict[str, Any]], encoder: FrozenEncoder) ->
     return [{name: changed[number, name] for name in agents} for number, agents in enumerate(seen)]
 
 
-class FeatureEnv(ParallelEnv):  # type: ignore[misc]
+class FeatureEnv(BaseParallelWrapper):  # type: ignore[misc]
     """A ParallelEnv whose agents observe features in the place of pictures; all else is that of the inner one."""
 
     def __init__(self, env: Any, encoder: FrozenEncoder):
@@ -65,35 +65,13 @@ class FeatureEnv(ParallelEnv):  # type: ignore[misc]
             env: the inner environment.
             encoder: computes the features.
         """
-        self.env, self.encoder = env, encoder
-        self.metadata, self.possible_agents = env.metadata, env.possible_agents
+        super().__init__(env)
+        self.encoder = encoder
         self._spaces = {name: feature_space(env.observation_space(name), encoder) for name in env.possible_agents}
-
-    def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the inner environment."""
-        if name == "env":  # not yet there while a copy is unpickled
-            raise AttributeError(name)
-        return getattr(self.env, name)
-
-    @property
-    def unwrapped(self) -> Any:
-        """The innermost environment."""
-        return self.env.unwrapped
-
-    @property
-    def agents(self) -> list[str]:
-        """The agents whose episode goes on."""
-        agents: list[str] = self.env.agents
-        return agents
 
     def observation_space(self, agent: str) -> spaces.Dict:
         """Return an agent's observation space."""
         return self._spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return an agent's action space."""
-        space: spaces.Space[Any] = self.env.action_space(agent)
-        return space
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; see the inner environment."""
@@ -104,19 +82,6 @@ class FeatureEnv(ParallelEnv):  # type: ignore[misc]
         """Let all agents act once; see the inner environment."""
         observations, *rest = self.env.step(actions)
         return with_features(observations, self.encoder), *rest
-
-    def state(self) -> np.ndarray:
-        """Return the inner environment's global state."""
-        state: np.ndarray = self.env.state()
-        return state
-
-    def render(self) -> Any:
-        """Return what the inner environment renders."""
-        return self.env.render()
-
-    def close(self) -> None:
-        """Close the inner environment."""
-        self.env.close()
 
 
 def reset_all(

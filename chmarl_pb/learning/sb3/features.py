@@ -1,22 +1,13 @@
-"""Our observations in Stable-Baselines3: its features extractor, and frozen features in the place of pictures."""
+"""What the networks of Stable-Baselines3 make of our observations."""
 
-from typing import Any, cast
-
-import numpy as np
-import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from torch import Tensor
 
 from chmarl_pb.learning.networks import DictEncoder
-from chmarl_pb.learning.networks.frozen import FrozenEncoder
-from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.networks.numbers import Numbers
 from chmarl_pb.learning.observation_keys import GOAL, is_goal
 from chmarl_pb.learning.sb3.checks import Check
-
-_IMAGE = "image"  # end of the keys of pictures
 
 
 class HouseholdFeatures(BaseFeaturesExtractor):
@@ -83,44 +74,3 @@ class GoalFeatures(BaseFeaturesExtractor):
         self._check(observations)
         features: Tensor = self.numbers(observations)
         return features
-
-
-class FeatureVecEnv(VecEnvWrapper):
-    """Environments whose pictures are replaced by features of a frozen encoder, computed for all at once."""
-
-    def __init__(self, venv: VecEnv, encoder: FrozenEncoder):
-        """Wrap environments.
-
-        Raises:
-            ValueError: their observations are not Dicts.
-        """
-        space = venv.observation_space
-        if not isinstance(space, spaces.Dict):
-            raise ValueError(f"{space} is not a Dict of observations")
-        super().__init__(venv, observation_space=feature_space(space, encoder))
-        self.encoder = encoder
-
-    def reset(self) -> dict[str, np.ndarray]:
-        """Reset all environments."""
-        return encoded(cast(dict[str, np.ndarray], self.venv.reset()), self.encoder)
-
-    def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return what came of the step."""
-        observations, rewards, ends, infos = self.venv.step_wait()
-        for info in infos:
-            if "terminal_observation" in info:
-                info["terminal_observation"] = encoded(info["terminal_observation"], self.encoder)
-        return encoded(cast(dict[str, np.ndarray], observations), self.encoder), rewards, ends, infos
-
-
-def encoded(observation: dict[str, np.ndarray], encoder: FrozenEncoder) -> dict[str, np.ndarray]:
-    """Return observations with features (..., *shape) float16 in the place of pictures.
-
-    Args:
-        observation: key -> array; one observation or a batch.
-        encoder: computes the features.
-    """
-    keys = [key for key in observation if key.endswith(_IMAGE)]
-    pictures = np.stack([observation[key] for key in keys])
-    features = encoder(torch.from_numpy(pictures.reshape(-1, *pictures.shape[-3:]))).numpy()
-    return observation | dict(zip(keys, features.reshape(*pictures.shape[:-3], *encoder.shape), strict=True))

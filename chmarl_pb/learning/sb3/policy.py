@@ -28,7 +28,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fil
 from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
-from chmarl_pb.learning.sb3.features import encoded
+from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
 from chmarl_pb.policies.search import SearchPolicy

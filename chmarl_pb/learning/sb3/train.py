@@ -25,12 +25,11 @@ from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
-from chmarl_pb.learning.sb3.features import FeatureVecEnv
 from chmarl_pb.learning.sb3.journal import Journal
 from chmarl_pb.learning.sb3.policy import save_model
 from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
-from chmarl_pb.learning.sb3.wrappers import ScaledRewards, SelectedKeys
+from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
 _VALIDATION_ENVS = 2
@@ -84,9 +83,9 @@ def run(
 
 def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
     if config.frozen:
-        env = FeatureVecEnv(env, frozen_encoder(config.image_encoder))
+        env = encode_pictures(env, frozen_encoder(config.image_encoder))
     if config.keys:
-        env = SelectedKeys(env, config.keys)
+        env = select_keys(env, config.keys)
     env = VecMonitor(env)
     space = env.observation_space
     pictures = isinstance(space, spaces.Dict) and any(map(is_image_space, space.spaces.values()))
