@@ -1,17 +1,14 @@
 """``python -m benchmarks.encoders``: what the features of a picture cost by ResNet-18, in several arithmetics.
 
-One thread, 128 pixels, processor time, the best of some rounds in which all take turns. The rows of onnxruntime appear
-where it, onnx and onnxscript are installed, that of EfficientNet-Lite0 where its packages are.
+One thread, 128 pixels, processor time, the best of some rounds in which all take turns. The row of EfficientNet-Lite0
+appears where its packages are installed.
 """
 
 import argparse
 import json
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
 
 from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.extras import needs
@@ -73,48 +70,14 @@ def encoders(images: Tensor) -> dict[str, Encode]:
             return network(pictures)
 
     ranges = ranges_of(network, images)
-    rows: dict[str, Encode] = {"torch float32": network, "torch bfloat16": halves}
-    rows |= {"torch int8 (used)": IntegerResNet18(network, ranges)}
-    try:
-        rows |= by_onnxruntime(network, images)
-    except ImportError as error:
-        print(f"without onnxruntime: {error}")
+    rows: dict[str, Encode] = {"float32, channels last": network, "bfloat16": halves}
+    rows |= {"int8 (used)": IntegerResNet18(network, ranges)}
     try:
         weights = torch.load(efficientnet.weights_file(), weights_only=True)
         rows |= {"EfficientNet-Lite0, float32": efficientnet.build(weights)}
     except MissingExtraError as error:
         print(f"without EfficientNet-Lite0: {error}")
     return rows
-
-
-def by_onnxruntime(network: ResNet18, images: Tensor) -> dict[str, Encode]:
-    """Return encoders in float32 and in integers."""
-    import onnxruntime
-    from onnxruntime.quantization import CalibrationDataReader, QuantType, quant_pre_process, quantize_static
-
-    class Reader(CalibrationDataReader):
-        def __init__(self) -> None:
-            self.left = [{"images": part.numpy()} for part in images.split(4)]
-
-        def get_next(self) -> dict[str, np.ndarray] | None:
-            return self.left.pop() if self.left else None
-
-    def session(path: Path) -> Encode:
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        run = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"]).run
-        return lambda pictures: run(None, {"images": pictures.numpy()})[0]
-
-    with tempfile.TemporaryDirectory() as folder:
-        plain, ready, whole = (Path(folder) / f"{name}.onnx" for name in ("plain", "ready", "whole"))
-        names = {"input_names": ["images"], "dynamic_axes": {"images": {0: "batch"}}}
-        torch.onnx.export(network, (images[:2],), plain, dynamo=False, **names)
-        quant_pre_process(plain, ready)
-        quantize_static(
-            ready, whole, Reader(), activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, per_channel=True,
-            op_types_to_quantize=["Conv", "Add", "MaxPool"],
-        )  # fmt: skip
-        return {"onnxruntime float32": session(plain), "onnxruntime int8": session(whole)}
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm"
             ("train", ("-m", f"training.{name}", "--help"))
             for name in ("train", "ours", "pretrain", "proofs", "table", "score", "sb3")
         ),
-        *(("train", ("-m", f"benchmarks.{name}")) for name in ("encoders", "learning")),
+        ("train", ("-m", "benchmarks.encoders")),
         *(("train", (str(ROOT / "examples" / f"{name}.py"),)) for name in ("custom_learner", "watch_checkpoint")),
     ],
     ids=lambda value: " ".join(Path(word).name for word in value) if isinstance(value, tuple) else value,
