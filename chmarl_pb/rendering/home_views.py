@@ -107,16 +107,6 @@ class HomeViews:
         self._files: dict[tuple[RobotModel, int], ViewFile | None] = {}
         self._kept = _kept()
 
-    @property
-    def client(self) -> int:
-        """A PyBullet client with the empty home, for pictures of other kinds."""
-        return self._other_drawer.number
-
-    @cached_property
-    def _other_drawer(self) -> Client:
-        with self._loaded() as (client, _):
-            return client
-
     @cached_property
     def _model(self) -> HomeModel | None:
         """The home's triangles, or None if TinyRenderer is to draw them: our own rasteriser is slow as plain Python."""
@@ -130,7 +120,7 @@ class HomeViews:
 
     @cached_property
     def _drawer(self) -> Client:
-        """The client in which TinyRenderer draws: pictures of another kind would change how it rounds colours."""
+        """The client in which TinyRenderer draws nothing else: other pictures would change how it rounds colours."""
         with self._loaded() as (client, _):
             return client
 

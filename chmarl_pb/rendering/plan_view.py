@@ -1,5 +1,6 @@
 """The plan of a home: drawn once from straight above, with the scale that ties it to metres."""
 
+from contextlib import closing
 from dataclasses import dataclass
 
 import cv2
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.homes.home import Home
-from chmarl_pb.rendering.home_views import home_views
+from chmarl_pb.world import Client, loaded_home
 from chmarl_pb.world.bullet import pybullet
 
 _HEIGHT = 200.0  # metres of the camera over the floor: so far that walls show no sides
@@ -44,6 +45,12 @@ class PlanView:
 
 def draw_plan(home: Home, width: int, height: int) -> PlanView:
     """Draw a home's plan as large as it fits into a size in pixels."""
+    with closing(Client()) as client, loaded_home(client.number, home):
+        return plan_in(client.number, home, width, height)
+
+
+def plan_in(client: int, home: Home, width: int, height: int) -> PlanView:
+    """Draw the plan of a home that is loaded in a client; see :func:`draw_plan`."""
     low, high = home.bounds[0] - _MARGIN, home.bounds[1] + _MARGIN
     scale = float(min(width / (high - low)[0], height / (high - low)[1]))
     columns, rows = (round(float(side) * scale) for side in high - low)
@@ -56,7 +63,7 @@ def draw_plan(home: Home, width: int, height: int) -> PlanView:
     )
     _, _, rgba, _, _ = pybullet.getCameraImage(
         columns * _OVERSAMPLING, rows * _OVERSAMPLING, view, projection, shadow=0,
-        renderer=pybullet.ER_TINY_RENDERER, physicsClientId=home_views(home).client, **LIGHT,
+        renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client, **LIGHT,
     )  # fmt: skip
     shape = (rows * _OVERSAMPLING, columns * _OVERSAMPLING, 4)
     rgb = np.reshape(rgba, shape)[..., :3].astype(np.uint8)

@@ -14,11 +14,11 @@ from chmarl_pb.homes.content import content_hash
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.rendering import home_views as home_views_module
 from chmarl_pb.rendering.home_views import HomeViews
+from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.rendering.view_store import view_store
 from chmarl_pb.robots.file import find_model
 from tests.helpers.small_homes import SMALL_HOME, home_text
 from tests.helpers.stored_views import (
-    VIEW,
     assert_all_equal,
     assert_equal,
     drawn_in_memory,
@@ -62,7 +62,7 @@ def test_stored_views_of_a_furnished_home_equal_those_drawn_in_another_order(
     for number, pose in enumerate(poses):
         views.look(find_model("humanoid"), pose, 64)
         if number % 3 == 0:  # somebody draws the home from elsewhere in between
-            home_views_module.render(views.client, home_views_module.camera_of(find_model("drone")), VIEW, 16)
+            draw_plan(home, 16, 16)
     stored = HomeViews(home)
     monkeypatch.setenv("CHMARL_CACHE", "off")
     fresh = HomeViews(home)

@@ -14,11 +14,10 @@ from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.rendering import camera
-from chmarl_pb.rendering.home_views import home_views
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.rendering.preview import preview
 from chmarl_pb.robots.file import find_model
-from chmarl_pb.world import bullet
+from chmarl_pb.world import Client, bullet, loaded_home
 from tests.test_layers import imported
 
 ROOT = Path(__file__).parents[2]
@@ -95,10 +94,12 @@ def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tm
     """A PyBullet that was built without NumPy gives tuples."""
     home, draw = load_home("home_1"), bullet.pybullet.getCameraImage
     view = camera.view_matrix(find_model("drone").eye(space_of(home), 0))
-    views = home_views(home).client
+    client = Client()
+    with loaded_home(client.number, home):
+        pass
 
     def pictures() -> list[np.ndarray]:
-        seen = camera.render(views, camera.camera_of(find_model("drone")), view, 24)
+        seen = camera.render(client.number, camera.camera_of(find_model("drone")), view, 24)
         house = preview(home.path, tmp_path / "house.png", size=(80, 40))
         parts = seen.colour, seen.depth, seen.segmentation, draw_plan(home, 40, 40).rgb
         return [*parts, np.frombuffer(house.read_bytes(), np.uint8)]
