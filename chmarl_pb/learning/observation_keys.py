@@ -1,5 +1,6 @@
 """Which keys of an observation are the benchmark's: exact names, alone or after a robot's name and ``_``."""
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,21 @@ MESSAGES, SELF, GOAL = "messages", "self", "goal"
 
 _KINDS = dict.fromkeys((*TEAM, *packaged()))
 _NUMBERS = ("", *(f"{number}_" for number in range(MOST)))  # where a kind repeats
-#: What stands before the keys of the package's robots where all robots are seen as one; before others nothing is known.
-PREFIXES = ("", *(f"{kind}_{number}" for kind in _KINDS for number in _NUMBERS))
+#: What stands before the keys of the package's robots where all robots are seen as one.
+_PACKAGED = ("", *(f"{kind}_{number}" for kind in _KINDS for number in _NUMBERS))
 _MOST_IDS = 2**16  # of a table of embeddings; larger numbers are no ids
 
 
-def named(key: str, *names: str) -> bool:
-    """Return whether a key is one of these names, alone or with a robot's before it; ``force_feedback`` is not."""
-    return any(key == prefix + name for prefix in PREFIXES for name in names)
+def prefixes(keys: Collection[str]) -> list[str]:
+    """Return what stands before the keys of robots: nothing, or the name of one of the package or with a ``self``."""
+    own = (key.removesuffix(SELF) for key in keys if key.endswith(f"_{SELF}"))
+    return list(dict.fromkeys([*_PACKAGED, *own]))
+
+
+def named(keys: Collection[str], *names: str) -> list[str]:
+    """Return the keys that are one of these names, alone or with a robot's before it; ``force_feedback`` is not."""
+    ours = {prefix + name for prefix in prefixes(keys) for name in names}
+    return [key for key in keys if key in ours]
 
 
 def is_ids(space: spaces.Space[Any], rank: int) -> bool:
@@ -45,14 +53,14 @@ def is_features(space: spaces.Space[Any]) -> bool:
     return isinstance(space, spaces.Box) and space.dtype == np.float16
 
 
-def is_tokens(key: str, space: spaces.Space[Any]) -> bool:
-    """Return whether a key of a space holds words."""
-    return named(key, INSTRUCTION, FEEDBACK) and is_ids(space, 1)
+def tokens(space: spaces.Dict) -> list[str]:
+    """Return the keys of words."""
+    return [key for key in named(space.spaces, INSTRUCTION, FEEDBACK) if is_ids(space[key], 1)]
 
 
-def is_goal(key: str, space: spaces.Space[Any]) -> bool:
-    """Return whether a key of a space holds the classes of X and Y and whether they are in view."""
-    return named(key, GOAL) and is_ids(space, 1) and space.shape == (4,)
+def goals(space: spaces.Dict) -> list[str]:
+    """Return the keys that hold the classes of X and Y and whether they are in view."""
+    return [key for key in named(space.spaces, GOAL) if is_ids(space[key], 1) and space[key].shape == (4,)]
 
 
 def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:
@@ -61,7 +69,7 @@ def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:
     Only where all three are there, as the benchmark has them; parts of a graph are keys like any other.
     """
     found = {}
-    for prefix in PREFIXES:
+    for prefix in prefixes(space.spaces):
         keys = [prefix + name for name in GRAPH]
         if all(key in space.spaces for key in keys) and _is_graph(*(space[key] for key in keys)):
             found[keys[0]] = (keys[1], keys[2])

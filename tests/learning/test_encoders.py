@@ -11,6 +11,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.graphs import GraphEncoder
 from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder
+from chmarl_pb.learning.observation_keys import named
 
 NODES, EDGES, CLASSES, STATES = 12, 20, 9, 4
 IDS = spaces.Box(0, CLASSES, (NODES,), np.int16), spaces.Box(0, STATES, (NODES,), np.int16)
@@ -166,6 +167,18 @@ def test_only_the_benchmarks_own_keys_and_spaces_are_words_and_graphs(space: spa
     for missing in graph:
         rest = spaces.Dict({key: part for key, part in graph.items() if key != missing})
         assert all(type(part) is FlatEncoder for part in parts_of(rest).values())
+
+
+def test_keys_of_own_robots_are_known_by_their_self(space: spaces.Dict) -> None:
+    joint = {f"{robot}_{key}": part for robot in ("humanoid", "scout_0", "scout_1") for key, part in space.items()}
+    keys = [*joint, "force_feedback"]
+    assert named(keys, "messages") == ["humanoid_messages", "scout_0_messages", "scout_1_messages"]
+    assert "force_feedback" not in named(keys, "feedback") and "scout_1_feedback" in named(keys, "feedback")
+    kinds = {key: type(part) for key, part in parts_of(spaces.Dict(joint)).items()}
+    assert kinds["scout_1_node_class"] is GraphEncoder and kinds["scout_0_instruction"] is TokenEncoder
+    assert parts_of(spaces.Dict(joint)).keys() == {
+        f"{robot}_{key}" for robot in ("humanoid", "scout_0", "scout_1") for key in parts_of(space)
+    }
 
 
 @pytest.mark.parametrize(

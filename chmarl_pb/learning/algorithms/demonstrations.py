@@ -96,7 +96,8 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
     ready = kept_features(dataset, frozen_encoder(config.image_encoder)) if config.uses_features else {}
     columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
-        names = [name for name in file["episode_0/observations"] if not named(name, *config.left_out)]
+        every = list(file["episode_0/observations"])
+        names = [name for name in every if name not in named(every, *config.left_out)]
         columns |= {name: [] for name in names if name not in ready}
         for number in range(dataset.episodes):
             episode = file[f"episode_{number}"]
@@ -107,10 +108,14 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
     lengths = torch.tensor([len(actions) for actions in columns["actions"]])
     tensors = {name: _with_padding(columns.pop(name)) for name in list(columns)}
     tensors |= {name: _with_padding([features]) for name, features in ready.items()}
+    actions, labels = tensors.pop("actions"), tensors.pop("labels")
+    for name in named(tensors, *GRAPH):
+        # Edges have their relation, which is not 0, at the end; a node's state is not 0 either.
+        tensors[name] = _cut(tensors[name], name.endswith(EDGES))
     return Demonstrations(
-        actions=tensors.pop("actions"),
-        labels=tensors.pop("labels"),
-        observations={name: _cut(name, tensors[name]) for name in sorted(tensors)},
+        actions=actions,
+        labels=labels,
+        observations={name: tensors[name] for name in sorted(tensors)},
         starts=torch.cumsum(lengths, 0) - lengths,
         lengths=lengths,
         sha256=dataset.sha256,
@@ -121,10 +126,7 @@ def _with_padding(parts: list[np.ndarray]) -> Tensor:
     return torch.from_numpy(np.concatenate([*parts, np.zeros_like(parts[0][:1])]))
 
 
-def _cut(key: str, values: Tensor) -> Tensor:
-    """Return the values without the rows of a graph's padding that are empty everywhere."""
-    if not named(key, *GRAPH):
-        return values
-    # Edges have their relation, which is not 0, at the end; a node's state is not 0 either.
-    filled = (values[..., -1] if named(key, EDGES) else values).any(dim=0).sum()
+def _cut(values: Tensor, edges: bool) -> Tensor:
+    """Return a part of graphs without the rows of padding that are empty everywhere."""
+    filled = (values[..., -1] if edges else values).any(dim=0).sum()
     return values[:, : max(int(filled), 1)].clone()

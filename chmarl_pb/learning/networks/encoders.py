@@ -22,12 +22,12 @@ from chmarl_pb.learning.observation_keys import (
     IMAGE,
     INSTRUCTION,
     NODE_CLASS,
+    goals,
     graphs,
     is_features,
-    is_goal,
     is_picture,
-    is_tokens,
     named,
+    tokens,
 )
 
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
@@ -65,7 +65,7 @@ def build_encoder(
     """
     if isinstance(space, spaces.Dict):
         return DictEncoder(space, size, image_encoder, graph_pool, numbers_past)
-    part = _flat_or_image("", space, image_encoder)
+    part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
 
@@ -82,17 +82,17 @@ class DictEncoder(nn.Module):
         self.space, pool = space, look_up("graph_pool", graph_pool, GRAPH_POOLS)
         tables: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
         parts: dict[str, Part] = {}
-        self.graphs = graphs(space)
+        self.graphs, self._tokens, goal, pictures = graphs(space), tokens(space), goals(space), named(space, IMAGE)
         inside = {key for others in self.graphs.values() for key in others}
         for key, box in space.spaces.items():
             if key in self.graphs:
                 parts[key] = pool(box, space[self.graphs[key][0]])
-            elif is_tokens(key, box):
+            elif key in self._tokens:
                 parts[key] = TokenEncoder(tables.setdefault(id_count(box), embedding(id_count(box))))
-            elif is_goal(key, box):
+            elif key in goal:
                 parts[key] = GoalEncoder(box)
             elif key not in inside:
-                parts[key] = _flat_or_image(key, box, image_encoder)
+                parts[key] = _flat_or_image(box, image_encoder, key in pictures)
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
@@ -113,18 +113,21 @@ class DictEncoder(nn.Module):
 
     def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
         """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
-        if key not in self.keys or not is_tokens(key, self.space[key]):
+        if key not in self._tokens:
             raise ValueError(f"pooling by the instruction needs its tokens, {key!r}, in the observation")
         return cast(TokenEncoder, self.parts[self.keys.index(key)]).total(flat[key])
 
 
-def _flat_or_image(key: str, space: spaces.Space[Any], image_encoder: str) -> Part:
+def _flat_or_image(space: spaces.Space[Any], image_encoder: str, ours: bool = False) -> Part:
+    """Return what encodes a part of a space; features of pictures are known under our own key alone."""
     if isinstance(space, spaces.Box) and is_picture(space):
         return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
-    if named(key, IMAGE) and is_features(space):
+    if ours and is_features(space):
         kind = look_up("image_encoder", image_encoder, FROZEN_ENCODERS)
         if space.shape != kind.shape:
-            raise ValueError(f"{key!r} has features of shape {space.shape}, not those of {image_encoder}: {kind.shape}")
+            raise ValueError(
+                f"pictures have features of shape {space.shape}, not those of {image_encoder}: {kind.shape}"
+            )
         return kind.reader()
     if isinstance(space, spaces.Box | spaces.Discrete):
         return FlatEncoder(space)

@@ -33,12 +33,12 @@ Step = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], dic
 def feature_space(space: spaces.Dict, encoder: FrozenEncoder) -> spaces.Dict:
     """Return an observation space with an encoder's features, float16, in the place of each picture."""
     features = spaces.Box(-np.inf, np.inf, encoder.shape, np.float16)
-    return spaces.Dict({key: features if named(key, IMAGE) else part for key, part in space.spaces.items()})
+    return spaces.Dict({**space.spaces, **dict.fromkeys(named(space.spaces, IMAGE), features)})
 
 
 def with_features(observations: dict[Any, dict[str, Any]], encoder: FrozenEncoder) -> dict[Any, dict[str, Any]]:
     """Return agents' observations with features in the place of their pictures, computed together."""
-    places = [(name, key) for name, seen in observations.items() for key in seen if named(key, IMAGE)]
+    places = [(name, key) for name, seen in observations.items() for key in named(seen, IMAGE)]
     if not places:
         return observations
     pictures = np.stack([observations[name][key] for name, key in places])
@@ -129,7 +129,7 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
     key = hashlib.sha256(f"{encoder.fingerprint} {dataset.sha256}".encode()).hexdigest()[:16]
     path = dataset.folder / f"features-{key}.f16"
     with dataset.open() as file:
-        names = [name for name in file["episode_0/observations"] if named(name, IMAGE)]
+        names = named(file["episode_0/observations"], IMAGE)
         if not names:
             raise DatasetError(f"{dataset.folder}: no pictures; generate the data set with `--observation visual`")
         shape = (dataset.steps, len(names), *encoder.shape)

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.parts import EMBEDDING, Part, embedding, flattened, id_count
-from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF, is_goal, named
+from chmarl_pb.learning.observation_keys import MESSAGES, SELF, goals, named
 
 _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
 
@@ -39,10 +39,10 @@ class Numbers(nn.Module):
     def __init__(self, space: spaces.Dict):
         """Find the keys in a space."""
         super().__init__()
-        self._shapes = {
-            key: box.shape for key, box in space.spaces.items() if named(key, MESSAGES, SELF) or is_goal(key, box)
-        }
-        self._from = {key: _IDS if named(key, GOAL) else 0 for key in self._shapes}
+        goal = goals(space)
+        found = {*named(space.spaces, MESSAGES, SELF), *goal}
+        self._shapes = {key: box.shape for key, box in space.spaces.items() if key in found}
+        self._from = {key: _IDS if key in goal else 0 for key in self._shapes}
         self.size = sum(spaces.flatdim(space[key]) - first for key, first in self._from.items())
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:

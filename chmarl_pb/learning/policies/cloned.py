@@ -138,7 +138,7 @@ def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
     actors = []
     for group in config.groups(env.possible_agents):
         own = {f"{name}_{key}" for name in group for key in env.observation_space(name).spaces}
-        keys = [key for key in space.spaces if key in own and not named(key, *config.left_out)]
+        keys = [key for key in space.spaces if key in own.difference(named(space.spaces, *config.left_out))]
         actors.append(
             BCActor(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )

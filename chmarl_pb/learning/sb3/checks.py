@@ -10,7 +10,7 @@ from torch import Tensor
 
 from chmarl_pb.envs.observations import Observer
 from chmarl_pb.envs.options import Options
-from chmarl_pb.learning.observation_keys import IMAGE, MESSAGES, PREFIXES, SELF, is_picture, named
+from chmarl_pb.learning.observation_keys import IMAGE, MESSAGES, SELF, is_picture, named, prefixes
 
 _MEMORY = (
     "the network reads one observation at a time; leave out VecFrameStack and the like (RecurrentPPO has a memory)"
@@ -35,9 +35,9 @@ class Check:
         """
         if not isinstance(space, spaces.Dict):
             raise ValueError(f"{space} is not the Dict that the environment gives; leave out wrappers that flatten it")
-        for prefix in PREFIXES:
+        for prefix in prefixes(space.spaces):
             _check_robot(prefix, {key.removeprefix(prefix): space[key] for key in space if key.startswith(prefix)})
-        boxes = {key: box for key, box in space.items() if named(key, *read) or not read}
+        boxes = {key: space[key] for key in (named(space.spaces, *read) if read else space)}
         self._highest = {key: torch.tensor(box.high) for key, box in boxes.items() if _has_whole_numbers(box)}
 
     def __call__(self, observation: Mapping[str, Tensor]) -> None:

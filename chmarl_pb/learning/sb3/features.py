@@ -6,7 +6,7 @@ from torch import Tensor
 
 from chmarl_pb.learning.networks import DictEncoder
 from chmarl_pb.learning.networks.numbers import Numbers
-from chmarl_pb.learning.observation_keys import GOAL, is_goal
+from chmarl_pb.learning.observation_keys import GOAL, goals
 from chmarl_pb.learning.sb3.checks import Check
 
 
@@ -63,7 +63,7 @@ class GoalFeatures(BaseFeaturesExtractor):
             ValueError: the goal is not observed, or observations are flattened, stacked, normalised or scaled.
         """
         check = Check(observation_space, GOAL)
-        if not any(is_goal(key, space) for key, space in observation_space.items()):
+        if not goals(observation_space):
             raise ValueError(f"{observation_space} has no {GOAL!r}; make the environment with goal=True")
         numbers = Numbers(observation_space)
         super().__init__(observation_space, numbers.size)

@@ -169,7 +169,7 @@ class Sb3Policy:
         """Return the actions in the episodes with these numbers."""
         parts = [one[self._alone] if self._alone else joined(one) for one in observations]
         batch = stack([{key: part[key] for key in self._keys} for part in parts])
-        batch |= {key: np.zeros_like(batch[key]) for key in batch if named(key, *self._silenced)}
+        batch |= {key: np.zeros_like(batch[key]) for key in named(batch, *self._silenced)}
         if self._encoder is not None:
             batch = encoded(batch, self._encoder)
         numbers = self._numbers(episodes, self._network.obs_to_tensor(batch)[0]).tolist()
@@ -240,7 +240,7 @@ def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     seen = parts[learner] if config.alone else joined(parts)
     # What the network was not trained with, as the goal, is left out.
     read = config.keys or tuple(name for name in parts[learner] if name != GOAL or PRESETS[config.preset].goal)
-    space = spaces.Dict({key: part for key, part in seen.items() if named(key, *read)})
+    space = spaces.Dict({key: seen[key] for key in named(seen, *read)})
     if config.frozen:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     for key, part in space.items():

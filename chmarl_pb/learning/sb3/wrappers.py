@@ -24,8 +24,9 @@ def select_keys(venv: VecEnv, names: Collection[str]) -> VecEnv:
         venv: with Dict observations.
         names: of the keys, which may have a robot's name before them.
     """
-    space = {key: part for key, part in _parts(venv).items() if named(key, *names)}
-    return ChangedObservations(venv, spaces.Dict(space), lambda seen: {key: seen[key] for key in space})
+    keys = named(_parts(venv).spaces, *names)
+    space = spaces.Dict({key: _parts(venv)[key] for key in keys})
+    return ChangedObservations(venv, space, lambda seen: {key: seen[key] for key in keys})
 
 
 def encode_pictures(venv: VecEnv, encoder: FrozenEncoder) -> VecEnv:
@@ -40,7 +41,7 @@ def encoded(observation: Arrays, encoder: FrozenEncoder) -> Arrays:
         observation: key -> array; one observation or a batch.
         encoder: computes the features.
     """
-    keys = [key for key in observation if named(key, IMAGE)]
+    keys = named(observation, IMAGE)
     pictures = np.stack([observation[key] for key in keys])
     features = encoder(torch.from_numpy(pictures.reshape(-1, *pictures.shape[-3:]))).numpy()
     return observation | dict(zip(keys, features.reshape(*pictures.shape[:-3], *encoder.shape), strict=True))
