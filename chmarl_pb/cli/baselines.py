@@ -23,7 +23,7 @@ _CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=run_baselines)
     parser.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
@@ -35,25 +35,16 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> int:
-    return run_baselines(options.split or SPLITS, options.seeds, options.workers, options.out, options.references)
-
-
-def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, references: Path | None) -> int:
+def run_baselines(options: argparse.Namespace) -> int:
     """Evaluate the built-in policies, print their tables as Markdown; return the exit code.
 
-    Args:
-        splits: names of splits.
-        seeds: number of seeds.
-        workers: number of processes.
-        out: folder for the results, one JSON file for each policy and split; what is there already and
-            was made with the same settings is kept.
-        references: folder for the lengths that other results are compared with; not written if None.
+    Results that are there already and were made with the same settings are kept.
 
     Raises:
         TaskError: there is no such split.
         OptionError: a number is less than 1.
     """
+    splits: Sequence[str] = options.split or SPLITS
     for split in splits:
         load_tasks(split)  # says so if there is no such split
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
@@ -62,12 +53,12 @@ def run_baselines(splits: Sequence[str], seeds: int, workers: int, out: Path, re
             for policy in BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
-                    policy, split, seeds=range(seeds), workers=workers, out=out / f"{split}-{policy}.json", reuse=True,
-                    progress=partial(_advance, bar, row),
+                    policy, split, seeds=range(options.seeds), workers=options.workers,
+                    out=options.out / f"{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
                 )  # fmt: skip
-            if references is not None:
+            if options.references is not None:
                 episodes = {name: reports[split][name].episodes for name in (*VARIANTS, *SHORTCUTS)}
-                write_atomically(references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
+                write_atomically(options.references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
     print("\n\n".join([*map("\n".join, _tables(reports)), "\n".join(_difficulty(reports))]))
     return 0
 

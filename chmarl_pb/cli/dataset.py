@@ -5,7 +5,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -24,7 +23,6 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.processes import check_workers
 from chmarl_pb.progress import LateProgress
-from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 
 
@@ -32,20 +30,20 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
     making = add_verb(all_verbs, "generate", "let the planner play all tasks and store it as Minari data sets")
-    making.set_defaults(run=_generate)
+    making.set_defaults(run=generate_datasets)
     making.add_argument("--observation", choices=(*OBSERVATIONS, "both"), default="scene_graph")
     making.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
     making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
     making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
     add_robots(making)
     verifying = add_verb(all_verbs, "verify", "check the files of data sets and replay their episodes")
-    verifying.set_defaults(run=_verify)
+    verifying.set_defaults(run=verify_datasets)
     verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
     for verb in (making, verifying):
         verb.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
         verb.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     stats = add_verb(all_verbs, "stats", "print statistics of tasks, data sets and language")
-    stats.set_defaults(run=lambda options: run_stats(options.out, options.json))
+    stats.set_defaults(run=print_statistics)
     stats.add_argument("--json", type=output_file, metavar="FILE", help="write them here as well")
     for verb in (making, verifying, stats):
         verb.add_argument(
@@ -53,96 +51,61 @@ def add(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def _generate(options: argparse.Namespace) -> int:
-    return run_generate(
-        options.split or (), options.observation, options.workers, options.noise, options.seed, options.limit,
-        options.out, options.robots,
-    )  # fmt: skip
-
-
-def _verify(options: argparse.Namespace) -> int:
-    return run_verify(options.split or (), options.share, options.workers, options.out)
-
-
-def run_generate(
-    splits: Sequence[str],
-    observation: str,
-    workers: int,
-    noise: float,
-    seed: int,
-    limit: int | None,
-    root: Path | None,
-    robots: tuple[str, ...] = TEAM,
-) -> int:
+def generate_datasets(options: argparse.Namespace) -> int:
     """Make data sets; return 0, or 1 if the planner alone left a task unsolved.
-
-    Args:
-        splits: splits to make, all if empty.
-        observation: "scene_graph", "visual" or "both".
-        workers: number of processes.
-        noise: probability of a random action, for each robot and step.
-        seed: of the random actions.
-        limit: number of tasks of each split, from the first; None plays all.
-        root: folder of Minari data sets; Minari's own if None.
-        robots: names and robot files.
 
     Raises:
         AssetError: there is no such robot.
         OptionError: an option has a value that it does not know.
         DatasetError: another data set of this name is in the folder.
     """
-    check_workers(workers)
-    root = root or default_root()
-    modes = OBSERVATIONS if observation == "both" else (observation,)
-    recipes = [Recipe(split, mode, noise, seed, limit, robots) for mode in modes for split in splits or SPLITS]
+    check_workers(options.workers)
+    root = options.out or default_root()
+    modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
+    recipes = [
+        Recipe(split, mode, options.noise, options.seed, options.limit, options.robots)
+        for mode in modes
+        for split in options.split or SPLITS
+    ]
     made = []
     for recipe in recipes:
         with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:
-            made.append(generate(recipe, root, workers, progress))
+            made.append(generate(recipe, root, options.workers, progress))
     facts = [statistics.dataset_statistics(dataset) for dataset in made]
     _print_datasets(facts)
     print(f"In {root}: set MINARI_DATASETS_PATH={root}, then minari.load_dataset({made[0].dataset_id!r}).")
-    unsolved = [] if noise else [row["id"] for row in facts if row["success_rate"] < 1]
+    unsolved = [] if options.noise else [row["id"] for row in facts if row["success_rate"] < 1]
     for dataset_id in unsolved:
         print(f"chmarl-pb: {dataset_id}: the planner left tasks unsolved", file=sys.stderr)
     return 1 if unsolved else 0
 
 
-def run_verify(splits: Sequence[str], share: float, workers: int, root: Path | None) -> int:
+def verify_datasets(options: argparse.Namespace) -> int:
     """Verify the data sets in a folder; return 0.
-
-    Args:
-        splits: splits to verify, all if empty.
-        share: of each data set's episodes to replay.
-        workers: number of processes.
-        root: folder of Minari data sets; Minari's own if None.
 
     Raises:
         TaskError: there is no such split.
         DatasetError: there is none, or one is damaged or differs from its replay.
     """
-    check_workers(workers)
-    for split in splits:
+    check_workers(options.workers)
+    for split in options.split or ():
         load_tasks(split)  # says so if there is no such split
-    root = root or default_root()
-    datasets = [dataset for dataset in find_datasets(root) if not splits or dataset.recipe["split"] in splits]
+    root = options.out or default_root()
+    datasets = [
+        dataset for dataset in find_datasets(root) if not options.split or dataset.recipe["split"] in options.split
+    ]
     if not datasets:
         raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
     for dataset in datasets:
-        with _bar(dataset.dataset_id, len(chosen(dataset.episodes, share))) as progress:
-            count = verify(dataset, share, workers, progress)
+        with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
+            count = verify(dataset, options.share, options.workers, progress)
         print(f"{dataset.dataset_id}: {count} of {dataset.episodes} episodes replayed, all equal")
     return 0
 
 
-def run_stats(root: Path | None, json_file: Path | None) -> int:
-    """Print statistics of the tasks, of the data sets in a folder and of their language; return 0.
-
-    Args:
-        root: folder of Minari data sets; Minari's own if None.
-        json_file: where to write them as well.
-    """
-    datasets = find_datasets(root or default_root())
+def print_statistics(options: argparse.Namespace) -> int:
+    """Print statistics of the tasks, of the data sets in a folder and of their language; return 0."""
+    datasets = find_datasets(options.out or default_root())
     every = {split: load_tasks(split) for split in SPLITS}
     facts: dict[str, Any] = {
         "tasks": {split: statistics.task_statistics(tasks) for split, tasks in every.items()},
@@ -153,9 +116,9 @@ def run_stats(root: Path | None, json_file: Path | None) -> int:
     if datasets:
         _print_datasets(facts["datasets"])
     _print_language(facts["language"], len(datasets))
-    if json_file is not None:
-        write_atomically(json_file, json.dumps(facts, indent=2) + "\n")
-        print(json_file)
+    if options.json is not None:
+        write_atomically(options.json, json.dumps(facts, indent=2) + "\n")
+        print(options.json)
     return 0
 
 

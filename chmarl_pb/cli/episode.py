@@ -13,7 +13,6 @@ from chmarl_pb.evaluation.episode_file import load_episode, record_episode, repl
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.policies.sources import find_policy
-from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import find_task
 
 
@@ -21,7 +20,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
     saving = add_verb(all_verbs, "save", "play a task with a policy and save the episode as a file")
-    saving.set_defaults(run=_save)
+    saving.set_defaults(run=save)
     saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
     saving.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
     saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
@@ -40,26 +39,17 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _save(options: argparse.Namespace) -> int:
-    return save(
-        options.policy, options.task, options.observation, options.seed, options.out, options.goal, options.robots
-    )
-
-
-def save(
-    policy: str, task_id: str, observation: str, seed: int, out: Path, goal: bool = False,
-    robots: tuple[str, ...] = TEAM,
-) -> int:  # fmt: skip
+def save(options: argparse.Namespace) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
-    task, source, seed = find_task(task_id), find_policy(policy), checked_seed(seed)
-    env = HouseholdEnv(observation, home=task.home, goal=goal, robots=robots)
+    task, source, seed = find_task(options.task), find_policy(options.policy), checked_seed(options.seed)
+    env = HouseholdEnv(options.observation, home=task.home, goal=options.goal, robots=options.robots)
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
         shortest = optimal_steps(env, task)
     finally:
         env.close()
-    save_episode(file, out)
-    print(f"{out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")
+    save_episode(file, options.out)
+    print(f"{options.out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")
     return 0
 
 

@@ -9,9 +9,10 @@ from typing import Any
 
 from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
 from chmarl_pb.data.record import Arrays
-from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, file_sha256
+from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE
 from chmarl_pb.errors import ChmarlError, DatasetError
 from chmarl_pb.extras import needs
+from chmarl_pb.files import file_hash
 
 with needs("a data set", "data"):
     import h5py
@@ -124,7 +125,7 @@ def _state(path: Path) -> State:
 @cache
 def _sha256(path: Path, *state: int) -> str:
     """Return the sha256 of a file, computed once as long as it is not written to."""
-    return file_sha256(path)
+    return file_hash(path)
 
 
 @cache

@@ -17,7 +17,7 @@ from chmarl_pb.data.recipe import NAMESPACE, Recipe
 from chmarl_pb.data.record import Arrays, Recording, make_env
 from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.extras import needs
-from chmarl_pb.files import replacing, write_atomically, writing
+from chmarl_pb.files import file_hash, replacing, write_atomically, writing
 from chmarl_pb.robots.registry import TEAM, team_of
 
 with needs("a data set", "data"):
@@ -171,7 +171,7 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
         "description": f"{_team(recipe)} solve the tasks of {recipe.split} in simulated homes, driven by the "
         f"{who}. One episode for each task, in the order of the task file.",
         "requirements": ["chmarl-pb"],
-        "sha256": file_sha256(path),
+        "sha256": file_hash(path),
         "recipe": recipe.facts(),
         "made_with": versions(),
     }
@@ -185,12 +185,3 @@ def _describe_namespace(root: Path) -> None:
     path = root / NAMESPACE / "namespace_metadata.json"
     if not path.exists():
         write_atomically(path, json.dumps({"description": "Cooperative, heterogeneous robots in homes (chmarl_pb)"}))
-
-
-def file_sha256(path: Path) -> str:
-    """Return the sha256 of a file of any size."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(2**20):
-            digest.update(block)
-    return digest.hexdigest()

@@ -23,11 +23,11 @@ from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import NoisyPlanner, make_env, record, replay
-from chmarl_pb.data.store import dataset_folder, file_sha256, is_whole, parts_folder
+from chmarl_pb.data.store import dataset_folder, is_whole, parts_folder
 from chmarl_pb.data.verify import chosen, first_difference, verify
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import BusyError, DatasetError, OptionError, WriteError
-from chmarl_pb.files import Lock
+from chmarl_pb.files import Lock, file_hash
 from chmarl_pb.policies.policy import core_of
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.tasks.splits import load_tasks
@@ -62,7 +62,7 @@ def joint() -> Iterator[gymnasium.Env]:
 def rewrite(dataset: Dataset) -> None:
     """Make the checksum fit to a file that has been changed."""
     path = dataset.main.with_name("metadata.json")
-    path.write_text(json.dumps({**dataset.metadata, "sha256": file_sha256(dataset.main)}))
+    path.write_text(json.dumps({**dataset.metadata, "sha256": file_hash(dataset.main)}))
 
 
 # Names and options
