@@ -24,9 +24,9 @@ def answer(text: str, tried: list[str]) -> str:
     seen = " ".join(line for line in text.splitlines() if line.startswith("You see"))
     if verb in actions and re.search(rf"[:,] {wanted}\b", seen) and tried[-1:] != [verb]:
         return verb
-    told = re.search(rf"^{'Where' if holding else 'What'} .* has been seen in the ([\w ]+)", text, re.MULTILINE)
-    if told and f"in the {told[1]}." not in text.splitlines()[1]:
-        return f"goto_{told[1].split(' and ')[0]}"
+    message = re.search(rf"^{'Where' if holding else 'What'} .* has been seen in the ([\w ]+)", text, re.MULTILINE)
+    if message and f"in the {message[1]}." not in text.splitlines()[1]:
+        return f"goto_{message[1].split(' and ')[0]}"
     turns = tried.count("turn_left")
     if "turn_left" in actions and turns % 12 < 11:
         return "turn_left"

@@ -196,8 +196,8 @@ for observation in ("scene_graph", "visual"):
     for _ in range(6):
         seen, rewards, *_, infos = env.step({name: int(rng.integers(env.action_space(name).n)) for name in env.agents})
         parts = [np.ascontiguousarray(value).tobytes() for one in seen.values() for value in one.values()]
-        told = json.dumps([rewards, [info["visible"] for info in infos.values()]])
-        digests.append(hashlib.sha256(b"".join(parts) + told.encode()).hexdigest())
+        facts = json.dumps([rewards, [info["visible"] for info in infos.values()]])
+        digests.append(hashlib.sha256(b"".join(parts) + facts.encode()).hexdigest())
     digests.append(hashlib.sha256(env.render().tobytes()).hexdigest())
     env.close()
 print(json.dumps(digests))

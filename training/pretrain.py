@@ -20,11 +20,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor
 
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
+from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, weights_file
 from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
 from chmarl_pb.learning.networks.labelled_views import Views, random_views
-from chmarl_pb.learning.networks.labeller import Labeller
 from chmarl_pb.learning.networks.residual import folded
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
@@ -37,7 +37,7 @@ RANGED = 256  # views that the ranges are taken from
 
 #: Name of an encoder -> what is trained for it; beside its ``network``, each has ``loss``, ``weights``, ``features``
 #: and ``measure``.
-NETWORKS: dict[str, type[Labeller] | type[Detector]] = {"resnet18": Labeller, "detector": Detector}
+NETWORKS: dict[str, type[Classifier] | type[Detector]] = {"resnet18": Classifier, "detector": Detector}
 
 
 def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iterator[np.ndarray]:
@@ -152,7 +152,7 @@ class _Training:
 
 
 @torch.no_grad()
-def with_ranges(model: Labeller | Detector, images: np.ndarray) -> dict[str, Tensor]:
+def with_ranges(model: Classifier | Detector, images: np.ndarray) -> dict[str, Tensor]:
     """Return the weights that are kept, with the ranges of the network on some pictures."""
     weights = {name: value.clone().contiguous() for name, value in model.weights().items()}
     chosen = images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]

@@ -15,6 +15,7 @@ from chmarl_pb.files import replacing
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
 from chmarl_pb.world import Client, loaded_home
+from chmarl_pb.world.bodies import link_names
 from chmarl_pb.world.bullet import pybullet
 
 Array = npt.NDArray[Any]
@@ -68,22 +69,13 @@ def _plan(client: int, home: Home, width: int, height: int) -> Array:
     return panel
 
 
-def _boxes(client: int, home: int) -> dict[str, Array]:
-    """Return the axis-aligned box (low, high; metres) of each link."""
-    links = range(pybullet.getNumJoints(home, physicsClientId=client))
-    names = [pybullet.getJointInfo(home, link, physicsClientId=client)[12].decode() for link in links]
-    return {
-        name: np.array(pybullet.getAABB(home, link, physicsClientId=client))
-        for name, link in zip(names, links, strict=True)
-    }
-
-
 def _open_front(client: int, body: int, home: Home) -> None:
     """Make the outer walls on the south and west invisible, so that a view from there looks into the rooms."""
     floors = [(floor.min(axis=0), floor.max(axis=0)) for room in home.rooms.values() for floor in room.floors]
-    for link, (name, box) in enumerate(_boxes(client, body).items()):
-        size, foot = (box[1] - box[0])[:2], box.mean(axis=0)[:2]
-        before = foot - ([0, _BEFORE] if size[0] > size[1] else [_BEFORE, 0])
+    for link, name in enumerate(link_names(client, body)):
+        low, high = np.array(pybullet.getAABB(body, link, physicsClientId=client))[:, :2]
+        width, depth = high - low
+        before = (low + high) / 2 - ([0, _BEFORE] if width > depth else [_BEFORE, 0])
         if class_of(name) == "wall" and not any((f[0] < before).all() and (before < f[1]).all() for f in floors):
             pybullet.changeVisualShape(body, link, rgbaColor=(1, 1, 1, 0), physicsClientId=client)
 

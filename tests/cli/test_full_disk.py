@@ -96,11 +96,11 @@ from chmarl_pb.cli import main
 folder, found = Path(sys.argv[1]), {}
 fill(folder)
 for command in json.loads(sys.argv[2]):
-    told = io.StringIO()
-    with contextlib.redirect_stderr(told), contextlib.redirect_stdout(io.StringIO()):
+    errors = io.StringIO()
+    with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
         code = main(command)
     left = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-    found[" ".join(command[:2])] = code, told.getvalue(), left
+    found[" ".join(command[:2])] = code, errors.getvalue(), left
 print(json.dumps(found))
 """
 )
@@ -127,11 +127,11 @@ def test_every_command_names_the_file_that_a_full_disk_does_not_take(tmp_path: P
     found = json.loads(done.stdout.splitlines()[-1])
     assert len(found) == len(placed)
     for name, command in commands.items():
-        code, told, left = found[" ".join([*command, ""][:2])]
-        assert code == 2 and left == ["filler"], (command, told, left)
-        message = [line for line in told.splitlines() if line.startswith("chmarl-pb: ")]
-        assert len(message) == 1 and f"chmarl-pb: {disk / name}" in message[0], told
-        assert "cannot be written (No space left on device)" in message[0] and "Traceback" not in told
+        code, known, left = found[" ".join([*command, ""][:2])]
+        assert code == 2 and left == ["filler"], (command, known, left)
+        message = [line for line in known.splitlines() if line.startswith("chmarl-pb: ")]
+        assert len(message) == 1 and f"chmarl-pb: {disk / name}" in message[0], known
+        assert "cannot be written (No space left on device)" in message[0] and "Traceback" not in known
 
 
 @pytest.mark.parametrize("size", [2_000, 60_000])  # at the beginning, and at the end, where ffmpeg finishes the file

@@ -60,7 +60,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "known"),
     [
         (["--algo", "dqn"], "--algo dqn: use one of"),
         (["--algo", "qmix", "--gamma", "5"], "gamma=5.0: must be from 0 to 1"),
@@ -74,14 +74,14 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
     ],
 )
 def test_bad_values_give_one_sentence(
-    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], known: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
         code = main([*words, "--out", str(tmp_path / "run")])
     except SystemExit as stop:
         code = stop.code
     shown = capsys.readouterr()
-    assert code == 2 and told in " ".join(shown.err.split()) and "episodes" not in shown.err
+    assert code == 2 and known in " ".join(shown.err.split()) and "episodes" not in shown.err
 
 
 def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,6 +105,6 @@ def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:
     logger.close()
     board = events.EventAccumulator(str(tmp_path / "tensorboard"))
     board.Reload()
-    told = {name: [(event.step, event.value) for event in board.Scalars(name)] for name in board.Tags()["scalars"]}
-    assert told["train/success"] == [(10, 0.25), (20, 0.5)] and told["validation/score"] == [(20, 0.125)]
+    known = {name: [(event.step, event.value) for event in board.Scalars(name)] for name in board.Tags()["scalars"]}
+    assert known["train/success"] == [(10, 0.25), (20, 0.5)] and known["validation/score"] == [(20, 0.125)]
     assert [row["train"]["success"] for row in read_rows(tmp_path / METRICS)] == [0.25, 0.5]

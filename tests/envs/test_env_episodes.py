@@ -201,14 +201,14 @@ def test_100000_random_steps_lose_nothing(split: str) -> None:
 
 def test_messages_and_feedback_can_be_switched_off(tasks: list[Task]) -> None:
     loud, quiet = HouseholdEnv(), HouseholdEnv(messages=False, feedback=False)
-    told = 0
+    known = 0
     for task in tasks[:5]:
         rng = np.random.default_rng(0)
         results = [env.reset(options={"task": task}) for env in (loud, quiet)]
         for _ in range(10):
             for name in TEAM:
                 heard, silent = results[0][0][name], results[1][0][name]
-                told += int(heard["messages"].any()) + int(heard["feedback"].any())
+                known += int(heard["messages"].any()) + int(heard["feedback"].any())
                 assert not silent["messages"].any() and not silent["feedback"].any()
                 for key in set(heard) - {"messages", "feedback"}:
                     np.testing.assert_array_equal(heard[key], silent[key])
@@ -217,7 +217,7 @@ def test_messages_and_feedback_can_be_switched_off(tasks: list[Task]) -> None:
                 break
             actions = random_actions(loud, rng)
             results = [env.step(actions) for env in (loud, quiet)]
-    assert told > 10
+    assert known > 10
     loud.close()
     quiet.close()
 

@@ -326,12 +326,12 @@ def test_gated_pooling_learns_to_find_what_the_words_name() -> None:
         parts = [observation(classes.tolist(), [word]) for classes, word in graphs]
         batch = {name: torch.cat([part[name] for part in parts]) for name in SPACE.spaces}
         there = torch.tensor([[float(word in classes)] for classes, word in graphs])
-        told = head(encode(batch))
-        loss = torch.nn.functional.binary_cross_entropy_with_logits(told, there)
+        known = head(encode(batch))
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(known, there)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-    assert float(((told > 0) == (there > 0)).float().mean()) > 0.95
+    assert float(((known > 0) == (there > 0)).float().mean()) > 0.95
 
 
 def test_gated_pooling_needs_an_instruction() -> None:

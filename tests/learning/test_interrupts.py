@@ -76,11 +76,11 @@ def test_a_signal_saves_and_the_same_command_ends_with_the_same_numbers(number: 
     process = start("tests.helpers.slow_run", "vdn", str(folder), warm=number == signal.SIGINT)
     wait_for(process, folder, 3)
     process.send_signal(number)
-    out, told = process.communicate()
+    out, known = process.communicate()
     episodes = load(folder / LAST)["episodes"]
     not_done = f"the same command goes on from {folder / LAST}: python -m tests.helpers.slow_run vdn {folder}"
     assert process.returncode == 128 + number and not out
-    assert told == f"interrupted after {episodes} episodes; {not_done}\n"
+    assert known == f"interrupted after {episodes} episodes; {not_done}\n"
     assert episodes >= 24
     train(UnevenEnv, "vdn", SMALL, folder)
     assert_same(tmp_path / "whole", folder)
@@ -143,9 +143,11 @@ def test_signals_are_given_back_and_ignored_ones_stay_ignored() -> None:
 def test_commands_that_wait_for_nobody_end_by_a_signal_with_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         code = run_command(lambda number=number: os.kill(os.getpid(), number) or 0)
-        told = capsys.readouterr().err
+        known = capsys.readouterr().err
         assert (
-            code == 128 + number and told.startswith("interrupted; the same command goes on") and "\n" not in told[:-1]
+            code == 128 + number
+            and known.startswith("interrupted; the same command goes on")
+            and "\n" not in known[:-1]
         )
 
 

@@ -69,16 +69,16 @@ def test_checkpoint_plays_the_same_episode_again(folder: Path, env: HouseholdEnv
 
 def test_silenced_keys_change_nothing(folder: Path, env: HouseholdEnv) -> None:
     observations, infos = env.reset(seed=3)
-    told = {name: {**seen, "messages": 1 - seen["messages"]} for name, seen in observations.items()}
+    known = {name: {**seen, "messages": 1 - seen["messages"]} for name, seen in observations.items()}
     policy = load_policy(folder / BEST)(env)
     assert isinstance(policy, BatchOfOne) and isinstance(policy.batched, ValuePolicy)
     assert policy.batched.silenced == ("messages",) == silenced({"messages": False})
     chosen = []
-    for seen in (observations, told):
+    for seen in (observations, known):
         policy.reset(0)
         chosen.append(policy.act(seen, infos))
     assert chosen[0] == chosen[1]
-    assert any(np.any(seen["messages"]) for seen in told.values())
+    assert any(np.any(seen["messages"]) for seen in known.values())
 
 
 def test_pictures_become_features_of_the_same_frozen_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

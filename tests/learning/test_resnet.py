@@ -119,12 +119,12 @@ def test_one_dnn_and_floats_round_alike(seed: int, shape: tuple[int, ...], signe
     scales, bias = torch.rand(outputs, generator=stream) * 0.01 + 0.001, torch.randn(outputs, generator=stream)
     part = int8.Convolution(weight, scales, bias, stride, padding, 0.03)
     maps = whole(0, 256, 2, inputs, 9, 9).to(torch.uint8).contiguous(memory_format=torch.channels_last)
-    out = int8.Whole(0.05, 128 if signed and not added else 0)
+    out = int8.Quantization(0.05, 128 if signed and not added else 0)
     around = None
     if added:
         shape_out = int8.by_floats(part, maps, out).shape
         values = whole(0, 256, *shape_out).to(torch.uint8).contiguous(memory_format=torch.channels_last)
-        around = values, int8.Whole(0.02, 128)
+        around = values, int8.Quantization(0.02, 128)
     wanted = int8.by_floats(part, maps, out, around).int()
     found = int8.by_onednn(part, maps, out, around).int()  # overwrites what is added
     assert (found - wanted).abs().max() <= 1 and (found != wanted).float().mean() < 0.02

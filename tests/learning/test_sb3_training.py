@@ -114,9 +114,9 @@ def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
     env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
     policy = load_policy(tmp_path / BEST)(env)
     seen, infos = env.reset(seed=0)
-    told = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
+    heard = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
     chosen = []
-    for observations in (seen, told):
+    for observations in (seen, heard):
         policy.reset(0)
         chosen.append(policy.act(observations, infos))
     assert chosen[0] == chosen[1] and env.action_names["drone"][chosen[0]["drone"]] != "stay"
@@ -234,8 +234,8 @@ def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert {"eval/mean_reward", "eval/success_rate", "train/loss"} <= set(board.Tags()["scalars"])
     for name in ("eval/mean_reward", "train/loss"):
-        told = [(event.step, event.value) for event in board.Scalars(name)]
-        assert told == [(row["steps"], pytest.approx(row[name], rel=1e-6)) for row in rows if name in row] != []
+        heard = [(event.step, event.value) for event in board.Scalars(name)]
+        assert heard == [(row["steps"], pytest.approx(row[name], rel=1e-6)) for row in rows if name in row] != []
 
 
 def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:

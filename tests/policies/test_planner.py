@@ -194,8 +194,8 @@ def test_search_policy_uses_only_what_the_robots_saw_and_told(tasks: list[Task])
         observations, infos = env.reset(seed=number, options={"task": task})
         policy.reset(number)
         while env.agents:
-            told = {name: {key: info[key] for key in keys} for name, info in infos.items()}
-            observations, _, _, _, infos = env.step(policy.act(observations, told))
+            heard = {name: {key: info[key] for key in keys} for name, info in infos.items()}
+            observations, _, _, _, infos = env.step(policy.act(observations, heard))
         solved += env.outcome.success
     env.close()
     assert solved >= 0.7 * len(played), f"the search policy solved only {solved} of {len(played)}"
@@ -234,24 +234,24 @@ def test_search_advises_those_who_do_something_else() -> None:
 def test_a_search_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv, tasks: list[Task]) -> None:
     """One whose proposals are not followed proposes what it would do had it chosen the same actions itself."""
     names, rooms = env.action_names["humanoid"], env.rooms
-    told = {"instruction": "Pick up the mug and put it on the desk.", "visible": (), "action_success": True}
+    heard = {"instruction": "Pick up the mug and put it on the desk.", "visible": (), "action_success": True}
     seen = {"self": np.eye(len(rooms) + 4)[0], "messages": np.zeros((2, len(rooms)))}
     search = HumanoidSearch(names, rooms)
     stay, goto = names.index("stay"), names.index(f"goto_{rooms[-1]}")
-    assert [search.propose(seen, told) for _ in range(3)] == [goto] * 3
+    assert [search.propose(seen, heard) for _ in range(3)] == [goto] * 3
     search.note(stay)
-    assert search.propose(seen, told) == goto  # nobody has gone there
+    assert search.propose(seen, heard) == goto  # nobody has gone there
     search.note(goto)
     there = seen | {"self": np.eye(len(rooms) + 4)[len(rooms) - 1]}
-    proposed = search.propose(there, told)
+    proposed = search.propose(there, heard)
     other = names.index({"turn_left": "turn_right", "turn_right": "turn_left"}[names[proposed]])
     search.note(other)  # the first turn chooses the side
     for _ in range(10):
-        assert search.propose(there, told) == other
+        assert search.propose(there, heard) == other
         search.note(stay)
-        assert search.propose(there, told) == other
+        assert search.propose(there, heard) == other
         search.note(other)
-    assert names[search.propose(there, told)].startswith("goto_")
+    assert names[search.propose(there, heard)].startswith("goto_")
 
 
 def test_failures_are_those_of_what_was_done() -> None:
@@ -269,21 +269,21 @@ def test_failures_are_those_of_what_was_done() -> None:
 
 def test_a_drone_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv) -> None:
     names, rooms = env.action_names["drone"], env.rooms
-    told = {"instruction": "Pick up the mug and put it on the desk.", "visible": ()}
+    heard = {"instruction": "Pick up the mug and put it on the desk.", "visible": ()}
     seen = {"messages": np.zeros((2, len(rooms)))}
     search = DroneSearch(names, rooms)
     stay, gotos = names.index("stay"), [names.index(f"goto_{room}") for room in rooms]
     for done, wanted in ((stay, gotos[0]), (gotos[1], names.index("move_forward"))):
         search.note(done)
-        assert search.propose(seen, told) == wanted
+        assert search.propose(seen, heard) == wanted
     for _ in range(8):
         search.note(stay)
-        search.note(search.propose(seen, told))
-    assert search.propose(seen, told) == gotos[0]  # it was never there
+        search.note(search.propose(seen, heard))
+    assert search.propose(seen, heard) == gotos[0]  # it was never there
     search.note(gotos[0])
     for _ in range(8):
-        search.note(search.propose(seen, told))
-    assert search.propose(seen, told) == gotos[2]
+        search.note(search.propose(seen, heard))
+    assert search.propose(seen, heard) == gotos[2]
 
 
 def test_teaching_alone_changes_no_proposal(env: HouseholdEnv, tasks: list[Task]) -> None:

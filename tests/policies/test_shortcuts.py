@@ -50,12 +50,12 @@ class Beside:
 
 def narrowed(name: str, observations: Observations, infos: Infos) -> tuple[Any, Any]:
     """Take away what a policy must not read; feedback says something else. Reactive's drone is that of search."""
-    seen, told = ALLOWED[name]
+    seen, heard = ALLOWED[name]
     kept = {robot: {key: of[key] for key in seen} for robot, of in observations.items()}
     for of in kept.values():
         if "feedback" in of:
             of["feedback"] = np.where(of["feedback"].any(), 7, 0) * np.ones_like(of["feedback"])
-    infos_kept: Infos = {robot: {key: info[key] for key in told} for robot, info in infos.items()}
+    infos_kept: Infos = {robot: {key: info[key] for key in heard} for robot, info in infos.items()}
     if name == "reactive":
         kept["drone"], infos_kept["drone"] = observations["drone"], infos["drone"]
     return kept, infos_kept
@@ -64,16 +64,16 @@ def narrowed(name: str, observations: Observations, infos: Infos) -> tuple[Any, 
 @pytest.mark.parametrize("name", SHORTCUTS)
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.id)
 def test_a_policy_reads_nothing_but_what_its_row_says(env: HouseholdEnv, name: str, task: Task) -> None:
-    policy = Beside(make_policy(name, env), make_policy(name, env), lambda seen, told: narrowed(name, seen, told))
+    policy = Beside(make_policy(name, env), make_policy(name, env), lambda seen, heard: narrowed(name, seen, heard))
     rollout(env, policy, seed=3, task=task)
     assert all(first == second for first, second in policy.chosen)
 
 
 @pytest.mark.parametrize("name", ["blind", "instruction-blind", "reactive"])
 def test_each_robot_has_its_own_view_only(env: HouseholdEnv, name: str) -> None:
-    def other_drone(seen: Observations, told: Infos) -> tuple[Any, Any]:
+    def other_drone(seen: Observations, heard: Infos) -> tuple[Any, Any]:
         drone = {**seen["drone"], "node_class": np.arange(96) % 60, "self": -seen["drone"]["self"]}
-        return {**seen, "drone": drone}, {**told, "drone": {**told["drone"], "visible": ("kitchen/desk_1",)}}
+        return {**seen, "drone": drone}, {**heard, "drone": {**heard["drone"], "visible": ("kitchen/desk_1",)}}
 
     policy = Beside(make_policy(name, env), make_policy(name, env), other_drone)
     rollout(env, policy, seed=3, task=TASKS[0])

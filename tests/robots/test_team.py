@@ -171,9 +171,9 @@ def test_all_see_and_all_tell(four: HouseholdEnv) -> None:
     for seed in range(10):
         observations, infos = four.reset(seed=seed)
         item = four.setting.goal.item
-        told = any(item in info["visible"] for info in infos.values())
+        known = any(item in info["visible"] for info in infos.values())
         for observation in observations.values():
-            assert observation["messages"][0].any() == told
+            assert observation["messages"][0].any() == known
         names = {name for info in infos.values() for name in info["visible"] if name in four.possible_agents}
         assert all(name not in infos[name]["visible"] for name in names), "a robot does not see itself"
 

@@ -91,16 +91,16 @@ def check_planner(twin: HouseholdEnv, task: Task, text: str, actions: list[dict[
 
 def paper_feedback(env: HouseholdEnv, twin: HouseholdEnv, tasks: list[Task], detours: float, steps: int) -> int:
     """Play a number of steps and check every sentence; return how many there were."""
-    left, told, number = steps, 0, 0
+    left, known, number = steps, 0, 0
     while left > 0:
         task = tasks[number % len(tasks)]
         for text, actions, succeeded in played(env, task, number, detours):
             left -= 1
             if text:
-                told += 1
+                known += 1
                 check_paper(twin, task, text, list(actions), succeeded)
         number += 1
-    return told
+    return known
 
 
 @pytest.mark.parametrize("detours", [1.0, 0.5])
@@ -157,7 +157,7 @@ def test_no_feedback_when_it_is_off(twin: HouseholdEnv, tasks: list[Task]) -> No
 
 def test_something_is_said_exactly_when_a_pick_or_place_was_missed(env: HouseholdEnv, tasks: list[Task]) -> None:
     """Told to have missed a pick or a place exactly when it was seen and would have worked."""
-    told = 0
+    known = 0
     for number, task in enumerate(tasks[:14]):
         rng = np.random.default_rng(number)
         env.reset(options={"task": task})
@@ -174,8 +174,8 @@ def test_something_is_said_exactly_when_a_pick_or_place_was_missed(env: Househol
             tokens = observations["humanoid"]["feedback"]
             assert language.UNKNOWN not in tokens
             assert np.count_nonzero(tokens) == len(language.words(text)), text
-            told += bool(text)
-    assert told > 20
+            known += bool(text)
+    assert known > 20
 
 
 def test_advice_leaves_the_world_alone(

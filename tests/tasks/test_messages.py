@@ -54,15 +54,15 @@ def test_update_leaves_what_it_was_given() -> None:
 
 def test_messages_of_random_episodes_are_true_and_grow(env: HouseholdEnv, tasks: list[Task]) -> None:
     for number, task in enumerate(tasks[:7]):
-        rng, told = np.random.default_rng(number), np.zeros((2, len(env.rooms)), dtype=int)
+        rng, known = np.random.default_rng(number), np.zeros((2, len(env.rooms)), dtype=int)
         observations, infos = env.reset(options={"task": task})
         while True:
             seen = {name for info in infos.values() for name in info["visible"]}
             for row, rooms in enumerate(rooms_of(env, seen)):
                 for room in rooms & set(env.rooms):
-                    told[row, env.rooms.index(room)] = 1
+                    known[row, env.rooms.index(room)] = 1
             for name in infos:
-                np.testing.assert_array_equal(observations[name]["messages"], told)
+                np.testing.assert_array_equal(observations[name]["messages"], known)
             if not env.agents:
                 break
             actions = {name: int(rng.integers(env.action_space(name).n)) for name in env.agents}

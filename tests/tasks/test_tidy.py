@@ -168,12 +168,12 @@ def test_messages_tell_of_every_object(env: HouseholdEnv) -> None:
 
 def test_feedback_is_about_one_of_the_objects(env: HouseholdEnv) -> None:
     env.reset(seed=2)
-    told = []
+    known = []
     for actions in chmarl_pb.rollout(env, make_policy("planner", env), 2, env.task).actions:
-        told.append(actions)
+        known.append(actions)
     env.reset(options={"task": env.task})
     pick, stay = env.action_names["humanoid"].index("pick"), env.action_names["humanoid"].index("stay")
-    for actions in told:
+    for actions in known:
         if actions["humanoid"] == pick:
             *_, infos = env.step({**actions, "humanoid": stay})
             assert infos["humanoid"]["feedback"]

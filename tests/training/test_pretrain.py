@@ -9,7 +9,7 @@ import torch
 
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.learning.networks import (
-    labeller,
+    classifier,
     residual,
 )
 from chmarl_pb.learning.networks.detection_metrics import average_precision
@@ -64,7 +64,7 @@ class Bar:
 def views(monkeypatch: pytest.MonkeyPatch) -> Views:
     """Noise, for a narrow network and small batches."""
     monkeypatch.setattr(residual, "WIDTH", 8)
-    monkeypatch.setattr(labeller, "FEATURES", 64)
+    monkeypatch.setattr(classifier, "FEATURES", 64)
     for network in NETWORKS.values():
         monkeypatch.setattr(network, "batch", COUNT // 2)
     rng = np.random.default_rng(0)

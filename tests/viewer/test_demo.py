@@ -51,8 +51,8 @@ def test_video_is_h264_of_the_right_length_and_size(folder, shots):
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(folder / "demo.mp4"))
     assert frames == sum(shot.frames for shot in shots)
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(folder / "demo.mp4")]
-    told = subprocess.run(command, capture_output=True, text=True, check=False).stderr
-    assert "h264" in told and "yuv420p" in told and f"{WIDTH}x{HEIGHT}" in told and "30 fps" in told
+    known = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "h264" in known and "yuv420p" in known and f"{WIDTH}x{HEIGHT}" in known and "30 fps" in known
 
 
 def test_video_starts_with_its_index(folder):
@@ -115,11 +115,11 @@ def test_storyboard_pauses_once_a_step(recording):
 def test_table_names_every_step(recording):
     console = Console(record=True, width=160, file=StringIO())
     print_table(recording, console)
-    told = console.export_text()
-    rows = [line.split() for line in told.splitlines() if line.strip()[:1].isdigit()]
-    assert recording.instruction in told
+    known = console.export_text()
+    rows = [line.split() for line in known.splitlines() if line.strip()[:1].isdigit()]
+    assert recording.instruction in known
     assert [row[0] for row in rows] == [str(step) for step in range(recording.steps + 1)]
-    assert "Solved in" in told
+    assert "Solved in" in known
 
 
 def test_pictures_at_rest_are_those_of_the_cameras(recording):

@@ -56,7 +56,7 @@ class Convolution:
 
 
 @dataclass(frozen=True)
-class Whole:
+class Quantization:
     """How uint8 stand for numbers: ``unit * (integer - zero)``."""
 
     unit: float
@@ -65,24 +65,28 @@ class Whole:
 
 #: (convolution, inputs, what the outputs stand for, what is added and what that stands for) -> outputs. Outputs with 0
 #: at 0 are those of a ReLU.
-Convolve = Callable[[Convolution, Tensor, Whole, tuple[Tensor, Whole] | None], Tensor]
+Convolve = Callable[[Convolution, Tensor, Quantization, tuple[Tensor, Quantization] | None], Tensor]
 
 
-def by_onednn(part: Convolution, maps: Tensor, out: Whole, added: tuple[Tensor, Whole] | None = None) -> Tensor:
+def by_onednn(
+    part: Convolution, maps: Tensor, out: Quantization, added: tuple[Tensor, Quantization] | None = None
+) -> Tensor:
     """Convolve by oneDNN; what is added is overwritten."""
     two = [part.stride] * 2, [part.padding] * 2
     head = maps, part.unit, 0, part.packed, part.scales, part.zeros
     tail = part.bias, *two, _ONE, 1, out.unit, out.zero, torch.uint8
     convolve = torch.ops.onednn.qconv2d_pointwise
     if added is not None:
-        around, whole = added
-        convolved: Tensor = convolve.binary(*head, around, *tail, whole.unit, whole.zero, "sum", 1.0, "relu", [], "")
+        around, kind = added
+        convolved: Tensor = convolve.binary(*head, around, *tail, kind.unit, kind.zero, "sum", 1.0, "relu", [], "")
     else:
         convolved = convolve(*head, *tail, "none" if out.zero else "relu", [], "")
     return convolved
 
 
-def by_floats(part: Convolution, maps: Tensor, out: Whole, added: tuple[Tensor, Whole] | None = None) -> Tensor:
+def by_floats(
+    part: Convolution, maps: Tensor, out: Quantization, added: tuple[Tensor, Quantization] | None = None
+) -> Tensor:
     """Do the same in float32, which is slower but there everywhere; its whole numbers are exact to 2 ** 24."""
     sums = nn.functional.conv2d(maps.float(), part.weight.float(), None, part.stride, part.padding)
     values = sums * (part.unit * part.scales).view(-1, 1, 1) + part.bias.view(-1, 1, 1)
@@ -98,7 +102,7 @@ def convolution() -> Convolve:
     maps = (numbers[:144] % 11).to(torch.uint8).view(1, 4, 6, 6).contiguous(memory_format=torch.channels_last)
     weight = (numbers % 7 - 3).to(torch.int8)[:288].view(2, 4, 6, 6)[..., :3, :3].contiguous()
     part = Convolution(weight, torch.tensor([0.5, 0.25]), torch.tensor([1.0, -2.0]), 1, 1, 0.5)
-    for out, added in ((Whole(0.5), (maps[:, :2], Whole(0.25, 3))), (Whole(1.0, 128), None)):
+    for out, added in ((Quantization(0.5), (maps[:, :2], Quantization(0.25, 3))), (Quantization(1.0, 128), None)):
         own = None if added is None else (added[0].clone(memory_format=torch.channels_last), added[1])
         try:
             found = by_onednn(part, maps, out, own)
@@ -134,8 +138,8 @@ class IntegerResNet18:
             around = None if block.downsample is None else (_of(block.downsample[0], out), next(units))
             middle = next(units)
             convolutions = _of(block.conv1, out), _of(block.conv2, middle)
-            whole, out = (around[1] if around else out), next(units)
-            self._blocks.append((*convolutions, around and around[0], middle, whole, out))
+            added, out = (around[1] if around else out), next(units)
+            self._blocks.append((*convolutions, around and around[0], middle, added, out))
         self._out = out
 
     @torch.no_grad()
@@ -192,7 +196,7 @@ def ranges_of(network: ResNet18, images: Tensor) -> Tensor:
     return torch.stack(found)
 
 
-def _units(network: ResNet18, ranges: Tensor) -> Iterator[Whole]:
+def _units(network: ResNet18, ranges: Tensor) -> Iterator[Quantization]:
     """Yield what the integers of each range stand for; only those of the ways around have a sign."""
     signed = [False]
     for block in blocks(network):
@@ -200,10 +204,10 @@ def _units(network: ResNet18, ranges: Tensor) -> Iterator[Whole]:
     if len(ranges) != len(signed):
         raise RuntimeError(f"{len(signed)} ranges are needed, and there are {len(ranges)}")
     for largest, sign in zip(ranges.clamp(min=1e-6).tolist(), signed, strict=True):
-        yield Whole(largest / 127, 128) if sign else Whole(largest / 255)
+        yield Quantization(largest / 127, 128) if sign else Quantization(largest / 255)
 
 
-def _of(layer: nn.Module, inputs: Whole) -> Convolution:
+def _of(layer: nn.Module, inputs: Quantization) -> Convolution:
     assert isinstance(layer, nn.Conv2d) and layer.bias is not None
     return _rounded(layer.weight, layer.bias, layer.stride[0], int(layer.padding[0]), inputs.unit)
 

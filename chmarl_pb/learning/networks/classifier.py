@@ -15,7 +15,7 @@ from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
 SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
 
 
-class Labeller(nn.Module):
+class Classifier(nn.Module):
     """ResNet-18 with three linear heads, which are thrown away afterwards."""
 
     learning_rate, batch = 2e-3, 64
