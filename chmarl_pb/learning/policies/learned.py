@@ -5,21 +5,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning.algorithms.losses import best_action
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.config import FROZEN, RunConfig
-from chmarl_pb.learning.networks.agents import Player, make_agents
+from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
+from chmarl_pb.learning.runs.collect import Explorer, greedy
 from chmarl_pb.learning.runs.threads import threads
-from chmarl_pb.learning.spaces import spaces_of, stack, tensors
+from chmarl_pb.learning.spaces import spaces_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 
@@ -34,11 +33,12 @@ class ValuePolicy:
             silenced: keys of observations that read as zeros, as they did in training.
             encoder: what turns images into the features that the networks see; None: they see images.
         """
-        self.agents, self.silenced, self.encoder = agents, silenced, encoder
+        self.silenced, self.encoder = silenced, encoder
+        self._acting = Explorer(agents, greedy, np.random.default_rng(0))  # draws nothing
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
-        self._player = Player(self.agents, len(seeds))
+        self._acting.reset(seeds)
 
     @threads(1)
     def act(
@@ -46,19 +46,9 @@ class ValuePolicy:
     ) -> list[Actions]:
         """Return each agent's best action among those that its mask allows."""
         seen = all_with_features(observations, self.encoder) if self.encoder else observations
-        index, chosen = torch.tensor(episodes), [Actions() for _ in episodes]
-        for name in self.agents:
-            batch = stack([robots[name] for robots in seen])
-            if self.silenced:
-                batch = batch | {key: np.zeros_like(batch[key]) for key in self.silenced}
-            values = self._player.values(name, index, tensors(batch))
-            everything = np.ones(values.shape[1])
-            mask = np.stack([info[name].get("action_mask", everything) for info in infos]).astype(bool)
-            best = best_action(values, torch.from_numpy(mask))
-            self._player.remember(name, index, best)
-            for actions, number in zip(chosen, best.tolist(), strict=True):
-                actions[name] = number
-        return chosen
+        silent = [{name: own | {key: np.zeros_like(own[key]) for key in self.silenced} for name, own in one.items()}
+                  for one in seen]  # fmt: skip
+        return self._acting.act(episodes, silent, infos)
 
 
 class ValuePolicies:

@@ -1,14 +1,14 @@
 """Play episodes side by side in one process, with agents that act in one batch."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import best_action
-from chmarl_pb.learning.networks.agents import Player
+from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
 from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, tree_map, zeros
@@ -136,7 +136,7 @@ class Collector:
         """
         envs, episodes = self.envs[: len(seeds)], [Episode() for _ in seeds]
         experts = self._experts[: len(seeds)] if ask_experts else []
-        explorer = Explorer(self.interface, agents, choose, rng, experts, self._check)
+        explorer = Explorer(agents, choose, rng, experts, self._check)
         for number, actions, result in play_together(envs, explorer, seeds, options or [None] * len(seeds)):
             episode, env = episodes[number], envs[number]
             if actions is None:
@@ -157,7 +157,7 @@ class Collector:
 
 
 class Explorer:
-    """Agents in training, as a batched policy; their actions are chosen from what the networks give for them.
+    """Agents as a batched policy; their actions are chosen from what the networks give for them.
 
     Attributes:
         labels: episode -> what its expert would have done in the last step.
@@ -165,15 +165,15 @@ class Explorer:
 
     def __init__(
         self,
-        interface: Interface,
         agents: nn.ModuleDict,
         choose: Choose,
         rng: np.random.Generator,
-        experts: Sequence[Expert],
-        check: Callable[[], None],
+        experts: Sequence[Expert] = (),
+        check: Callable[[], None] = lambda: None,
     ):
         """Take the networks over; see :meth:`Collector.play` and :class:`Collector`."""
-        self._interface, self._agents, self._choose, self._rng = interface, agents, choose, rng
+        self._agents, self._choose, self._rng = agents, choose, rng
+        self._counts = {name: cast(Agent, agent).actions for name, agent in agents.items()}
         self._experts, self._check = experts, check
         self.labels: dict[int, dict[str, int]] = {}
 
@@ -192,7 +192,7 @@ class Explorer:
             asked = zip(episodes, observations, infos, strict=True)
             self.labels = {number: self._experts[number].propose(seen, info) for number, seen, info in asked}
         chosen: list[Actions] = [{} for _ in episodes]
-        for name, count in self._interface.actions.items():
+        for name, count in self._counts.items():
             rows = [row for row, seen in enumerate(observations) if name in seen]
             if not rows:
                 continue
