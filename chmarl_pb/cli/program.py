@@ -3,14 +3,12 @@
 import argparse
 import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib import import_module
-from types import FrameType
 
 from chmarl_pb import __version__
 from chmarl_pb.errors import ChmarlError, MissingExtraError
+from chmarl_pb.signals import Interrupted, handled
 
 #: Command -> what it does. Its module, of the same name in this package, is imported when it is asked for: ``add`` puts
 #: its options into a parser, with the function that runs it as the default of ``run``.
@@ -34,10 +32,6 @@ LEARNERS = {
 }
 
 
-class Stopped(KeyboardInterrupt):
-    """A signal asks this process to end; its argument is the signal's number."""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped by the signal N."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -45,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _learn(given[0], given[1:])
     try:
         options = _parser(given).parse_args(given)
-        with _stopped_by_signals():
+        with handled():
             code = int(options.run(options))
             sys.stdout.flush()
         return code
@@ -56,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _failed(f"the output cannot be written: {error.strerror or error}", 2)
         return _failed(f"{error.filename}: {error.strerror}; choose another file or folder", 2)
     except KeyboardInterrupt as error:
-        number = error.args[0] if isinstance(error, Stopped) else signal.SIGINT
+        number = error.number if isinstance(error, Interrupted) else signal.SIGINT
         return _failed(
             "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}", 128 + number
         )
@@ -66,27 +60,6 @@ def _failed(message: str, code: int) -> int:
     """Print why a command ends, and return its exit code."""
     print(f"chmarl-pb: {message}", file=sys.stderr)
     return code
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[None]:
-    """Let the signals that end a process unwind the block, so that what it began is put away."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's affair
-        return
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in numbers}
-    for number in [number for number in numbers if before[number] is signal.SIG_DFL]:  # nohup ignores SIGHUP
-        signal.signal(number, _stop)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _stop(number: int, frame: FrameType | None) -> None:
-    raise Stopped(number)
 
 
 def _learn(command: str, arguments: Sequence[str]) -> int:

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from chmarl_pb.learning.runs.interrupts import Asked, Interrupted, Signals
+from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.signals import Interrupted
 
 
 def in_pieces(work: Callable[[], Any], every: int, patch: pytest.MonkeyPatch) -> tuple[Any, int]:

@@ -3,30 +3,14 @@
 import shlex
 import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
 from chmarl_pb.errors import ChmarlError
+from chmarl_pb.signals import Interrupted, handled
 
 EVERY = 60.0  # seconds of work that may be lost when a process is killed; checkpoints are written as often
-
-_NUMBERS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-
-
-class Interrupted(KeyboardInterrupt):
-    """A signal has ended the work.
-
-    Attributes:
-        number: of the signal.
-    """
-
-    def __init__(self, number: int, message: str = "interrupted; the same command goes on from what is kept"):
-        """Say what was saved, and what goes on from it."""
-        super().__init__(message)
-        self.number = number
 
 
 class Asked(BaseException):
@@ -43,7 +27,7 @@ class Signals:
     def __init__(self) -> None:
         """Note nothing yet."""
         self.number: int | None = None
-        self._before: dict[int, Any] = {}
+        self._handling = handled(self._note)
 
     def check(self) -> None:
         """End the work here if a signal asks for it.
@@ -66,13 +50,12 @@ class Signals:
 
     def __enter__(self) -> "Signals":
         """Begin to note."""
-        self._before = _handled(self._note)
+        self._handling.__enter__()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *error: Any) -> None:
         """Leave signals to those who had them before."""
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        self._handling.__exit__(*error)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.number is not None:
@@ -90,7 +73,7 @@ def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlErr
         error_type: of bad input, beside the errors of the package and of files.
     """
     try:
-        with _raised():
+        with handled():
             return work()
     except (ChmarlError, OSError, error_type) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -99,29 +82,3 @@ def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlErr
         found = error if isinstance(error, Interrupted) else Interrupted(signal.SIGINT)
         print(f"{found}: {shlex.join(['python', *sys.orig_argv[1:]])}", file=sys.stderr)
         return 128 + found.number
-
-
-@contextmanager
-def _raised() -> Iterator[None]:
-    """Let signals that nobody notes unwind the block."""
-    before = _handled(_raise)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _raise(number: int, frame: FrameType | None) -> None:
-    raise Interrupted(number)
-
-
-def _handled(handler: Callable[[int, FrameType | None], None]) -> dict[int, Any]:
-    """Handle the signals that are not ignored (nohup ignores some); return how they were handled before."""
-    if threading.current_thread() is not threading.main_thread():
-        return {}  # signals are the main thread's affair
-    before = {number: signal.getsignal(number) for number in _NUMBERS}
-    before = {number: known for number, known in before.items() if known not in (signal.SIG_IGN, None)}
-    for number in before:
-        signal.signal(number, handler)
-    return before
