@@ -22,6 +22,7 @@ VIEWS = {"graspables": (-0.35, -1.0, 0.7), "furniture": (1.0, -0.6, 0.65), "robo
 LIGHTS = {"graspables": (-0.8, -1.2, 2.0), "furniture": (1.4, -0.5, 2.0), "robots": (1.4, -0.5, 2.0)}
 FIELD_OF_VIEW = 30.0  # degrees
 BACKGROUND = (226, 230, 232)
+_COLUMNS, _SIZE = 11, 224  # models in a row, and pixels of a picture
 
 Image = NDArray[np.uint8]
 
@@ -96,21 +97,13 @@ def main() -> None:
     """Write the contact sheet."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/assets.png"), help="PNG file to write")
-    parser.add_argument("--columns", type=int, default=11, help="models in a row")
-    parser.add_argument("--size", type=int, default=224, help="side of a picture in pixels")
     parser.add_argument("--models", nargs="*", help="only these models, by name")
-    only = parser.add_mutually_exclusive_group()
-    for group in GROUPS:
-        flag = f"--{group}-only"
-        only.add_argument(flag, dest="groups", action="store_const", const=(group,), help=f"only {group}")
     arguments = parser.parse_args()
-    files = [file for group in arguments.groups or GROUPS for file in sorted((URDF_DIR / group).glob("*.urdf"))]
-    if arguments.models:
-        files = [file for file in files if file.stem in arguments.models]
+    files = [file for group in GROUPS for file in sorted((URDF_DIR / group).glob("*.urdf"))]
+    files = [file for file in files if file.stem in (arguments.models or [file.stem])]
     if not files:
         parser.error("no such models")
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    image = sheet(files, min(arguments.columns, len(files)), arguments.size)
+    image = sheet(files, min(_COLUMNS, len(files)), _SIZE)
     cv2.imwrite(str(arguments.out), cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(f"{arguments.out}: {len(files)} models")
 

@@ -60,7 +60,7 @@ rooms on the board, whether there is feedback, its own room and whether it holds
 #: Where an episode ends -> the potentials that say so.
 ENDS = {"X in nobody's view": {0}, "X in view": {1, 2}, "X held": {4, 5, 6}, "X on Y": {10}}
 
-ENDS_TOLD = """Where the episodes of test-unseen end, per cent: a learner that does not find X ends on the left, one
+ENDS_NOTE = """Where the episodes of test-unseen end, per cent: a learner that does not find X ends on the left, one
 that sees it and does not pick it next to that, one that does not find Y, or does not place, further right.
 """
 
@@ -106,19 +106,19 @@ def _headlines(records: Records) -> list[str]:
             (row for row in TABLES[table] if _of(row, records)), key=lambda row: _valid(row, records), default=None
         )
         theirs = max(published.rows, key=lambda row: row.plw[-1])
-        told = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
+        beside = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
         if best is None:
-            lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({told}).")
+            lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({beside}).")
             continue
         plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
         built_in = {name: _built_in(name, "plw", SPLITS[-1]) for name in (BLIND, SEARCH)}
         shares = [f"{fmean(plw) / score:.0%} of the PLW of {name}" for name, score in built_in.items() if score]
-        share = "".join(f", {told}" for told in shares)
+        share = "".join(f", {one}" for one in shares)
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
             f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
             f"{_intervals(best, records, 'plw')}, success **{_cell(success)}**"
-            f"{_intervals(best, records, 'success_rate')}{share} ({told}). {_below_blind(table, records)}"
+            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_below_blind(table, records)}"
         )
     return ["\n".join(lines)]
 
@@ -137,8 +137,8 @@ def _intervals(row: Row, records: Records, metric: str) -> str:
     """Return the intervals over the tasks of test-unseen, one for each seed that has one, in brackets."""
     summaries = [record["evaluation"]["splits"][SPLITS[-1]]["summary"][metric] for record in _of(row, records)]
     known = [one for one in summaries if one.get("low") is not None]
-    told = "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in known)
-    return f" ({told})" if told else ""
+    text = "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in known)
+    return f" ({text})" if text else ""
 
 
 def _valid(row: Row, records: Records) -> float:
@@ -191,7 +191,7 @@ def _ends(rows: Sequence[Row], records: Records) -> list[str]:
         shares = (sum(counts[phi] for phi in phis) / max(counts.total(), 1) for phis in ENDS.values())
         if counts:
             lines.append(f"| {_name(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
-    return [ENDS_TOLD, "\n".join(lines)] if len(lines) > 2 else []
+    return [ENDS_NOTE, "\n".join(lines)] if len(lines) > 2 else []
 
 
 def _name(row: Row) -> str:
