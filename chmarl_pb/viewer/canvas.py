@@ -36,10 +36,10 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 class Canvas:
     """Draws in pixels of the finished picture; nothing has jagged edges."""
 
-    def __init__(self, width: int, height: int, colour: Colour = PAPER):
-        """Start with a plain colour."""
+    def __init__(self, width: int, height: int):
+        """Start with plain paper."""
         self.size = (width, height)
-        self._image = Image.new("RGB", (width * _SCALE, height * _SCALE), colour)
+        self._image = Image.new("RGB", (width * _SCALE, height * _SCALE), PAPER)
         self._draw = ImageDraw.Draw(self._image)
 
     def text(self, x: float, y: float, words: str, size: int, colour: Colour = INK, anchor: str = "ls") -> float:
@@ -53,11 +53,8 @@ class Canvas:
         corners = [side * _SCALE for side in (left, top, right, bottom)]
         self._draw.rounded_rectangle((*corners[:2], corners[2] - 1, corners[3] - 1), radius * _SCALE, colour)
 
-    def disc(self, x: float, y: float, radius: float, colour: Colour, rim: Colour | None = None) -> None:
-        """Fill a disc, with a thin rim if it has a colour."""
-        if rim is not None:
-            self._draw.circle((x * _SCALE, y * _SCALE), radius * _SCALE, rim)
-            radius -= 1.5
+    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
+        """Fill a disc."""
         self._draw.circle((x * _SCALE, y * _SCALE), radius * _SCALE, colour)
 
     def line(self, points: list[tuple[float, float]], colour: Colour, width: float) -> None:

@@ -104,9 +104,9 @@ def front(decal: Mesh, y: float, z: float, x: float = 0.0) -> Mesh:
     return upright(decal).moved(x, -y - GAP, z)
 
 
-def both(decal: Mesh, y: float, z: float, x: float = 0.0) -> Mesh:
+def both(decal: Mesh, y: float, z: float) -> Mesh:
     """Stand a decal up on the surfaces at -``y`` and +``y``."""
-    return twice(front(decal, y, z, x))
+    return twice(front(decal, y, z))
 
 
 def bent(decal: Mesh, radius: float, z: float) -> Mesh:
