@@ -24,9 +24,8 @@ def planks(rng: np.random.Generator) -> Grey:
         start = int(rng.integers(SIZE))
         for half in range(2):
             columns = (start + half * SIZE // 2 + np.arange(SIZE // 2)) % SIZE
-            board = np.ix_(range(row * height, (row + 1) * height), columns)
-            grain = np.repeat(rng.uniform(-0.015, 0.015, (height // 4, 1)), 4, axis=0)
-            picture[board] = 0.93 + rng.uniform(-0.06, 0.06) + grain
+            grain: Grey = np.repeat(rng.uniform(-0.015, 0.015, (height // 4, 1)), 4, axis=0)
+            picture[row * height : (row + 1) * height, columns] = 0.93 + rng.uniform(-0.06, 0.06) + grain
             picture[row * height : (row + 1) * height, columns[:2]] = 0.86
         picture[row * height : row * height + 2] = 0.87
     return picture
