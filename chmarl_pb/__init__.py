@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from chmarl_pb.errors import ChmarlError as ChmarlError
     from chmarl_pb.evaluation.protocol import evaluate as evaluate
     from chmarl_pb.evaluation.result import Report as Report
+    from chmarl_pb.homes.generate.store import generate_home as generate_home
     from chmarl_pb.learning.sb3.vec_env import sb3_vec_env as sb3_vec_env
     from chmarl_pb.policies.registry import make_policy as make_policy
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
@@ -34,6 +35,7 @@ _PUBLIC = {
     "Report": "chmarl_pb.evaluation.result",
     "Task": "chmarl_pb.tasks.task",
     "evaluate": "chmarl_pb.evaluation.protocol",
+    "generate_home": "chmarl_pb.homes.generate.store",
     "load_tasks": "chmarl_pb.tasks.splits",
     "make_policy": "chmarl_pb.policies.registry",
     "rollout": "chmarl_pb.envs.rollout",

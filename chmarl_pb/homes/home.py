@@ -10,6 +10,8 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.generate.names import seed_of
+from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
@@ -135,11 +137,14 @@ def home_names() -> list[str]:
 
 
 def home_path(name_or_path: str | Path) -> Path:
-    """Return the URDF of a packaged home's name, or the path itself.
+    """Return the URDF of a packaged home's name, or the path itself; ``generated-123`` is made at its first use.
 
     Raises:
         HomeError: there is neither a home of this name nor such a file.
     """
+    seed = seed_of(str(name_or_path))
+    if seed is not None:
+        return generate_home(seed).resolve()
     packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(name_or_path)
     try:
         found = next((file for file in (packaged, path) if file.exists() and not file.is_dir()), None)
@@ -147,7 +152,10 @@ def home_path(name_or_path: str | Path) -> Path:
             return found.resolve()
     except (OSError, RuntimeError):  # too long a name, a loop of links
         pass
-    raise HomeError(f"{name_or_path}: no such home; give a path to a home's URDF or one of: {', '.join(home_names())}")
+    raise HomeError(
+        f"{name_or_path}: no such home; give a path to a home's URDF, generated-SEED or one of: "
+        f"{', '.join(home_names())}"
+    )
 
 
 def load_home(name_or_path: str | Path) -> Home:

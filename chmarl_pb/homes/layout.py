@@ -110,7 +110,7 @@ def load_layout(path: str | Path) -> Layout:
     """
     top = read_tables(Path(path))
     top.allow("name wall_height wall_thickness door_height palette room door furniture")
-    name, height = top.text("name"), top.number("wall_height", 2.5, low=1.0)
+    name, height = top.text("name", "[a-z][a-z0-9_-]*"), top.number("wall_height", 2.5, low=1.0)
     thickness = top.number("wall_thickness", 0.1, low=0.02)
     lintel = top.number("door_height", low=_LOWEST_LINTEL) if "door_height" in top.values else None
     if lintel is not None and lintel >= height:

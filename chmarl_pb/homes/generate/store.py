@@ -1,0 +1,53 @@
+"""Generated homes as files: named after their seeds, made when asked for, in a folder with one set of meshes."""
+
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from chmarl_pb.errors import OptionError
+from chmarl_pb.files import cache_folder, write_atomically
+from chmarl_pb.homes.generate.draws import VERSION
+from chmarl_pb.homes.generate.names import MOST_SEED, home_name
+
+
+def generate_home(seed: int, out: str | Path | None = None) -> Path:
+    """Return the URDF of the home of a seed, made with its layout (TOML) beside it unless it is there already.
+
+    Args:
+        seed: whole number from 0 on; it alone decides about the home, on any machine.
+        out: folder to write to; by default one of generated homes in the user's cache. Homes in one folder share
+            their meshes.
+
+    Raises:
+        OptionError: the seed is none.
+        WriteError: the folder cannot be written.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < MOST_SEED:
+        raise OptionError(f"seed={seed!r} is not a whole number from 0 to {MOST_SEED - 1:,}")
+    path = (_own_folder() if out is None else Path(out)) / f"{home_name(seed)}.urdf"
+    if out is not None or not path.is_file():
+        _write(seed, path)
+    return path
+
+
+def _own_folder() -> Path:
+    """Return the folder of the homes of this version of the rules."""
+    folder = cache_folder()
+    return folder / "homes" / f"generated-{VERSION}" if folder else Path(_temporary().name)
+
+
+@cache
+def _temporary() -> "tempfile.TemporaryDirectory[str]":
+    """Return a folder that lasts as long as this process, for users without a cache."""
+    return tempfile.TemporaryDirectory(prefix="chmarl-homes-")
+
+
+def _write(seed: int, path: Path) -> None:
+    """Write a home: first its meshes and its layout, last its URDF, which is therefore there only with all of them."""
+    from chmarl_pb.homes.assemble import write_home  # two seconds of imports, of no use where the home is there already
+    from chmarl_pb.homes.generate.home_layout import draw_layout
+    from chmarl_pb.homes.layout_text import layout_text
+
+    layout = draw_layout(seed)
+    write_atomically(path.with_suffix(".toml"), layout_text(layout))
+    write_home(layout, path)
