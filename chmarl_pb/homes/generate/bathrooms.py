@@ -6,7 +6,7 @@ from chmarl_pb.homes.generate.site import Site
 
 _MIRROR, _CABINET = 105, 125  # heights over a counter
 _MAY = (
-    Extra(55, ("washing_machine_front",)),
+    Extra(80, ("washing_machine_front",)),
     Extra(55, ("laundry_basket_round",), gap=4),
     Extra(15, ("stool_wood", "plant_tall"), gap=4),
 )

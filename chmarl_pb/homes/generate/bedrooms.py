@@ -30,7 +30,7 @@ def bedroom(site: Site) -> bool:
 
 def more(site: Site) -> None:
     """Put in what a bedroom may have."""
-    if site.draws.chance(85):
+    if site.draws.chance(95):
         _dresser(site)
     if site.draws.chance(60):
         desk(site)
@@ -61,7 +61,7 @@ def _dresser(site: Site) -> bool:
         chest, high = at_wall(model), extent(model).height
         extras: list[Part] = []
         if model == "dresser_wide":
-            if draws.chance(45):
+            if draws.chance(70):
                 extras.append(at_wall("table_lamp_shade", draws.one_of((-45, 45)), z=high, gap=8))
             if draws.chance(40):
                 extras.append(at_wall("mirror_wall", z=high + 25))

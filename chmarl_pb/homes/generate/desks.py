@@ -12,5 +12,5 @@ def desk(site: Site) -> bool:
     board = at_wall(model)
     chair = site.draws.one_of(("chair_office", "chair_office", "chair_dining"))
     seat = Part(chair, site.draws.one_of((28, 0, -28)), board.area[3] + extent(chair).x1 - _LEG_ROOM, 180)
-    lamp = [at_wall("table_lamp_shade", 45, z=extent(model).height, gap=6)] if site.draws.chance(35) else []
+    lamp = [at_wall("table_lamp_shade", 45, z=extent(model).height, gap=6)] if site.draws.chance(50) else []
     return site.against_wall(group(board, seat, *lamp))

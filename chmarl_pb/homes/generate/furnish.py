@@ -56,8 +56,8 @@ def furnish(plan: Plan, doors: Sequence[Doorway], looks: Looks, draws: Draws) ->
     for site in draws.shuffled(sites):
         left = MOST - len(things)
         if left > 0:
-            pictures(site, min(2, left))
-        if draws.chance(35):
+            pictures(site, min(draws.between(1, 2), left))
+        if draws.chance(20):
             radiator(site)
     classes = {load_model(thing.model).thing_class for thing in things}
     return tuple(_in_order(plan, things)) if len(classes & RECEPTACLES.keys()) >= LEAST_CLASSES else None

@@ -12,7 +12,7 @@ _UPPER_WIDTH = 120  # of wall cabinets
 _LARGE = 1300  # square decimetres
 _MAY = (
     Extra(50, ("trash_can_steel",), gap=4),
-    Extra(45, ("cabinet_tall", "cabinet_low")),
+    Extra(60, ("cabinet_tall", "cabinet_low")),
     Extra(25, ("plant_tall",), gap=5),
 )
 
@@ -49,7 +49,7 @@ def more(site: Site) -> None:
     _upper(site)
     if site.area > _LARGE and site.draws.chance(30):
         site.in_middle(group(Part("kitchen_counter_island"), margin=85))
-    if site.draws.chance(60):
+    if site.draws.chance(80):
         _microwave(site)
     put_extras(site, _MAY)
 
@@ -68,7 +68,7 @@ def _row(site: Site, models: Sequence[str]) -> bool:
 def _upper(site: Site) -> None:
     """Hang cabinets over counters."""
     for part, pose in list(site.parts):
-        if part.thing_class == "kitchen_counter" and wide(part.model) > _UPPER_WIDTH and site.draws.chance(65):
+        if part.thing_class == "kitchen_counter" and wide(part.model) > _UPPER_WIDTH and site.draws.chance(90):
             cabinet = at_wall("wall_cabinet_kitchen", part.u + site.draws.one_of((-25, 0, 25)), z=_UPPER)
             site.at(group(cabinet), pose)
 
@@ -76,7 +76,7 @@ def _upper(site: Site) -> None:
 def _microwave(site: Site) -> bool:
     """Put a microwave on the end of a counter."""
     for part, pose in site.parts:
-        if part.model == "kitchen_counter_straight":
+        if part.model in ("kitchen_counter_straight", "kitchen_counter_short"):
             side = site.draws.one_of((-1, 1)) * (wide(part.model) // 2 - 30)
             return site.at(group(at_wall("microwave_steel", part.u + side, z=90, gap=5)), pose)
     return False

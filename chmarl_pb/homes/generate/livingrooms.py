@@ -16,7 +16,7 @@ _TOO_FAR = 470  # from the wall of the television to the sofa's back
 _IN_MIDDLE = (440, 400, 370, 350)  # the same for sofas with their back to nothing
 _MAY = (
     Extra(75, ("bookshelf_tall", "bookshelf_low")),
-    Extra(60, ("cabinet_sideboard",), "any"),
+    Extra(75, ("cabinet_sideboard",), "any"),
     Extra(25, ("fireplace_stone",), "middle"),
     Extra(45, ("bench_wood", "bench_upholstered"), "any"),
     Extra(45, ("chair_armchair",), gap=5),
@@ -41,7 +41,7 @@ def livingroom(site: Site) -> bool:
 
 def more(site: Site) -> None:
     """Put in what a living room may have."""
-    if site.draws.chance(40):
+    if site.draws.chance(50):
         desk(site)
     if site.draws.chance(30):
         _piano(site)

@@ -80,7 +80,9 @@ def _beside(plan: Plan, room: str, style: tuple[int, int, int], draws: Draws) ->
         hosts = [box for name, boxes in plan.items() if room_kind(name) == kind for box in boxes]
         if hosts:
             places = np.concatenate([_round(host, size, DOORWAY) for host, size in product(hosts, sizes)])
-            return _choose(plan, places, style, draws)
+            box = _choose(plan, places, style, draws)
+            if box is not None:
+                return box
     return None
 
 

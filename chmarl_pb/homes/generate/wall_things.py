@@ -6,7 +6,7 @@ from chmarl_pb.homes.generate.site import Site
 _PICTURES = ("picture_abstract", "picture_landscape", "picture_portrait")
 #: Kind of room -> models of windows, the height of their sill, how many there are at most.
 _WINDOWS = {
-    "livingroom": (("window_wide", "window_tall"), 95, 3),
+    "livingroom": (("window_wide", "window_tall"), 95, 2),
     "bedroom": (("window_wide", "window_tall"), 95, 2),
     "kitchen": (("window_wide",), 120, 1),
     "bathroom": (("window_tall",), 110, 1),
@@ -36,10 +36,10 @@ def pictures(site: Site, most: int) -> None:
     ]
     for part, pose in site.draws.shuffled(places):
         behind = part.area[1] < 10 and part.turn == 0
-        if most and behind and site.draws.chance(70):
+        if most and behind and site.draws.chance(55):
             model = site.draws.one_of(_PICTURES)
             most -= site.at(group(at_wall(model, part.u, z=max(_EYES, part.top + 15))), pose)
-    if most and site.draws.chance(60):
+    if most and site.draws.chance(30):
         site.against_wall(group(at_wall(site.draws.one_of(_PICTURES), z=_EYES)), "middle")
 
 
