@@ -1,4 +1,4 @@
-"""The verbs of ``chmarl-pb homes`` for those who make homes: new, build and export."""
+"""The verbs of ``chmarl-pb homes`` for those who make homes: new, build, export and generate."""
 
 import argparse
 import sys
@@ -10,6 +10,7 @@ from chmarl_pb.errors import ChmarlError, OptionError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.export import export_gltf, export_urdf
+from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import SCHEMA, STARTER
 from chmarl_pb.rendering.preview import preview
@@ -33,6 +34,11 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     export.set_defaults(run=_export)
     export.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
     export.add_argument("--out", type=output_folder, required=True, metavar="DIR", help="folder to write to")
+    generate = add_verb(verbs, "generate", "make up homes from seeds: layout, URDF and picture of each")
+    generate.set_defaults(run=_generate)
+    generate.add_argument("--seed", type=int, required=True, metavar="N", help="which home: a whole number from 0 on")
+    generate.add_argument("--count", type=int, default=1, metavar="K", help="homes of K seeds from N on (default: 1)")
+    generate.add_argument("--out", type=output_folder, required=True, metavar="DIR", help="folder to write to")
 
 
 def _new(options: argparse.Namespace) -> int:
@@ -85,4 +91,13 @@ def _export(options: argparse.Namespace) -> int:
     home = load_home(options.file)
     print(export_urdf(home, options.out / f"{home.name}.urdf"))
     print(export_gltf(home, options.out / f"{home.name}.glb"))
+    return 0
+
+
+def _generate(options: argparse.Namespace) -> int:
+    """Make up homes from seeds."""
+    for seed in range(options.seed, options.seed + options.count):
+        path = generate_home(seed, options.out)
+        preview(path, path.with_suffix(".png"))
+        print(path)
     return 0

@@ -1,4 +1,4 @@
-"""``chmarl-pb homes``: list, check, draw and build homes."""
+"""``chmarl-pb homes``: list, check, draw, build and generate homes."""
 
 import argparse
 import sys

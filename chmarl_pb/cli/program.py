@@ -14,7 +14,7 @@ from chmarl_pb.signals import Interrupted, handled
 #: its options into a parser, with the function that runs it as the default of ``run``.
 COMMANDS = {
     "demo": "let the planner solve a task, as a video and a page",
-    "homes": "list, check, draw and build homes",
+    "homes": "list, check, draw, build and generate homes",
     "tasks": "make the benchmark's task files",
     "dataset": "make, verify and describe data sets of planner trajectories",
     "evaluate": "play all tasks of a split with a policy and print its metrics",

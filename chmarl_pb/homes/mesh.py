@@ -39,7 +39,7 @@ class Mesh:
     texture: bytes | None = None
     file: Path | None = None
 
-    @property
+    @cached_property
     def used_vertices(self) -> Points:
         """The vertices (m, 3) that are corners of triangles."""
         return self.vertices[np.unique(self.corners[..., 0])]

@@ -2,6 +2,7 @@
 
 import os
 import re
+from functools import lru_cache
 from itertools import chain, pairwise
 from pathlib import Path
 
@@ -23,6 +24,7 @@ _OTHERS = {
 _NUMBER, _CORNER = r"(-?\d{1,7}(?:\.\d{0,20})?)", r"([1-9]\d{0,6})//([1-9]\d{0,6})"
 _PLAIN_ROW = re.compile(rf"^(vn?) {_NUMBER} {_NUMBER} {_NUMBER}$".encode(), re.MULTILINE)
 _PLAIN_FACE = re.compile(rf"^f {_CORNER} {_CORNER} {_CORNER}$".encode(), re.MULTILINE)
+_SMALL = 2**16  # bytes of a file whose mesh is remembered
 
 
 class _Obj:
@@ -93,7 +95,7 @@ def read_obj(content: bytes, path: Path, source: Source) -> Mesh:
     Raises:
         ValueError: it is not OBJ, damaged, or names a file that cannot be used.
     """
-    plain = _read_plain(content, path)
+    plain = (_read_small if len(content) <= _SMALL else _read_plain)(content, path)
     if plain is not None:
         return plain
     obj = _Obj()
@@ -130,6 +132,10 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     if not normals.any(axis=1).all():
         return None
     return Mesh(vertices, corners, normals, np.zeros((0, 2)), file=path)
+
+
+_read_small = lru_cache(maxsize=512)(_read_plain)
+"""The same, remembered: homes share the meshes of their furniture."""
 
 
 def _without_normals(corners: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from chmarl_pb.rendering.placing import Models
 from chmarl_pb.world.bullet import pybullet
 
 Floats = NDArray[np.float32]
+Mesh = tuple[Floats, Floats, NDArray[np.int32]]
+"""Vertices, normals and corners."""
 
 # TinyRenderer's box: corners of each side, its normal, and its two triangles.
 _BOX_CORNERS = (
@@ -54,7 +56,7 @@ def parts_of(client: int, body: int) -> list[Part]:
     Raises:
         AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
     """
-    parts, read = [], cache(_read_obj)
+    parts = []
     flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
     for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
         _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
@@ -63,14 +65,14 @@ def parts_of(client: int, body: int) -> list[Part]:
         if kind == pybullet.GEOM_BOX:
             points, normals, corners = _box(size)
         else:
-            vertices, normals, corners = read(_obj_path(kind, name))
+            vertices, normals, corners = _read(_obj_path(kind, name))
             points = (vertices.astype(float) * size).astype(np.float32)
         if rgba[3] == 0 or not len(corners):
             continue  # nothing to see
         centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
         # PyBullet's own functions for transforms round to single precision.
-        inverse = rotation(np.array(turn)).T
-        basis = inverse @ rotation(np.array(quaternion))
+        inverse = _turn(turn).T
+        basis = inverse @ _turn(quaternion)
         moved = _moved(points, basis, inverse @ np.subtract(position, centre))
         colour = (np.float32(255) * np.array(rgba[:3], dtype=np.float32)).astype(np.uint8)
         parts.append(Part(link, colour, moved, _settled(_moved(normals, basis, np.zeros(3))), corners))
@@ -84,19 +86,32 @@ def _obj_path(kind: int, name: bytes) -> Path:
     return path
 
 
-def _box(size: Sequence[float]) -> tuple[Floats, Floats, NDArray[np.int32]]:
+def _box(size: Sequence[float]) -> Mesh:
     """Return TinyRenderer's box of the extents x, y, z in metres: four corners a side, two triangles each."""
     points = np.array(_BOX_CORNERS) * (np.array(size) * 0.5)
+    return (points.astype(np.float32), *_box_sides())
+
+
+@cache
+def _box_sides() -> tuple[Floats, NDArray[np.int32]]:
+    """Return the normals and the corners of TinyRenderer's box."""
     triangles = np.array([[4 * side + corner for corner in row] for side, row in enumerate(_BOX_TRIANGLES)])
     numbers = triangles.reshape(-1, 3)
-    return (
-        points.astype(np.float32),
-        np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32),
-        np.hstack([numbers, numbers]).astype(np.int32),
-    )
+    return np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32), np.hstack([numbers, numbers]).astype(np.int32)
 
 
-def _read_obj(path: Path) -> tuple[Floats, Floats, NDArray[np.int32]]:
+def _read(path: Path) -> Mesh:
+    """Return what is in a Wavefront file; homes share many, so an unchanged one is read once."""
+    status = path.stat()
+    return _read_once(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=1024)
+def _read_once(path: Path, _modified: int, _size: int) -> Mesh:
+    return _read_obj(path)
+
+
+def _read_obj(path: Path) -> Mesh:
     """Return vertices, normals and corners of a Wavefront file.
 
     Raises:
@@ -130,8 +145,10 @@ def _read_obj(path: Path) -> tuple[Floats, Floats, NDArray[np.int32]]:
 def _moved(points: Floats, basis: NDArray[np.float64], origin: NDArray[np.float64]) -> Floats:
     """Return points in a frame's parent, worked out in double precision."""
     x, y, z = points.astype(float).T
-    moved = [x * row[0] + y * row[1] + z * row[2] + shift for row, shift in zip(basis, origin, strict=True)]
-    return np.stack(moved, axis=1).astype(np.float32)
+    moved = np.empty(points.shape, dtype=np.float32)
+    for axis, (row, shift) in enumerate(zip(basis.tolist(), origin.tolist(), strict=True)):
+        moved[:, axis] = x * row[0] + y * row[1] + z * row[2] + shift
+    return moved
 
 
 def _settled(normals: Floats) -> Floats:
@@ -140,6 +157,12 @@ def _settled(normals: Floats) -> Floats:
         x, y, z = normals.T
         normals = normals * (np.float32(1) / np.sqrt(x * x + y * y + z * z))[:, None]
     return normals
+
+
+@lru_cache(maxsize=1024)
+def _turn(quaternion: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the rotation matrix of one quaternion; most shapes of a home have one of a few."""
+    return rotation(np.array(quaternion))
 
 
 def rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

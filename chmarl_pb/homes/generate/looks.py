@@ -100,7 +100,8 @@ class Looks:
             "table_lamp": (None, draws.one_of(self.cloth)), "piano": (self.wood[0], None), "mirror": (wood, None),
             "picture": (wood, None), "window": (draws.one_of(_WHITES), None),
             "trash_can": (draws.one_of(_METALS), None),
-            "laundry_basket": (wood, None), "coat_rack": (wood, None), "fireplace": (draws.one_of(_TILES), None),
+            "laundry_basket": (wood, None), "coat_rack": (wood, None), "tv": (self.top, None),
+            "fireplace": (draws.one_of(_TILES), None),
         }  # fmt: skip
         return fixed.get(thing_class, (None, None))
 

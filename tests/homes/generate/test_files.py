@@ -1,0 +1,96 @@
+"""Generated homes as files: the same from the same seed, whole or not at all, and good to play."""
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import chmarl_pb
+from chmarl_pb.errors import HomeError, OptionError
+from chmarl_pb.homes import assemble
+from chmarl_pb.homes.assemble import build_home
+from chmarl_pb.homes.generate.home_layout import draw_layout
+from chmarl_pb.homes.home import home_path, load_home
+from chmarl_pb.homes.layout import load_layout
+from chmarl_pb.homes.layout_text import layout_text
+from chmarl_pb.navigation.check import check_home
+
+#: Of the layouts of seeds 0 to 3. Other layouts from the same seeds are another version of the rules: raise
+#: ``chmarl_pb.homes.generate.draws.VERSION`` with this digest.
+LAYOUTS = "0619bd673aac9f5b266f0b225b36e34be5224d306e8b19400725dd95c2894fa3"
+DRAW = """
+import hashlib, sys
+from chmarl_pb.homes.generate.home_layout import draw_layout
+from chmarl_pb.homes.layout_text import layout_text
+print(hashlib.sha256("".join(layout_text(draw_layout(seed)) for seed in range(4)).encode()).hexdigest())
+"""
+
+
+def digest(count: int) -> str:
+    return hashlib.sha256("".join(layout_text(draw_layout(seed)) for seed in range(count)).encode()).hexdigest()
+
+
+def test_a_seed_gives_one_home_in_every_process() -> None:
+    assert digest(4) == LAYOUTS
+    other = subprocess.run(
+        [sys.executable, "-c", DRAW],
+        env={"PYTHONHASHSEED": "7", "PATH": "", "PYTHONPATH": ":".join(sys.path)},
+        capture_output=True,
+        text=True,
+    )
+    assert other.stdout.strip() == LAYOUTS, other.stderr
+
+
+def test_files_of_a_home(tmp_path: Path) -> None:
+    paths = [chmarl_pb.generate_home(seed, tmp_path) for seed in (5, 6)]
+    for seed, path in zip((5, 6), paths, strict=True):
+        assert path == tmp_path / f"generated-{seed}.urdf"
+        assert load_layout(path.with_suffix(".toml")) == draw_layout(seed)
+        assert build_home(path.with_suffix(".toml"), tmp_path / "again.urdf").read_bytes() == path.read_bytes()
+    assert sorted(entry.name for entry in tmp_path.iterdir() if entry.is_dir()) == ["meshes"]
+
+
+def test_names_of_homes() -> None:
+    home = load_home("generated-11")
+    assert home.name == "generated-11" and home.path.with_suffix(".toml").is_file()
+    written = home.path.stat().st_mtime_ns
+    assert home_path("generated-11") == home.path == chmarl_pb.generate_home(11).resolve()
+    assert home.path.stat().st_mtime_ns == written
+    with pytest.raises(HomeError, match="generated-SEED"):
+        home_path("generated-011")
+
+
+@pytest.mark.parametrize("seed", [-1, 10**15, 1.0, True, "1"])
+def test_seeds_that_are_none(seed: object) -> None:
+    with pytest.raises(OptionError, match="whole number"):
+        chmarl_pb.generate_home(seed)  # type: ignore[arg-type]
+
+
+def test_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CHMARL_CACHE", "off")
+    assert chmarl_pb.generate_home(3).is_file()
+
+
+def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(assemble, "_copy_meshes", full)
+    with pytest.raises(OSError, match="No space"):
+        chmarl_pb.generate_home(4, tmp_path)
+    assert not (tmp_path / "generated-4.urdf").exists()
+
+
+@pytest.mark.parametrize("seed", [0, 13, 4711])
+def test_homes_can_be_played(seed: int, tmp_path: Path) -> None:
+    report = check_home(chmarl_pb.generate_home(seed, tmp_path))
+    assert not report.problems and min(report.places.values()) >= 4
+
+
+def test_an_environment_draws_tasks_that_can_be_solved() -> None:
+    env = chmarl_pb.parallel_env(home="generated-1")
+    env.reset(seed=0)
+    assert env.task.home == "generated-1" and env.task.optimal_steps > 0
+    env.close()
