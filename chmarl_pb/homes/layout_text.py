@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from chmarl_pb.homes.layout import Colour, Furniture, Layout, Room
+from chmarl_pb.homes.layout import Furniture, Layout, Room
+from chmarl_pb.homes.layout_file import Colour
 
 
 def layout_text(layout: Layout) -> str:

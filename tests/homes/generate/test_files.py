@@ -65,7 +65,7 @@ def test_names_of_homes() -> None:
 @pytest.mark.parametrize("seed", [-1, 10**15, 1.0, True, "1"])
 def test_seeds_that_are_none(seed: object) -> None:
     with pytest.raises(OptionError, match="whole number"):
-        chmarl_pb.generate_home(seed)  # type: ignore[arg-type]
+        chmarl_pb.generate_home(seed)
 
 
 def test_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
