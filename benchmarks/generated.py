@@ -67,7 +67,7 @@ def examine(seed: int, tasks: int, folder: Path) -> Result:
     path = generate_home(seed, folder)
     seconds = time.process_time() - start
     problems = check_home(path).problems
-    unsolved = () if problems else tuple(_unsolved(path, seed, tasks))
+    unsolved = () if problems or not tasks else tuple(_unsolved(path, seed, tasks))
     path.unlink()
     return Result(
         seed, seconds, problems, tasks, tasks - len(unsolved), unsolved, like(load_layout(path.with_suffix(".toml")))

@@ -68,6 +68,7 @@ FIGURES = (
     Figure("import chmarl_pb", _in_process("importing")),
     Figure("first reset of a home, empty view store", _in_process("first_reset")),
     Figure("first reset of a home, filled view store", _in_process("first_reset", keep=True)),
+    Figure("a new home every 100 episodes, scene graph", _in_process("new_homes", 3, 100)),
     Figure("planner, one task", playing.planning),
 )
 

@@ -169,6 +169,44 @@ def loads(episodes: str) -> dict[str, float]:
     return {"files": count - needed}
 
 
+def new_homes(homes: str, episodes: str) -> dict[str, float]:
+    """Measure what new homes cost: generated ones, each with some episodes of a random policy, one after the other.
+
+    Args:
+        homes: how many, after one that all is imported and compiled with.
+        episodes: in each of them.
+    """
+    import numpy as np
+
+    from chmarl_pb.envs.parallel import HouseholdEnv
+    from chmarl_pb.homes.generate.store import generate_home
+
+    made = entered = played = 0.0
+    steps, rng = 0, np.random.default_rng(0)
+    for seed in range(int(homes) + 1):
+        if seed == 1:
+            made = entered = played = 0.0
+            steps = 0
+        start = time.perf_counter()
+        path = generate_home(seed)
+        middle = time.perf_counter()
+        env = HouseholdEnv(home=path)
+        env.reset(seed=seed)
+        made, entered = made + middle - start, entered + time.perf_counter() - middle
+        for _ in range(int(episodes)):
+            env.reset()
+            while env.agents:
+                env.step({name: int(rng.integers(len(names))) for name, names in env.action_names.items()})
+                steps += 1
+        env.close()
+        played += time.perf_counter() - start
+    return {
+        "s to make one": made / int(homes),
+        "s to its first reset": entered / int(homes),
+        "joint steps/s": steps / played,
+    }
+
+
 def _end_with_parent() -> None:
     os.read(0, 1)  # a pipe that nobody writes to: it closes when the parent is gone
     os._exit(1)

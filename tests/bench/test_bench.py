@@ -17,10 +17,15 @@ from chmarl_pb.cli.bench import readable, run
 from chmarl_pb.errors import OptionError
 
 TINY = Effort(runs=1, seconds=0.001, warm_up=5)
-FEW = {"first_visits": (64, 2), "memory": ("scene_graph", 1), "loads": (1,)}  # arguments that ask for little
+FEW = {
+    "first_visits": (64, 2),
+    "memory": ("scene_graph", 1),
+    "loads": (1,),
+    "new_homes": (1, 1),
+}  # arguments that ask for little
 SLOW = (
     "URDF files", "first reset of a home, filled", "memory of one more environment, visual",
-    "vector environment, two", "vector beside AsyncVectorEnv, two", "execution",
+    "vector environment, two", "vector beside AsyncVectorEnv, two", "execution", "a new home",
 )  # fmt: skip
 
 
