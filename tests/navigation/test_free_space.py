@@ -1,5 +1,7 @@
 """Places hold what they promise to hold, and the arm reaches them from where the robot would stand."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -109,5 +111,6 @@ def test_every_object_fits_somewhere_within_reach(simulation: Simulation) -> Non
         ), name
 
 
-def test_one_space_for_a_home(simulation: Simulation) -> None:
-    assert space_of(simulation.home) is simulation.space
+def test_one_space_for_a_home() -> None:
+    with closing(Simulation("home_1")) as one, closing(Simulation("home_1")) as other:
+        assert one.space is other.space is space_of(one.home)
