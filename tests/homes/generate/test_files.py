@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import chmarl_pb
+from chmarl_pb.cli import main
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes import assemble
 from chmarl_pb.homes.assemble import build_home
@@ -94,3 +95,11 @@ def test_an_environment_draws_tasks_that_can_be_solved() -> None:
     env.reset(seed=0)
     assert env.task.home == "generated-1" and env.task.optimal_steps > 0
     env.close()
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["homes", "generate", "--seed", "8", "--count", "2", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / f"generated-{seed}.urdf") for seed in (8, 9)]
+    assert {f"generated-{seed}{kind}" for seed in (8, 9) for kind in (".toml", ".urdf", ".png")} <= set(
+        entry.name for entry in tmp_path.iterdir()
+    )
