@@ -111,6 +111,8 @@ class Oracle:
         robot = self.robot
 
         def works() -> bool:
+            if not self.renderer.could_see(robot.name, goal.item):
+                return False
             seen = self.renderer.visible(robot.name)
             meant = target_of(goals, self.world.state, robot.name, seen) == goal
             return meant and robot.plan("pick", goal, seen, taken) is not None
