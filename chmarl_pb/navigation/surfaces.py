@@ -83,7 +83,7 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
 def _tops(home: Home) -> Iterator[tuple[Thing, float, list[Solid]]]:
     """Yield each receptacle with each height of its level tops within reach, and the solids that have it."""
     for thing in home.receptacles.values():
-        level = [solid for solid in thing.solids if solid.has_level_top]
+        level = [solid for solid in thing.solids if solid.facet is not None]
         for height in _levels(level):
             if REACH.height[0] <= height <= REACH.height[1]:
                 yield thing, height, [solid for solid in level if abs(solid.top - height) <= _SAME_LEVEL]
@@ -103,7 +103,7 @@ def _levels(solids: list[Solid]) -> list[float]:
 def _grid(thing: Thing, tops: list[Solid]) -> tuple[float, list[Points]]:
     """Return the yaw of a grid over some tops of a thing, and where its cells' centres are along both its axes."""
     yaw = float(np.arctan2(thing.frame[1, 0], thing.frame[0, 0]))
-    corners = np.concatenate([solid.polygon for solid in tops]) @ _axes(yaw)
+    corners = np.concatenate([solid.facet for solid in tops if solid.facet is not None]) @ _axes(yaw)
     return yaw, [_ticks(a, b) for a, b in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
 
 
@@ -117,7 +117,7 @@ def _surface(
 ) -> Surface:  # fmt: skip
     """Return the surface that some tops of a thing make, on a grid; lows and highs (n, 3) bound the home's solids."""
     points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ _axes(yaw).T
-    on = np.logical_or.reduce([inside(solid.polygon, points, margin=1e-3) for solid in tops])
+    on = np.logical_or.reduce([inside(solid.facet, points, 1e-3) for solid in tops if solid.facet is not None])
     free = np.where(on, _TALLEST, 0.0)
     low = np.array([*points.min(axis=(0, 1)) - CELL, height + 2 * _SAME_LEVEL])
     high = np.array([*points.max(axis=(0, 1)) + CELL, height + _TALLEST])
