@@ -222,8 +222,9 @@ def _read(path: Path, _modified: int) -> Reading:
 
 def _home(path: Path, found: Findings) -> Home | None:
     source = Source(path)
-    links = tuple(link for link in read_links(source, found) if link.visuals or link.collisions)
+    links = read_links(source, found)
     found.locate({link.name: middle_of(link) for link in links})
+    links = tuple(link for link in links if link.visuals or link.collisions)
     links = tuple(link for link in links if _is_well_named(link.name, found))
     things = [Thing(link.name, link.frame, link.solids) for link in links]
     rooms = _rooms(things, found)

@@ -16,6 +16,7 @@ from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.urdf import Link
 
 _DEEP = 0.05  # metres: how far things may be inside one another, as a chair's back and a table's edge are
+_HIDDEN = 0.04  # square metres of a mesh that may be level and inside its hull
 _GAP = 0.05  # metres between a thing and what carries it
 _OFF = 0.3  # metres between the middles of what is seen and of what is solid, beside half of their size
 _FURNITURE = {**catalog.RECEPTACLES, **catalog.SCENERY}
@@ -45,6 +46,7 @@ def find_oddities(home: Home, found: Findings) -> None:
         _check_room(home, thing, found)
     for link in home.links:
         _check_visuals(link, found)
+        _check_hulls(link, found)
     _check_neighbours(home, found)
 
 
@@ -58,7 +60,7 @@ def nearest_name(name: str, known: dict[str, catalog.ThingClass]) -> str | None:
 def _advice(name: str, known: dict[str, catalog.ThingClass]) -> str:
     nearest = nearest_name(name, known)
     if nearest is None:
-        return f"known are {', '.join(sorted(known))}"
+        return f"use one that the catalogue knows, as {', '.join(list(known)[:4])}"
     return f"call it {nearest!r} if that is what it is"
 
 
@@ -104,6 +106,25 @@ def _check_visuals(link: Link, found: Findings) -> None:
             )
 
 
+def _check_hulls(link: Link, found: Findings) -> None:
+    """Compare meshes of collisions with their convex hulls, which are what is solid: are level parts inside?"""
+    for number, (shape, solid) in enumerate(zip(link.collisions, link.solids, strict=True), start=1):
+        if shape.mesh is None:
+            continue
+        corners = shape.triangles(link.frame)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        areas = np.linalg.norm(normals, axis=1)
+        level = normals[:, 2] > 0.99 * np.maximum(areas, 1e-12)
+        middles = corners.mean(axis=1)
+        inside = level & ((middles @ solid.planes[:, :3].T + solid.planes[:, 3]).max(axis=1) < -0.02)
+        if areas[inside].sum() > max(_HIDDEN, areas[level].sum() / 2):
+            height = float(np.median(middles[inside, 2]))
+            found.warning(
+                f"collision {number}: a level part of {areas[inside].sum():.2f} m2 at {height:.2f} m lies inside the "
+                "convex hull of its mesh, all of which is solid; build it of several convex meshes or boxes", link.name,
+            )  # fmt: skip
+
+
 def _check_neighbours(home: Home, found: Findings) -> None:
     """Look for things inside one another or inside walls, and for things that nothing carries."""
     solids, owners = _all_solids(home)
@@ -141,7 +162,7 @@ def _all_solids(home: Home) -> tuple[list[Solid], list[Thing]]:
 
 
 def _meeting(lows: Points, highs: Points, owners: Sequence[Thing]) -> Iterator[tuple[int, int]]:
-    """Yield pairs of solids of two things whose boxes are inside one another; the first is none of a wall."""
+    """Yield pairs of solids of two things whose boxes are inside one another, the smaller first, but a wall last."""
     for number, thing in enumerate(owners):
         if thing.class_name == "wall":
             continue
@@ -153,7 +174,8 @@ def _meeting(lows: Points, highs: Points, owners: Sequence[Thing]) -> Iterator[t
             wall = owner.class_name == "wall"
             if owner is thing or (other < number and not wall) or (wall and thing.class_name in _AT_WALLS):
                 continue
-            yield number, other
+            larger = np.prod(highs[number] - lows[number]) > np.prod(highs[other] - lows[other])
+            yield (other, number) if larger and not wall else (number, other)
 
 
 def _overlap(one: Solid, other: Solid) -> float:

@@ -1,6 +1,7 @@
 """What is wrong with a home, as data, and the list that all checks of one home add to."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -78,6 +79,14 @@ class Findings:
         """Add a warning; the position is that of the link if none is given."""
         self._add("warning", message, link, position)
 
+    @contextmanager
+    def listing(self, link: str = "", label: str = "") -> Iterator[None]:
+        """Add a ``ValueError`` that ends the block as an error, its message after a label."""
+        try:
+            yield
+        except ValueError as error:
+            self.error(f"{label}{error}", link)
+
     def locate(self, places: Mapping[str, Position]) -> None:
         """Say where links are, for problems found before and after."""
         self._places = dict(places)
@@ -108,12 +117,3 @@ def raise_first(problems: list[Problem]) -> None:
         others = len(problems) - 1
         more = f" (and {others} more; `chmarl-pb homes check` lists all)" if others else ""
         raise HomeError(f"{problems[0]}{more}")
-
-
-def attempt(found: Findings, job: Callable[[], Any], link: str = "", label: str = "") -> Any:
-    """Return what a job returns; if it raises a ``ValueError``, add that as an error and return None."""
-    try:
-        return job()
-    except ValueError as error:
-        found.error(f"{label}{error}", link)
-        return None

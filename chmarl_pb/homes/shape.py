@@ -103,6 +103,11 @@ class Shape:
         """Return points (n, 3) in the world whose convex hull it is, from its link's frame."""
         return self._placed(self._hull_points(), frame)
 
+    def triangles(self, frame: Points) -> Points:
+        """Return the corners (n, 3, 3) in the world of a mesh's triangles, from its link's frame."""
+        assert self.mesh is not None
+        return self._placed(self.mesh.vertices * self.sizes["scale"], frame)[self.mesh.corners[..., 0]]
+
     def _placed(self, points: Points, frame: Points) -> Points:
         return (frame @ self.origin.frame @ np.column_stack([points, np.ones(len(points))]).T).T[:, :3]
 

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
-from chmarl_pb.homes.problem import Findings, Refused, attempt
+from chmarl_pb.homes.problem import Findings, Refused
 from chmarl_pb.homes.shape import SIZES, Numbers, Origin, Shape, numbers_of, read_mesh, read_origin, read_shape
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source, safe_xml
@@ -150,8 +150,10 @@ def _joints(root: Element, links: dict[str, Element], found: Findings) -> _Joint
             found.error(f"joint {name!r} {problem}", child if child in links else "")
         taken.setdefault(name, child)
         if parent in links and child in links and child not in joints:
-            origin = attempt(found, lambda element=joint: _checked_origin(element), child, f"joint {name!r}: ")
-            joints[child] = parent, origin or Origin()
+            joints[child] = parent, Origin()
+            with found.listing(child, f"joint {name!r}: "):
+                _check_numbers_of(joint)
+                joints[child] = parent, read_origin(joint)
     roots = [name for name in links if name not in joints]
     if len(roots) != 1:
         found.error(f"links {roots[:4]} have no parent; join all but one of them by fixed joints")
@@ -179,11 +181,6 @@ def _joint_problems(
 def _referred(joint: Element, end: str) -> str:
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
-
-
-def _checked_origin(joint: Element) -> Origin:
-    _check_numbers_of(joint)
-    return read_origin(joint)
 
 
 def _places(links: dict[str, Element], joints: _Joints, found: Findings) -> dict[str, tuple[Points, Origin]]:
@@ -240,6 +237,9 @@ def _check_numbers(label: str, name: str, count: int, text: str) -> None:
         raise ValueError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
 
 
+_Numbered = list[tuple[int, Shape]]
+
+
 class _Shapes:
     """Reads the shapes of links, and counts what they hold in all."""
 
@@ -257,26 +257,24 @@ class _Shapes:
                     self._colours[material.get("name", "")] = rgba
         for part in root:
             if part.tag not in ("link", "joint"):
-                label = f"{part.tag} {part.get('name', '')!r}: "
-                attempt(found, lambda part=part: self._check_part(part), "", label)
+                with found.listing("", f"{part.tag} {part.get('name', '')!r}: "):
+                    self._check_part(part)
 
-    def of(self, link: Element) -> tuple[list[Shape], list[tuple[int, Shape]]]:
-        """Return the visuals of a link and its numbered collisions, without those that are broken."""
+    def of(self, link: Element) -> tuple[_Numbered, _Numbered]:
+        """Return the visuals and the collisions of a link, each with its number, without those that are broken."""
         name = link.get("name", "")
-        shapes: dict[str, list[tuple[int, Shape]]] = {"visual": [], "collision": []}
+        shapes: dict[str, _Numbered] = {"visual": [], "collision": []}
         counts: Counter[str] = Counter()
         for part in link:
             counts[part.tag] += 1
             number = counts[part.tag]
-            if part.tag in shapes:
-                shape = attempt(
-                    self._found, lambda part=part: self._shape(part, name), name, f"{part.tag} {number}: "
-                )  # fmt: skip
-                if shape is not None:
-                    shapes[part.tag].append((number, shape))
-            else:
-                attempt(self._found, lambda part=part: self._check_part(part), name)
-        return [shape for _, shape in shapes["visual"]], shapes["collision"]
+            if part.tag not in shapes:
+                with self._found.listing(name):
+                    self._check_part(part)
+                continue
+            with self._found.listing(name, f"{part.tag} {number}: "):
+                shapes[part.tag].append((number, self._shape(part, name)))
+        return shapes["visual"], shapes["collision"]
 
     def check_hulls(self) -> None:
         """Check how many points the convex hulls of collisions are to be made of.
@@ -339,23 +337,18 @@ class _Shapes:
 
 
 def _link(
-    name: str, frame: Points, origin: Origin, visuals: list[Shape], collisions: list[tuple[int, Shape]],
-    found: Findings,
+    name: str, frame: Points, origin: Origin, visuals: _Numbered, collisions: _Numbered, found: Findings
 ) -> Link:  # fmt: skip
     """Return a link with those of its shapes that lie near the origin and have a volume, where they are solid."""
     seen = []
-    for number, shape in enumerate(visuals, start=1):
-        if attempt(found, lambda shape=shape: [shape.check_place(frame)], name, f"visual {number}: "):
+    for number, shape in visuals:
+        with found.listing(name, f"visual {number}: "):
+            shape.check_place(frame)
             seen.append(shape)
     hard, solids = [], []
     for number, shape in collisions:
-        solid = attempt(found, lambda shape=shape: _solid(shape, frame), name, f"collision {number}: ")
-        if solid is not None:
+        with found.listing(name, f"collision {number}: "):
+            shape.check_place(frame)
+            solids.append(shape.solid(frame))
             hard.append(shape)
-            solids.append(solid)
     return Link(name, frame, origin, tuple(seen), tuple(hard), tuple(solids))
-
-
-def _solid(shape: Shape, frame: Points) -> Solid:
-    shape.check_place(frame)
-    return shape.solid(frame)

@@ -99,7 +99,8 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...])
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
-    _dress(world, space, [move.item for move in moves], things)
+    targets = {name for move in moves for name in receptacles_of(space.home, move.target)}
+    _dress(world, space, [move.item for move in moves], targets, things)
     return Layout(world.state.objects, _states(space.home, world.objects, moods))
 
 
@@ -145,7 +146,7 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
-def _dress(world: World, space: Space, items: list[str], rng: np.random.Generator) -> None:
+def _dress(world: World, space: Space, items: list[str], targets: set[str], rng: np.random.Generator) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit."""
     receptacles = np.array(list(space.home.receptacles))
     placed = 0
@@ -154,14 +155,14 @@ def _dress(world: World, space: Space, items: list[str], rng: np.random.Generato
         placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:
             return
-    _clear_half(world, len(items))
+    _clear(world, items, targets)
 
 
-def _clear_half(world: World, kept: int) -> None:
-    """Take every second object but the first ones out of a home that is full: X is to find a place on Y."""
+def _clear(world: World, items: list[str], targets: set[str]) -> None:
+    """Take every second object, and all on the targets, out of a home that is full: X is to find a place on Y."""
     objects = world.state.objects
-    names = list(objects.poses)
-    names = names[:kept] + names[kept::2]
+    others = [name for name, on in objects.supports.items() if name not in items and on.receptacle not in targets]
+    names = [*items, *others[::2]]
     supports = {name: objects.supports[name] for name in names if name in objects.supports}
     world.arrange(Objects({name: objects.poses[name] for name in names}, supports))
 
