@@ -1,4 +1,4 @@
-"""All that is wrong with a home is listed in one pass, with link, place, measure and way out; odd things are warned of."""
+"""All that is wrong with a home is listed in one pass, with link, place, measure and way out; odd things warn."""
 
 import json
 import re
