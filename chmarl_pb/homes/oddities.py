@@ -5,6 +5,7 @@ Each becomes a warning: such a home can be played, but hardly as its maker meant
 
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.urdf import Link
 
 _DEEP = 0.05  # metres: how far things may be inside one another, as a chair's back and a table's edge are
+_MOST_PAIRS = 1000  # of solids inside one another that are measured
 _HIDDEN = 0.04  # square metres of a mesh that may be level and inside its hull
 _GAP = 0.05  # metres between a thing and what carries it
 _OFF = 0.3  # metres between the middles of what is seen and of what is solid, beside half of their size
@@ -132,16 +134,14 @@ def _check_neighbours(home: Home, found: Findings) -> None:
         return
     lows = np.array([[*solid.low, solid.bottom] for solid in solids])
     highs = np.array([[*solid.high, solid.top] for solid in solids])
-    depths: dict[tuple[str, str], float] = {}
-    for one, other in _meeting(lows, highs, owners):
-        a, b = owners[one], owners[other]
-        depth = _overlap(solids[one], solids[other])
-        key = (a.name, b.name)
-        depths[key] = max(depths.get(key, 0.0), depth)
-    for (one_name, other_name), depth in depths.items():
-        if depth > _DEEP:
+    deepest: dict[str, tuple[float, str]] = {}
+    for one, other in islice(_meeting(lows, highs, owners), _MOST_PAIRS):
+        name, depth = owners[one].name, _overlap(solids[one], solids[other])
+        deepest[name] = max(deepest.get(name, (_DEEP, "")), (depth, owners[other].name))
+    for name, (depth, other_name) in deepest.items():
+        if other_name:
             where = "in the wall" if catalog.class_of(other_name) == "wall" else "inside"
-            found.warning(f"it is {depth:.2f} m deep {where} {other_name!r}; move one of them", one_name)
+            found.warning(f"it is {depth:.2f} m deep {where} {other_name!r}; move one of them", name)
     for thing in home.things:
         if thing.solids and not _is_carried(thing, lows, highs, owners):
             bottom = min(solid.bottom for solid in thing.solids)
