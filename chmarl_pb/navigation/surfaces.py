@@ -63,9 +63,20 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
     Raises:
         HomeError: they are larger than a home can have.
     """
-    surfaces, cells = [], 0
+    grids = _grids(home)
     lows = np.array([[*solid.low, solid.bottom] for solid in home.solids])
     highs = np.array([[*solid.high, solid.top] for solid in home.solids])
+    surfaces = [_surface(home, *grid, lows, highs) for grid in grids]
+    return tuple(surface for surface in surfaces if (surface.free > 0).any())
+
+
+def _grids(home: Home) -> list[tuple[Thing, float, list[Solid], float, list[Points]]]:
+    """Return each receptacle with each height of its tops, the solids that have it, and the grid over them.
+
+    Raises:
+        HomeError: the grids are larger than those of a home can be.
+    """
+    grids, cells = [], 0
     for thing, height, tops in _tops(home):
         yaw, ticks = _grid(thing, tops)
         cells += ticks[0].size * ticks[1].size
@@ -74,10 +85,8 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
                 f"{home.path}: link {thing.name!r}: the tops of all receptacles have more than "
                 f"{MOST_CELLS * CELL**2:.0f} m2; make them smaller"
             )
-        surface = _surface(home, thing, height, tops, yaw, ticks, lows, highs)
-        if (surface.free > 0).any():
-            surfaces.append(surface)
-    return tuple(surfaces)
+        grids.append((thing, height, tops, yaw, ticks))
+    return grids
 
 
 def _tops(home: Home) -> Iterator[tuple[Thing, float, list[Solid]]]:
