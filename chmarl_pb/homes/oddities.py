@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.homes.home import Home, Thing
+from chmarl_pb.homes.home import Home, Room, Thing
 from chmarl_pb.homes.problem import Findings
-from chmarl_pb.homes.solids import Points, Solid
+from chmarl_pb.homes.solids import Points, Solid, inside
 from chmarl_pb.homes.urdf import Link
 
 _DEEP = 0.05  # metres: how far things may be inside one another, as a chair's back and a table's edge are
@@ -22,7 +22,6 @@ _HIDDEN = 0.04  # square metres of a mesh that may be level and inside its hull
 _GAP = 0.05  # metres between a thing and what carries it
 _OFF = 0.3  # metres between the middles of what is seen and of what is solid, beside half of their size
 _FURNITURE = {**catalog.RECEPTACLES, **catalog.SCENERY}
-_FLAT_THINGS = 0.1  # metres: a rug or a picture may lie under, on or behind other things
 _UNREAD = {
     "colours": "it is white, for the colours of its mesh file are not read; give it a <material> with a <color>",
     "up axis": "its mesh file says that another axis than z is up, which is not read; export it with z up",
@@ -68,9 +67,9 @@ def _advice(name: str, known: dict[str, catalog.ThingClass]) -> str:
 
 def _check_room(home: Home, thing: Thing, found: Findings) -> None:
     """Compare the room in a thing's name with the floor that its middle is over."""
-    if home.rooms[thing.room].contains(thing.centre[None])[0]:
+    if _covers(home.rooms[thing.room], thing.centre[None]):
         return
-    other = home.room_at(thing.centre)
+    other = next((name for name, room in home.rooms.items() if _covers(room, thing.centre[None])), None)
     if other is not None and not _at_edge(home, thing):
         found.warning(f"its name says {thing.room!r}, but it stands in {other!r}; rename or move it", thing.name)
     elif other is None and not _at_edge(home, thing):
@@ -81,7 +80,12 @@ def _at_edge(home: Home, thing: Thing) -> bool:
     """Return whether a thing reaches over the floor that it belongs to, as a picture on the wall does."""
     low, high = thing.centre - 0.15, thing.centre + 0.15
     points = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 2)
-    return bool(home.rooms[thing.room].contains(points).any())
+    return _covers(home.rooms[thing.room], points)
+
+
+def _covers(room: Room, points: Points) -> bool:
+    """Return whether one of some points (n, 2) lies on a room's floor."""
+    return any(inside(floor, points).any() for floor in room.floors)
 
 
 def _check_visuals(link: Link, found: Findings) -> None:
@@ -118,11 +122,11 @@ def _check_hulls(link: Link, found: Findings) -> None:
         areas = np.linalg.norm(normals, axis=1)
         level = normals[:, 2] > 0.99 * np.maximum(areas, 1e-12)
         middles = corners.mean(axis=1)
-        inside = level & ((middles @ solid.planes[:, :3].T + solid.planes[:, 3]).max(axis=1) < -0.02)
-        if areas[inside].sum() > max(_HIDDEN, areas[level].sum() / 2):
-            height = float(np.median(middles[inside, 2]))
+        hidden = level & ((middles @ solid.planes[:, :3].T + solid.planes[:, 3]).max(axis=1) < -0.02)
+        if areas[hidden].sum() > max(_HIDDEN, areas[level].sum() / 2):
+            height = float(np.median(middles[hidden, 2]))
             found.warning(
-                f"collision {number}: a level part of {areas[inside].sum():.2f} m2 at {height:.2f} m lies inside the "
+                f"collision {number}: a level part of {areas[hidden].sum():.2f} m2 at {height:.2f} m lies inside the "
                 "convex hull of its mesh, all of which is solid; build it of several convex meshes or boxes", link.name,
             )  # fmt: skip
 

@@ -10,6 +10,7 @@ from chmarl_pb import __version__
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import cache_folder, write_atomically
+from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.problem import Problem, raise_first
 from chmarl_pb.homes.source import sha256_of
@@ -38,12 +39,13 @@ def judge(name_or_path: str | Path, robots: Sequence[str | Path | RobotModel] = 
 
 
 def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel]) -> None:
-    """Raise the first error that :func:`judge` finds; the homes of the package are known to be good.
+    """Raise the first error that :func:`judge` finds; homes of the package and generated ones are good.
 
     Raises:
         HomeError: the home cannot be played.
     """
-    if not (SCENES_DIR / f"{name_or_path}.urdf").exists():
+    name = str(name_or_path)
+    if seed_of(name) is None and not (SCENES_DIR / f"{name}.urdf").exists():
         raise_first(judge(name_or_path, tuple(models.values())).errors)
 
 
@@ -75,7 +77,7 @@ def _known(key: str, folder: Path | None) -> tuple[Problem, ...] | None:
     """Return the problems kept in this process or on disk; None if there are none or they cannot be read."""
     if key not in _here and folder is not None:
         with suppress(OSError, ValueError, TypeError, KeyError):
-            rows = json.loads((folder / "homes" / f"{key}.json").read_text(encoding="utf-8"))["problems"]
+            rows = json.loads((folder / "trials" / f"{key}.json").read_text(encoding="utf-8"))["problems"]
             _here[key] = tuple(
                 Problem(**{**row, "position": row["position"] and tuple(row["position"])}) for row in rows
             )
@@ -88,4 +90,4 @@ def _keep(key: str, folder: Path | None, problems: tuple[Problem, ...]) -> None:
     if folder is not None:
         with suppress(WriteError, OSError):
             text = json.dumps({"problems": [problem.as_dict() for problem in problems]})
-            write_atomically(folder / "homes" / f"{key}.json", text)
+            write_atomically(folder / "trials" / f"{key}.json", text)

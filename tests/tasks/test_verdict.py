@@ -157,7 +157,7 @@ def test_a_trial_is_kept_by_the_content_of_the_files(
     write_home: Write, monkeypatch: pytest.MonkeyPatch, folder: Path
 ) -> None:
     first = judge(write_home(home_text({**SMALL_HOME, **CEILING})))
-    (kept,) = (folder.parent / "homes").glob("*.json")
+    (kept,) = (folder.parent / "trials").glob("*.json")
     monkeypatch.setattr(verdict, "_here", {})
     monkeypatch.setattr(verdict, "Simulation", None)  # would fail if it were needed
     again = judge(write_home(home_text({**SMALL_HOME, **CEILING}), "copy.urdf"))
