@@ -66,7 +66,7 @@ def examine(seed: int, tasks: int, folder: Path) -> Result:
     start = time.process_time()
     path = generate_home(seed, folder)
     seconds = time.process_time() - start
-    problems = check_home(path).problems
+    problems = tuple(map(str, check_home(path).problems))
     unsolved = () if problems or not tasks else tuple(_unsolved(path, seed, tasks))
     path.unlink()
     return Result(

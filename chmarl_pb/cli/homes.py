@@ -1,14 +1,17 @@
 """``chmarl-pb homes``: list, check, draw, build and generate homes."""
 
 import argparse
+import json
 import sys
 
+from chmarl_pb.catalog import room_of
 from chmarl_pb.cli.arguments import add_verb, output_file, verbs
 from chmarl_pb.cli.authoring import add_authoring
+from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.home import home_names, home_path, load_home
-from chmarl_pb.navigation.check import check_home
+from chmarl_pb.navigation.check import HomeReport
 from chmarl_pb.rendering.preview import preview
-from chmarl_pb.world import World
+from chmarl_pb.tasks.verdict import judge
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +20,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_verb(all_verbs, "list", "list the homes that come with the package").set_defaults(run=_list)
     check = add_verb(all_verbs, "check", "check that a home can be played")
     check.set_defaults(run=_check)
+    check.add_argument("--json", metavar="FILE", help="write the report as JSON; - for the standard output")
+    check.add_argument("--preview", type=output_file, metavar="PNG", help="draw the home with its problems marked")
     draw = add_verb(all_verbs, "preview", "draw a home from above")
     draw.set_defaults(run=_preview)
     for verb in (check, draw):
@@ -36,15 +41,38 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    """Print what keeps a home from being played; return 1 if anything does."""
-    report = check_home(options.file)
-    World(report.home).close()  # says so if PyBullet cannot load it
-    for problem in report.problems:
-        print(f"{report.home.path}: {problem}", file=sys.stderr)
-    if report.problems:
-        return 1
-    print(f"{report.home.path}: good: {', '.join(report.home.rooms)}; {len(report.places)} receptacles within reach")
-    return 0
+    """Print all that was found in a home; return 1 if it cannot be played."""
+    report = judge(options.file)
+    if options.json:
+        text = json.dumps(report.as_dict(), indent=2, ensure_ascii=False)
+        if options.json == "-":
+            print(text)
+        else:
+            write_atomically(output_file(options.json), text + "\n")
+    if options.preview and report.home is not None:
+        preview(report.home, options.preview, marks=report.problems)
+    elif options.preview:
+        print(f"{report.path}: no picture, for there are no floors to draw", file=sys.stderr)
+    if options.json != "-":
+        _tell(report, bool(options.preview))
+    return 1 if report.errors else 0
+
+
+def _tell(report: HomeReport, numbered: bool) -> None:
+    """Print a report for people: errors to the standard error, the rest to the standard output."""
+    for number, problem in enumerate(report.problems, start=1):
+        mark = f"[{number}] " if numbered else ""
+        error = problem.severity == "error"
+        print(f"{mark}{'' if error else 'warning: '}{problem}", file=sys.stderr if error else sys.stdout)
+    if report.errors:
+        return
+    warnings = f", {len(report.warnings)} warnings" if report.warnings else ""
+    print(f"{report.path}: good: it can be played{warnings}")
+    for name, room in report.rooms.items():
+        print(f"  {name}  {room.area:.1f} m2")
+        for receptacle, top in report.tops.items():
+            if room_of(receptacle) == name:
+                print(f"    {receptacle}  {top.area:.2f} m2 free, {top.reached} of {top.places} places within reach")
 
 
 def _preview(options: argparse.Namespace) -> int:

@@ -25,6 +25,7 @@ from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import TaskSource
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
+from chmarl_pb.tasks.verdict import require_playable
 from chmarl_pb.world import World
 
 Results = tuple[
@@ -80,6 +81,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: list[str] = []
         self._tasks = TaskSource(self.options.split, self.options.home, self.options.kind)
         self._simulations: dict[str, Simulation] = {}
+        if self.options.home is not None:
+            require_playable(self.options.home, self._models)
         self.simulation = self._enter(self.options.homes[0])
         self.rooms, self.action_names = self.simulation.rooms, self.simulation.actions
         self._observer = Observer(self.options, self.rooms)

@@ -1,6 +1,7 @@
 """COLLADA files: the triangles of their scene, in metres; skins, instances of nodes and colours are not read."""
 
 import io
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -29,13 +30,21 @@ def read_dae(content: bytes) -> Mesh:
     root = safe_xml(content)
     if _tag(root) != "COLLADA":
         raise ValueError(f"is not COLLADA: its root is <{_tag(root)[:40]}>; export it anew")
+    unread = _unread(root)
     try:
         _simplify(root)
         with np.errstate(all="ignore"):  # what overflows is found when the mesh is checked
-            return _joined(ElementTree.tostring(root))
+            return replace(_joined(ElementTree.tostring(root)), unread=unread)
     except Exception as error:  # the reader raises nearly anything
         reason = str(error).partition("\n")[0][:200]
         raise ValueError(f"COLLADA that cannot be read: {reason}; export it as OBJ") from error
+
+
+def _unread(root: ElementTree.Element) -> tuple[str, ...]:
+    """Return what the file says that is not read; see :class:`chmarl_pb.homes.mesh.Mesh`."""
+    looks = any(_tag(element) == "library_effects" for element in root)
+    axis = next((element.text for element in root.iter() if _tag(element) == "up_axis"), None) or "Z_UP"
+    return (*(("colours",) if looks else ()), *(("up axis",) if axis.strip() != "Z_UP" else ()))
 
 
 def _simplify(root: ElementTree.Element) -> None:

@@ -12,6 +12,7 @@ from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.generate.store import generate_home
+from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
@@ -21,6 +22,7 @@ WIDEST = 60
 #: Square metres of all floors, for the same reason; the benchmark's homes have 71 to 105.
 LARGEST = 400
 
+_LEVEL = 0.01  # metres that a floor's top may lie off z = 0
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
 
 
@@ -158,60 +160,130 @@ def home_path(name_or_path: str | Path) -> Path:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a home's files gave.
+
+    Attributes:
+        path: the URDF.
+        home: as far as it can be read; None if it has no floor, or is larger than a home can be.
+        found: what is wrong with it; with errors, parts of it are missing.
+    """
+
+    path: Path
+    home: Home | None
+    found: Findings
+
+
+class _FaultyError(Exception):
+    """What was read has errors: it is not kept, for its files may be mended."""
+
+
 def load_home(name_or_path: str | Path) -> Home:
     """Read a home by name or path; an unchanged file is read once per process.
 
     Raises:
-        HomeError: see :func:`chmarl_pb.homes.urdf.read_links`; also a link name against the
-            convention, a room without a floor, or no room at all.
+        HomeError: there is no such home, it is unsafe or larger than a home can be, or a part of it is broken: see
+            :func:`chmarl_pb.homes.urdf.read_links`; a link name is against the convention, or a room has no floor.
+    """
+    reading = read_home(name_or_path)
+    raise_first(reading.found.errors)
+    assert reading.home is not None
+    return reading.home
+
+
+def read_home(name_or_path: str | Path) -> Reading:
+    """Read a home by name or path as far as that can be done, and list all that is wrong with its files.
+
+    Raises:
+        HomeError: there is no such home.
     """
     path = home_path(name_or_path)
-    return _read_home(path, path.stat().st_mtime_ns)
+    try:
+        return _read(path, path.stat().st_mtime_ns)
+    except _FaultyError as faulty:
+        reading: Reading = faulty.args[0]
+        return reading
 
 
 @lru_cache(maxsize=32)
-def _read_home(path: Path, _modified: int) -> Home:
+def _read(path: Path, _modified: int) -> Reading:
+    found = Findings(path)
+    try:
+        home = _home(path, found)
+    except Refused as refused:
+        found.error(*refused.args)
+        home = None
+    reading = Reading(path, home, found)
+    if found.errors:
+        raise _FaultyError(reading)
+    return reading
+
+
+def _home(path: Path, found: Findings) -> Home | None:
     source = Source(path)
-    links = tuple(link for link in read_links(source) if link.visuals or link.collisions)
-    things = [_thing(path, link) for link in links]
-    rooms = _rooms(path, things)
+    links = read_links(source, found)
+    found.locate({link.name: middle_of(link) for link in links})
+    links = tuple(link for link in links if link.visuals or link.collisions)
+    links = tuple(link for link in links if _is_well_named(link.name, found))
+    things = [Thing(link.name, link.frame, link.solids) for link in links]
+    rooms = _rooms(things, found)
+    things = [thing for thing in things if thing.room in rooms]
+    if not rooms:
+        return None
     structure = tuple(thing for thing in things if thing.class_name in catalog.STRUCTURE)
     furniture = tuple(thing for thing in things if thing.class_name not in catalog.STRUCTURE)
+    links = tuple(link for link in links if catalog.room_of(link.name) in rooms)
     return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content)
 
 
-def _thing(path: Path, link: Link) -> Thing:
-    if not _NAME.fullmatch(link.name):
-        raise HomeError(
-            f"{path}: link {link.name!r}: a link with geometry is named <room>/<class>_<number>, "
-            "e.g. kitchen/stove_1, in lower case"
+def middle_of(link: Link) -> tuple[float, ...]:
+    """Return the middle (x, y, z) of a link's solids; of its frame when it has none."""
+    if not link.solids:
+        return tuple(link.frame[:3, 3].tolist())
+    lows = np.min([[*solid.low, solid.bottom] for solid in link.solids], axis=0)
+    highs = np.max([[*solid.high, solid.top] for solid in link.solids], axis=0)
+    return tuple(((lows + highs) / 2).tolist())
+
+
+def _is_well_named(name: str, found: Findings) -> bool:
+    good = _NAME.fullmatch(name) is not None
+    if not good:
+        found.error(
+            "a link with geometry is named <room>/<class>_<number>; call it e.g. kitchen/stove_1, in lower case", name
         )
-    return Thing(link.name, link.frame, link.solids)
+    return good
 
 
-def _rooms(path: Path, things: list[Thing]) -> dict[str, Room]:
+def _rooms(things: list[Thing], found: Findings) -> dict[str, Room]:
+    """Return the rooms, and list floors and rooms that are none.
+
+    Raises:
+        Refused: they are larger than a home can be.
+    """
     floors: dict[str, list[Points]] = {}
     for thing in things:
         if thing.class_name == "floor":
             if not thing.solids:
-                raise HomeError(f"{path}: link {thing.name!r} has no <collision>; a floor's footprint is the room")
-            if abs(max(solid.top for solid in thing.solids)) > 0.01:
-                raise HomeError(f"{path}: link {thing.name!r}: a floor's top lies at z = 0; move it there")
+                found.error("it has no <collision>; a floor's footprint is the room, add one", thing.name)
+                continue
+            top = max(solid.top for solid in thing.solids)
+            if abs(top) > _LEVEL:
+                found.error(f"its top lies at z = {top:.2f} m; a floor's top lies at z = 0, move it there", thing.name)
             floors.setdefault(thing.room, []).extend(solid.polygon for solid in thing.solids)
     if not floors:
-        raise HomeError(f"{path}: no floor; add a link <room>/floor_1 for every room, its top at z = 0")
+        found.error("no floor; add a link <room>/floor_1 for every room, its top at z = 0")
+        return {}
     for thing in things:
         if thing.room not in floors:
-            raise HomeError(
-                f"{path}: link {thing.name!r}: room {thing.room!r} has no floor; add a link {thing.room}/floor_1"
-            )
+            found.error(f"room {thing.room!r} has no floor; add a link {thing.room}/floor_1", thing.name)
     rooms = {name: Room(name, tuple(polygons)) for name, polygons in floors.items()}
     width = float(np.ptp(np.concatenate([polygon for room in rooms.values() for polygon in room.floors]), axis=0).max())
     if width > WIDEST:
-        raise HomeError(f"{path}: {width:,.0f} m wide, at most {WIDEST} m can be played; a URDF's unit is the metre")
+        raise Refused(f"it is {width:,.0f} m wide, at most {WIDEST} m can be played; a URDF's unit is the metre")
     area = sum(room.area for room in rooms.values())
     if area > LARGEST:
-        raise HomeError(f"{path}: {area:,.0f} m2 of floor, at most {LARGEST} m2 can be played; make it smaller")
+        raise Refused(f"{area:,.0f} m2 of floor, at most {LARGEST} m2 can be played; make it smaller")
     return rooms
 
 

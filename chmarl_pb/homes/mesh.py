@@ -29,6 +29,7 @@ class Mesh:
         normals: (k, 3), none of them zero; corners without one get that of their triangle.
         texture_points: (m, 2).
         texture: a picture as the content of a BMP file, or None.
+        unread: what the file has that is not read, of "colours" and "up axis".
         file: where it lies in the form that PyBullet may read; None: it has to be written first.
     """
 
@@ -37,6 +38,7 @@ class Mesh:
     normals: Points
     texture_points: Points
     texture: bytes | None = None
+    unread: tuple[str, ...] = ()
     file: Path | None = None
 
     @cached_property

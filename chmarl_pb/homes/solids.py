@@ -16,6 +16,7 @@ Points = NDArray[np.floating]
 
 MOST_CORNERS = 256  # of a convex piece: what is derived from a home goes through all corners of all pieces
 
+_THIN = 2e-3  # metres between a level face and its corners
 _FLAT = 0.999  # a face whose normal has this z-component or more counts as level (2.6 degrees)
 
 
@@ -27,12 +28,15 @@ class Solid:
         polygon: (k, 2) counter-clockwise outline of its projection on the floor.
         bottom, top: lowest and highest z.
         planes: (m, 4) outward half-spaces ``n . x + d <= 0``.
+        facet: (j, 2) counter-clockwise outline of its highest level face, on which things can stand; None if its top is
+            an edge, a corner or a slope.
     """
 
     polygon: Points
     bottom: float
     top: float
     planes: Points
+    facet: Points | None = None
 
     @cached_property
     def low(self) -> Points:
@@ -45,12 +49,6 @@ class Solid:
         """Upper corner (2,) of the outline's bounding box."""
         corner: Points = self.polygon.max(axis=0)
         return corner
-
-    @property
-    def has_level_top(self) -> bool:
-        """Whether its highest face is level, so that things can stand on it."""
-        faces = self.planes[self.planes[:, 2] > _FLAT]
-        return bool(len(faces)) and bool(np.isclose(-faces[:, 3].min(), self.top, atol=2e-3))
 
     def spans(self, low: float, high: float) -> bool:
         """Whether it has a part with a height between ``low`` and ``high``."""
@@ -73,7 +71,25 @@ def solid_from_vertices(vertices: Points) -> Solid:
     polygon = outline[ConvexHull(outline).vertices]
     rows = np.round(hull.equations, 9) + 0.0  # without negative zeros
     planes = np.array(sorted(set(map(tuple, rows.tolist()))))  # np.unique is many times as slow on so few rows
-    return Solid(polygon, float(vertices[:, 2].min()), float(vertices[:, 2].max()), planes)
+    bottom, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
+    return Solid(polygon, bottom, top, planes, _facet(vertices[hull.vertices], planes, top, polygon))
+
+
+def _facet(corners: Points, planes: Points, top: float, polygon: Points) -> Points | None:
+    """Return the outline of the highest level face of a hull; that of the hull itself if its sides are upright."""
+    level = planes[planes[:, 2] > _FLAT]
+    if not len(level):
+        return None
+    face = level[level[:, 3].argmin()]
+    if abs(-face[3] - top) > _THIN + 1e-5 * abs(top):
+        return None
+    on = corners[np.abs(corners @ face[:3] + face[3]) < _THIN][:, :2]
+    if (np.abs(on[:, None] - polygon).max(axis=2).min(axis=0, initial=np.inf) < 1e-9).all():
+        return polygon
+    try:
+        return np.asarray(on[ConvexHull(on).vertices])
+    except Exception:  # scipy raises its own QhullError: an edge or a corner
+        return None
 
 
 def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
-from chmarl_pb.errors import HomeError
+from chmarl_pb.homes.problem import Refused
 
 MOST_URDF_BYTES = 4 * 2**20
 MOST_FILE_BYTES = 16 * 2**20  # of a mesh, a material file or a texture
@@ -82,12 +82,12 @@ class Source:
         """Return the URDF.
 
         Raises:
-            HomeError: it cannot be read.
+            Refused: it cannot be read.
         """
         try:
             return self.read(self.urdf.resolve(), MOST_URDF_BYTES)
         except ValueError as error:
-            raise HomeError(f"{self.urdf}: {error}; `chmarl-pb homes list` names the packaged homes") from error
+            raise Refused(f"{error}; `chmarl-pb homes list` names the packaged homes") from error
 
     def named(self, name: str) -> tuple[Path, bytes]:
         """Return a file that the URDF names, and its content.

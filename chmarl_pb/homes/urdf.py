@@ -1,17 +1,20 @@
-"""Read the URDF of a home into links with their convex solids, refusing what is unsafe or broken.
+"""Read the URDF of a home into links with their convex solids; what is unsafe or broken is left out and listed.
 
 All that PyBullet will load is parsed here first, within limits: see :mod:`chmarl_pb.homes.plain`.
 """
 
 import math
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
+from chmarl_pb.homes.problem import Findings, Refused
 from chmarl_pb.homes.shape import SIZES, Numbers, Origin, Shape, numbers_of, read_mesh, read_origin, read_shape
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source, safe_xml
@@ -63,23 +66,25 @@ class Link:
     solids: tuple[Solid, ...]
 
 
-def read_links(source: Source) -> tuple[Link, ...]:
-    """Return all links of a home's URDF in the order of the file.
+def read_links(source: Source, found: Findings) -> tuple[Link, ...]:
+    """Return the links of a home's URDF in the order of the file, as far as they can be read.
+
+    Args:
+        source: the files of the home.
+        found: gets an error for each part that is broken and left out.
 
     Raises:
-        HomeError: the file is missing, unsafe, not a URDF, too large, has a moving joint, a missing or
-            outlying file, or geometry that cannot be used.
+        Refused: the file is missing, unsafe, not a URDF, or larger than a home can be.
     """
     root = _root(source)
-    label = str(source.urdf)
-    _check_counts(label, root)
-    _check_tree(label, root)
-    _check_shapes(label, root)
-    meshes = _meshes(label, root, source)
-    _check_hulls(label, root, meshes)
-    places = _places(label, root)
-    colours = {material.get("name", ""): rgba for material in root.iter("material") if (rgba := _rgba(material))}
-    return tuple(_link(label, link, *places[link.get("name", "")], colours, meshes) for link in root.findall("link"))
+    _check_counts(root)
+    links = _links(root, found)
+    joints = _joints(root, links, found)
+    places = _places(links, joints, found)
+    shapes = _Shapes(root, source, found)
+    read = [(name, *place, *shapes.of(links[name])) for name, place in places.items()]
+    shapes.check_hulls()
+    return tuple([_link(*parts, found) for parts in read])
 
 
 def _root(source: Source) -> Element:
@@ -87,72 +92,90 @@ def _root(source: Source) -> Element:
     text = source.read_urdf()
     for number, line in enumerate(text.splitlines(), start=1):
         if len(line) > _LONGEST_LINE:
-            raise HomeError(
-                f"{source.urdf}: line {number} has {len(line)} characters, but PyBullet reads at most {_LONGEST_LINE}; "
+            raise Refused(
+                f"line {number} has {len(line)} characters, but PyBullet reads at most {_LONGEST_LINE}; "
                 "write one XML element on a line"
             )
     try:
         root = safe_xml(text)
     except ValueError as error:
-        raise HomeError(f"{source.urdf}: {error}") from error
+        raise Refused(str(error)) from error
     if root.tag != "robot":
-        raise HomeError(f"{source.urdf}: the root element is <{root.tag[:_LONGEST_VALUE]}>, a URDF has <robot>")
+        raise Refused(f"the root element is <{root.tag[:_LONGEST_VALUE]}>, a URDF has <robot>; export it as URDF")
     if not root.get("name"):
-        raise HomeError(
-            f"{source.urdf}: PyBullet cannot load this URDF, for <robot> has no name; write <robot name=...>"
-        )
+        raise Refused("PyBullet cannot load this URDF, for <robot> has no name; write <robot name=...>")
     return root
 
 
-def _check_counts(label: str, root: Element) -> None:
+def _check_counts(root: Element) -> None:
     """Check how much there is before anything is made of it."""
     counts = Counter(element.tag for element in root.iter())
     for tag, most in MOST.items():
         if counts[tag] > most:
-            raise HomeError(
-                f"{label}: {counts[tag]:,} <{tag}> elements, at most {most:,} are read; remove or join some"
-            )
+            raise Refused(f"{counts[tag]:,} <{tag}> elements, at most {most:,} are read; remove or join some")
     for element in root.iter():
         for name, value in element.attrib.items():
             if len(value) > _LONGEST_VALUE or len(name) > _LONGEST_VALUE:
-                raise HomeError(
-                    f"{label}: <{element.tag[:40]} {name[:40]}={value[:40]!r}...> has {len(value):,} characters, "
+                raise Refused(
+                    f"<{element.tag[:40]} {name[:40]}={value[:40]!r}...> has {len(value):,} characters, "
                     f"at most {_LONGEST_VALUE} are read; shorten it"
                 )
 
 
-def _check_tree(path: str, root: Element) -> None:
-    """Check that names are unique and that fixed joints make one tree of the links."""
+def _links(root: Element, found: Findings) -> dict[str, Element]:
+    """Return the links by their names, of those of one name the first."""
+    links: dict[str, Element] = {}
     names = Counter(link.get("name", "") for link in root.findall("link"))
+    for link in root.findall("link"):
+        links.setdefault(link.get("name", ""), link)
     for name, count in names.items():
-        if not name or count > 1:
-            raise HomeError(f"{path}: link {name!r} stands {count} times; give every link its own name")
-    children: set[str] = set()
-    joints: dict[str, str] = {}
+        if not name:
+            found.error(f"link {name!r} stands {count} times; give every link its own name")
+            del links[name]
+        elif count > 1:
+            found.error(f"it stands {count} times; give every link its own name", name)
+    return links
+
+
+_Joints = dict[str, tuple[str, Origin]]  # child -> parent and its place there
+
+
+def _joints(root: Element, links: dict[str, Element], found: Findings) -> _Joints:
+    """Return how the links hang together, and list what keeps the joints from making one tree of them."""
+    joints: _Joints = {}
+    taken: dict[str, str] = {}
     for joint in root.findall("joint"):
-        label = f"{path}: joint {joint.get('name', '')!r}"
-        _check_joint(label, joint, joints)
-        for name in (_referred(joint, "parent"), child := _referred(joint, "child")):
-            if name not in names:
-                raise HomeError(f"{label} names the link {name!r}, which does not exist; add the link or the name")
-        if child in children:
-            raise HomeError(f"{label}: link {child!r} has a second parent; a URDF is a tree")
-        children.add(child)
-        joints[joint.get("name", "")] = child
-    roots = [name for name in names if name not in children]
+        name, parent, child = joint.get("name", ""), _referred(joint, "parent"), _referred(joint, "child")
+        for problem in _joint_problems(joint, taken, links, child in joints):
+            found.error(f"joint {name!r} {problem}", child if child in links else "")
+        taken.setdefault(name, child)
+        if parent in links and child in links and child not in joints:
+            joints[child] = parent, Origin()
+            with found.listing(child, f"joint {name!r}: "):
+                _check_numbers_of(joint)
+                joints[child] = parent, read_origin(joint)
+    roots = [name for name in links if name not in joints]
     if len(roots) != 1:
-        raise HomeError(f"{path}: links {roots[:4]} have no parent; join all but one of them by fixed joints")
+        found.error(f"links {roots[:4]} have no parent; join all but one of them by fixed joints")
+    return joints
 
 
-def _check_joint(label: str, joint: Element, others: dict[str, str]) -> None:
-    """Check that a joint is fixed and that its name is none of the others, which tell their child's name."""
+def _joint_problems(
+    joint: Element, others: dict[str, str], links: dict[str, Element], has_parent: bool
+) -> Iterator[str]:
+    """Yield what is wrong with a joint; ``others`` tells which link each joint before it leads to."""
     name, child = joint.get("name", ""), _referred(joint, "child")
     if not name:
-        raise HomeError(f"{label} to {child!r} has no name; give every joint its own")
-    if name in others:
-        raise HomeError(f"{label} stands twice, to {others[name]!r} and to {child!r}; give every joint its own name")
+        yield f"to {child!r} has no name; give every joint its own"
+    elif name in others:
+        yield f"stands twice, to {others[name]!r} and to {child!r}; give every joint its own name"
     if joint.get("type") != "fixed":
-        raise HomeError(f"{label} is {joint.get('type')!r}; a home must not move, make it 'fixed'")
+        yield f"is {joint.get('type')!r}; a home must not move, make it 'fixed'"
+    for end in (_referred(joint, "parent"), child):
+        if end not in links:
+            yield f"names the link {end!r}, which does not exist; add the link or the name"
+    if has_parent:
+        yield f"gives link {child!r} a second parent; a URDF is a tree, remove one of the joints"
 
 
 def _referred(joint: Element, end: str) -> str:
@@ -160,18 +183,40 @@ def _referred(joint: Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _check_shapes(path: str, root: Element) -> None:
-    """Check that every geometry has one known shape, and that sizes, poses and colours are finite numbers."""
-    for part in root:
-        label = f"{path}: {part.tag} {part.get('name')!r}"
-        for geometry in part.iter("geometry"):
-            if len(geometry) != 1 or geometry[0].tag not in SIZES:
-                raise HomeError(f"{label}: a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
-        for element in part.iter():
-            for name, count in _NUMBERS.get(element.tag, {}).items():
-                text = element.get(name)
-                if text is not None or name not in _OPTIONAL:
-                    _check_numbers(f"{label}: <{element.tag} {name}={text!r}>", name, count, text or "")
+def _places(links: dict[str, Element], joints: _Joints, found: Findings) -> dict[str, tuple[Points, Origin]]:
+    """Return the frame (4 x 4) of every link in the world, and its origin there; without those that go round."""
+    places: dict[str, tuple[Points, Origin]] = {}
+    for link in links:
+        chain = [link]
+        while chain[-1] in joints and chain[-1] not in places and len(chain) <= len(joints) + 1:
+            chain.append(joints[chain[-1]][0])
+        if len(chain) > len(joints) + 1:
+            found.error("it is its own ancestor; a URDF is a tree, remove one of the joints", link)
+            continue
+        for name in reversed(chain):
+            if name not in places:
+                places[name] = _place(*joints[name], joints, places) if name in joints else (np.eye(4), Origin())
+    return {name: places[name] for name in links if name in places}
+
+
+def _place(
+    parent: str, origin: Origin, joints: _Joints, places: dict[str, tuple[Points, Origin]]
+) -> tuple[Points, Origin]:
+    frame = places[parent][0] @ origin.frame
+    return frame, origin if parent not in joints else Origin.of(frame)
+
+
+def _check_numbers_of(part: Element) -> None:
+    """Check the numbers of an element and all in it.
+
+    Raises:
+        ValueError: they are not finite numbers, or out of range.
+    """
+    for element in part.iter():
+        for name, count in _NUMBERS.get(element.tag, {}).items():
+            text = element.get(name)
+            if text is not None or name not in _OPTIONAL:
+                _check_numbers(f"<{element.tag} {name}={text!r}>", name, count, text or "")
 
 
 def _check_numbers(label: str, name: str, count: int, text: str) -> None:
@@ -181,105 +226,129 @@ def _check_numbers(label: str, name: str, count: int, text: str) -> None:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise HomeError(f"{label} is not {count} finite numbers; fix it")
+        raise ValueError(f"{label} is not {count} finite numbers; fix it")
     if name in _LENGTHS and not min(numbers) > 0:
-        raise HomeError(f"{label} is not above 0; fix it")
+        raise ValueError(f"{label} is not above 0; fix it")
     if name in _LENGTHS and min(numbers) < _SMALLEST:
-        raise HomeError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
+        raise ValueError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
     if name == "scale" and 0 in numbers:
-        raise HomeError(f"{label} leaves nothing of the mesh; fix it")
+        raise ValueError(f"{label} leaves nothing of the mesh; fix it")
     if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
-        raise HomeError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
+        raise ValueError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
 
 
-def _rgba(material: Element) -> Numbers:
-    return numbers_of(material.find("color"), "rgba")
+_Numbered = list[tuple[int, Shape]]
 
 
-def _meshes(path: str, root: Element, source: Source) -> dict[str, Mesh]:
-    """Read every mesh and texture that the URDF names; PyBullet draws textures of meshes alone."""
-    meshes: dict[str, Mesh] = {}
-    triangles, pictures = 0, 0
-    for part in root:
-        for element in (*part.iter("mesh"), *part.iter("texture")):
-            name = element.get("filename", "")
-            label = f"{path}: {part.tag} {part.get('name')!r}: {element.tag} {name!r}"
-            try:
-                if element.tag == "texture":
-                    source.named(name)
-                    continue
-                if name not in meshes:
-                    meshes[name] = read_mesh(name, source)
-            except ValueError as error:
-                raise HomeError(f"{label}: {_with_remedy(str(error), element.tag)}") from error
-            triangles += len(meshes[name].corners)
-            pictures += len(meshes[name].texture or b"")
-            if triangles > MOST_TRIANGLES or pictures > MOST_PICTURE_BYTES:
-                raise HomeError(
-                    f"{label}: too much in all, with each mesh and its texture as often as they are used: at most "
-                    f"{MOST_TRIANGLES:,} triangles and {MOST_PICTURE_BYTES // 3:,} pixels; make some smaller"
-                )
-    return meshes
+class _Shapes:
+    """Reads the shapes of links, and counts what they hold in all."""
 
+    def __init__(self, root: Element, source: Source, found: Findings):
+        """Read the colours that have names."""
+        self._source, self._found = source, found
+        self._meshes: dict[str, Mesh] = {}
+        self._hulls: list[tuple[str, str, int]] = []
+        self._triangles = self._pictures = 0
+        self._colours: dict[str, Numbers] = {}
+        for material in root.iter("material"):
+            with suppress(ValueError):  # it is listed where it stands
+                _check_numbers_of(material)
+                if rgba := numbers_of(material.find("color"), "rgba"):
+                    self._colours[material.get("name", "")] = rgba
+        for part in root:
+            if part.tag not in ("link", "joint"):
+                with found.listing("", f"{part.tag} {part.get('name', '')!r}: "):
+                    self._check_part(part)
 
-def _check_hulls(path: str, root: Element, meshes: dict[str, Mesh]) -> None:
-    """Check how many points the convex hulls of collisions are to be made of."""
-    total = 0
-    for part in root:
-        for element in part.iterfind("collision/geometry/mesh"):
-            name = element.get("filename", "")
-            points = len(meshes[name].used_vertices)
+    def of(self, link: Element) -> tuple[_Numbered, _Numbered]:
+        """Return the visuals and the collisions of a link, each with its number, without those that are broken."""
+        name = link.get("name", "")
+        shapes: dict[str, _Numbered] = {"visual": [], "collision": []}
+        counts: Counter[str] = Counter()
+        for part in link:
+            counts[part.tag] += 1
+            number = counts[part.tag]
+            if part.tag not in shapes:
+                with self._found.listing(name):
+                    self._check_part(part)
+                continue
+            with self._found.listing(name, f"{part.tag} {number}: "):
+                shapes[part.tag].append((number, self._shape(part, name)))
+        return shapes["visual"], shapes["collision"]
+
+    def check_hulls(self) -> None:
+        """Check how many points the convex hulls of collisions are to be made of.
+
+        Raises:
+            Refused: they are too many.
+        """
+        total = 0
+        for link, name, points in self._hulls:
             total += points
             if points > MOST_HULL_POINTS or total > MOST_POINTS_OF_HULLS:
-                raise HomeError(
-                    f"{path}: {part.tag} {part.get('name')!r}: mesh {name!r}: a collision has at most "
-                    f"{MOST_HULL_POINTS:,} vertices, and all have {MOST_POINTS_OF_HULLS:,}; give it a simpler mesh"
-                )
+                raise Refused(
+                    f"mesh {name!r}: a collision has at most {MOST_HULL_POINTS:,} vertices, and all have "
+                    f"{MOST_POINTS_OF_HULLS:,}; give it a simpler mesh", link,
+                )  # fmt: skip
 
+    def _check_part(self, part: Element) -> None:
+        """Check the numbers of an element, and the files of textures in it."""
+        _check_numbers_of(part)
+        for texture in part.iter("texture"):
+            self._named("texture", texture.get("filename", ""))
 
-def _with_remedy(problem: str, tag: str) -> str:
-    return f"{problem}; add the file or remove the {tag}" if problem.endswith("does not exist") else problem
+    def _shape(self, part: Element, link: str) -> Shape:
+        """Return a <visual> or <collision> of a link.
 
+        Raises:
+            ValueError: it is broken.
+            Refused: there are too many triangles or pixels.
+        """
+        for geometry in part.iter("geometry"):
+            if len(geometry) != 1 or geometry[0].tag not in SIZES:
+                raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
+        self._check_part(part)
+        for element in part.iter("mesh"):
+            self._add_mesh(element.get("filename", ""), link, part.tag)
+        return read_shape(part, self._colours, self._meshes)
 
-def _places(path: str, root: Element) -> dict[str, tuple[Points, Origin]]:
-    """Return the frame (4 x 4) of every link in the world, and its origin there."""
-    joints = {
-        _referred(joint, "child"): (_referred(joint, "parent"), read_origin(joint)) for joint in root.findall("joint")
-    }
-    places: dict[str, tuple[Points, Origin]] = {}
-    for link in root.findall("link"):
-        chain = [link.get("name", "")]
-        while chain[-1] in joints and chain[-1] not in places:
-            chain.append(joints[chain[-1]][0])
-            if len(chain) > len(joints) + 1:
-                raise HomeError(f"{path}: link {chain[0]!r} is its own ancestor; a URDF is a tree")
-        for name in reversed(chain):
-            if name not in places:
-                places[name] = _place(*joints[name], joints, places) if name in joints else (np.eye(4), Origin())
-    return places
+    def _add_mesh(self, name: str, link: str, tag: str) -> None:
+        if name not in self._meshes:
+            self._meshes[name] = self._named("mesh", name)
+        mesh = self._meshes[name]
+        self._triangles += len(mesh.corners)
+        self._pictures += len(mesh.texture or b"")
+        if self._triangles > MOST_TRIANGLES or self._pictures > MOST_PICTURE_BYTES:
+            raise Refused(
+                f"mesh {name!r}: too much in all, with each mesh and its texture as often as they are used: at most "
+                f"{MOST_TRIANGLES:,} triangles and {MOST_PICTURE_BYTES // 3:,} pixels; make some smaller", link,
+            )  # fmt: skip
+        if tag == "collision":
+            self._hulls.append((link, name, len(mesh.used_vertices)))
 
-
-def _place(
-    parent: str, origin: Origin, joints: dict[str, tuple[str, Origin]], places: dict[str, tuple[Points, Origin]]
-) -> tuple[Points, Origin]:
-    frame = places[parent][0] @ origin.frame
-    return frame, origin if parent not in joints else Origin.of(frame)
+    def _named(self, tag: str, name: str) -> Any:
+        """Read a mesh, or the file of a texture: PyBullet draws textures of meshes alone."""
+        try:
+            return read_mesh(name, self._source) if tag == "mesh" else self._source.named(name)
+        except ValueError as error:
+            problem = str(error)
+            remedy = f"; add the file or remove the {tag}" if problem.endswith("does not exist") else ""
+            raise ValueError(f"{tag} {name!r}: {problem}{remedy}") from error
 
 
 def _link(
-    path: str, link: Element, frame: Points, origin: Origin, colours: dict[str, Numbers], meshes: dict[str, Mesh]
-) -> Link:
-    name = link.get("name", "")
-    shapes: dict[str, list[Shape]] = {"visual": [], "collision": []}
-    solids: list[Solid] = []
-    for tag, found in shapes.items():
-        for number, element in enumerate(link.findall(tag), start=1):
-            try:
-                shape = read_shape(element, colours, meshes)
-                shape.check_place(frame)
-                if tag == "collision":
-                    solids.append(shape.solid(frame))
-            except ValueError as error:
-                raise HomeError(f"{path}: link {name!r}: {tag} {number}: {error}") from error
-            found.append(shape)
-    return Link(name, frame, origin, tuple(shapes["visual"]), tuple(shapes["collision"]), tuple(solids))
+    name: str, frame: Points, origin: Origin, visuals: _Numbered, collisions: _Numbered, found: Findings
+) -> Link:  # fmt: skip
+    """Return a link with those of its shapes that lie near the origin and have a volume, where they are solid."""
+    seen = []
+    for number, shape in visuals:
+        with found.listing(name, f"visual {number}: "):
+            shape.check_place(frame)
+            seen.append(shape)
+    hard, solids = [], []
+    for number, shape in collisions:
+        with found.listing(name, f"collision {number}: "):
+            shape.check_place(frame)
+            solids.append(shape.solid(frame))
+            hard.append(shape)
+    return Link(name, frame, origin, tuple(seen), tuple(hard), tuple(solids))

@@ -113,7 +113,8 @@ def read_obj(content: bytes, path: Path, source: Source) -> Mesh:
     if not normals.any(axis=1).all():  # PyBullet makes its own where there are none
         normals, corners = normals[:0], _without_normals(corners)
     texture = texture_of(obj.libraries, obj.materials, path, source)
-    return Mesh(vertices, corners, normals, texture_points, texture)
+    unread = ("colours",) if obj.materials and obj.libraries and texture is None else ()
+    return Mesh(vertices, corners, normals, texture_points, texture, unread)
 
 
 def _read_plain(content: bytes, path: Path) -> Mesh | None:

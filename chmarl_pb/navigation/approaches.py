@@ -63,14 +63,17 @@ class Approaches:
 
     def _find_ways(self, x: float, y: float) -> _Ways:
         """Return the ways to reach a point from the lattice poses that have it at arm's length."""
+        shortest, longest = self._reach.distance
         points = self._lattice.points
-        away = np.array([x, y]) - points
+        first, last = np.searchsorted(points[:, 0], (x - longest - 1e-6, x + longest + 1e-6))  # they are sorted by x
+        away = np.array([x, y]) - points[first:last]
         distance = np.hypot(*away.T)
-        near = np.flatnonzero((distance >= self._reach.distance[0]) & (distance <= self._reach.distance[1]))
+        near = np.flatnonzero((distance >= shortest) & (distance <= longest))
         bearing = np.arctan2(away[near, 1], away[near, 0])
         heading = np.round(bearing / heading_angle(1)).astype(int)
         off = np.abs(bearing - heading * heading_angle(1))  # at most half a step: well within the reach's bearing
         cost = np.abs(distance[near] - _BEST_DISTANCE) + 0.5 * off
+        near += first
         order = np.lexsort((near, np.round(cost, 6)))
         poses = (near * HEADINGS + heading % HEADINGS)[order]
         return _Ways(poses, *self._solids_between(points[near[order]], np.array([x, y])))

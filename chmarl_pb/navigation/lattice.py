@@ -212,6 +212,23 @@ def build_lattice(home: Home, footprint: Footprint = FOOTPRINT) -> Lattice:
     Raises:
         HomeError: a room cannot be reached from the largest connected part of the home.
     """
+    lattice, missed = reached_lattice(home, footprint)
+    if missed:
+        rooms = f"room {missed[0]!r}" if len(missed) == 1 else f"rooms {', '.join(map(repr, missed))}"
+        raise HomeError(f"{home.path}: {rooms} {unreachable(footprint)}")
+    return lattice
+
+
+def unreachable(footprint: Footprint) -> str:
+    """Return what is wrong with a room that robots of a footprint do not reach, and what to do about it."""
+    return (
+        f"cannot be reached; doors need a free width of at least {2 * footprint.radius + 0.25:.2f} m and a free way "
+        f"of {2 * footprint.radius:.1f} m beside the furniture"
+    )
+
+
+def reached_lattice(home: Home, footprint: Footprint) -> tuple[Lattice, list[str]]:
+    """Return the lattice of the largest connected part of a home, and the rooms that it does not reach."""
     cells, rooms = _cells_on_floors(home, SPACING)
     obstacles = [solid for solid in home.solids if solid.spans(footprint.low, footprint.high)]
     here = cells * SPACING
@@ -220,20 +237,18 @@ def build_lattice(home: Home, footprint: Footprint = FOOTPRINT) -> Lattice:
     starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles, footprint.radius)
     count, part = connected_components(_graph(cells, starts, ends), directed=False)
     kept = part == np.bincount(part, minlength=count).argmax() if len(cells) else np.zeros(0, dtype=bool)
-    for number, name in enumerate(home.rooms):
-        if not (rooms[kept] == number).any():
-            raise HomeError(
-                f"{home.path}: room {name!r} cannot be reached; doors need a free width of at least "
-                f"{2 * footprint.radius + 0.25:.2f} m and a free way of {2 * footprint.radius:.1f} m beside the "
-                "furniture"
-            )
     cells, rooms = cells[kept], rooms[kept]
     renumbered = np.cumsum(kept) - 1
     starts, ends = renumbered[starts[kept[starts]]], renumbered[ends[kept[ends]]]
     points = cells * SPACING
     forward = _forward(cells, obstacles, footprint.radius)
-    anchors = {name: _anchor(home, name, points, rooms == list(home.rooms).index(name)) for name in home.goto_rooms}
-    return Lattice(points, forward, _graph(cells, starts, ends), rooms, anchors, tuple(obstacles), footprint)
+    numbers = {name: number for number, name in enumerate(home.rooms)}
+    missed = [name for name, number in numbers.items() if not (rooms == number).any()]
+    anchors = {
+        name: _anchor(home, name, points, rooms == numbers[name]) for name in home.goto_rooms if name not in missed
+    }
+    lattice = Lattice(points, forward, _graph(cells, starts, ends), rooms, anchors, tuple(obstacles), footprint)
+    return lattice, missed
 
 
 def build_drone_lattice(home: Home) -> DroneLattice:

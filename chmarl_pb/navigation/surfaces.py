@@ -63,9 +63,20 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
     Raises:
         HomeError: they are larger than a home can have.
     """
-    surfaces, cells = [], 0
+    grids = _grids(home)
     lows = np.array([[*solid.low, solid.bottom] for solid in home.solids])
     highs = np.array([[*solid.high, solid.top] for solid in home.solids])
+    surfaces = [_surface(home, *grid, lows, highs) for grid in grids]
+    return tuple(surface for surface in surfaces if (surface.free > 0).any())
+
+
+def _grids(home: Home) -> list[tuple[Thing, float, list[Solid], float, list[Points]]]:
+    """Return each receptacle with each height of its tops, the solids that have it, and the grid over them.
+
+    Raises:
+        HomeError: the grids are larger than those of a home can be.
+    """
+    grids, cells = [], 0
     for thing, height, tops in _tops(home):
         yaw, ticks = _grid(thing, tops)
         cells += ticks[0].size * ticks[1].size
@@ -74,16 +85,14 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
                 f"{home.path}: link {thing.name!r}: the tops of all receptacles have more than "
                 f"{MOST_CELLS * CELL**2:.0f} m2; make them smaller"
             )
-        surface = _surface(home, thing, height, tops, yaw, ticks, lows, highs)
-        if (surface.free > 0).any():
-            surfaces.append(surface)
-    return tuple(surfaces)
+        grids.append((thing, height, tops, yaw, ticks))
+    return grids
 
 
 def _tops(home: Home) -> Iterator[tuple[Thing, float, list[Solid]]]:
     """Yield each receptacle with each height of its level tops within reach, and the solids that have it."""
     for thing in home.receptacles.values():
-        level = [solid for solid in thing.solids if solid.has_level_top]
+        level = [solid for solid in thing.solids if solid.facet is not None]
         for height in _levels(level):
             if REACH.height[0] <= height <= REACH.height[1]:
                 yield thing, height, [solid for solid in level if abs(solid.top - height) <= _SAME_LEVEL]
@@ -103,7 +112,7 @@ def _levels(solids: list[Solid]) -> list[float]:
 def _grid(thing: Thing, tops: list[Solid]) -> tuple[float, list[Points]]:
     """Return the yaw of a grid over some tops of a thing, and where its cells' centres are along both its axes."""
     yaw = float(np.arctan2(thing.frame[1, 0], thing.frame[0, 0]))
-    corners = np.concatenate([solid.polygon for solid in tops]) @ _axes(yaw)
+    corners = np.concatenate([solid.facet for solid in tops if solid.facet is not None]) @ _axes(yaw)
     return yaw, [_ticks(a, b) for a, b in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
 
 
@@ -117,7 +126,7 @@ def _surface(
 ) -> Surface:  # fmt: skip
     """Return the surface that some tops of a thing make, on a grid; lows and highs (n, 3) bound the home's solids."""
     points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ _axes(yaw).T
-    on = np.logical_or.reduce([inside(solid.polygon, points, margin=1e-3) for solid in tops])
+    on = np.logical_or.reduce([inside(solid.facet, points, 1e-3) for solid in tops if solid.facet is not None])
     free = np.where(on, _TALLEST, 0.0)
     low = np.array([*points.min(axis=(0, 1)) - CELL, height + 2 * _SAME_LEVEL])
     high = np.array([*points.max(axis=(0, 1)) + CELL, height + _TALLEST])

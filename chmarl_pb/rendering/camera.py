@@ -46,6 +46,11 @@ class Camera:
         """The projection matrix, 16 numbers by column."""
         return _projection(self)
 
+    def distance(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return metres along the line of sight from TinyRenderer's depth buffer."""
+        near, far = self.near, self.far
+        return (near * far / (far - (far - near) * depth)).clip(near, far).astype(np.float32)
+
 
 @cache
 def _projection(camera: Camera) -> Vector:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
-from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, view_matrix
-from chmarl_pb.rendering.home_views import HomeView, HomeViews, home_views
+from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, lens, view_matrix
+from chmarl_pb.rendering.home_views import HomeView, HomeViews, Shown, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
 from chmarl_pb.rendering.triangles import clean_canvas
@@ -75,6 +75,17 @@ class FastRenderer:
             home = self._empty(robot, VISIBILITY_SIZE)
             seen = self._seen[key] = self._names(robot, home, self._with(others) if others else self._numbers)
         return seen
+
+    def could_see(self, robot: str, item: str) -> bool:
+        """Return whether a robot would see an object if nothing hid it, for which no view of the home is needed."""
+        self._update_objects()
+        model, present = self._models[robot], np.array([self._body_numbers[item]], np.int32)
+        eye = model.eye(self._views.space, self._world.state.robots[robot].pose)
+        seen = visibility.visible(
+            present, self._first, VISIBLE_PIXELS, self._counts[robot], self._bodies.models, self._bodies.placed,
+            lens(camera_of(model), view_matrix(eye)), _nothing(), self._canvas, self._bodies.scratch,
+        )  # fmt: skip
+        return len(seen) > 0
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's picture of ``VISIBILITY_SIZE``."""
@@ -156,6 +167,16 @@ class FastRenderer:
                 self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
             self._seen = _seen_of(objects, self._team)
             self._objects = objects
+
+
+@cache
+def _nothing() -> Shown:
+    """Return a view of no home, in arrays of the kinds that views of homes have."""
+    empty = empty_picture(VISIBILITY_SIZE)
+    links = empty.segmentation.astype(np.int16)
+    for array in (empty.depth, links):
+        array.flags.writeable = False
+    return Shown(empty.depth, links, bounds.farthest(empty.depth), np.zeros(0, np.int64))
 
 
 def _seen_of(objects: Objects, team: Team) -> Seen:

@@ -1,5 +1,6 @@
 """A picture of a home for people: the plan from above with room names, and a view as into a doll's house."""
 
+from collections.abc import Sequence
 from contextlib import closing
 from itertools import product
 from pathlib import Path
@@ -13,6 +14,7 @@ from chmarl_pb.catalog import class_of
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.homes.problem import Problem
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
 from chmarl_pb.world import Client, loaded_home
 from chmarl_pb.world.bodies import link_names
@@ -27,15 +29,19 @@ _DISTANCE = 2.2  # of the camera from the middle, in diagonals of the home
 _BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an inner wall
 _PLATE = 250
 _INK = (45, 45, 45)
+_COLOURS = {"error": (214, 32, 32), "warning": (236, 140, 0)}  # of the marks of problems
 
 
-def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = (1800, 900)) -> Path:
+def preview(
+    home: str | Path | Home, out_png: str | Path, size: tuple[int, int] = (1800, 900), marks: Sequence[Problem] = ()
+) -> Path:
     """Render a home's plan and doll's-house view side by side and return the picture's path.
 
     Args:
-        urdf_path: the home.
+        home: the home, or its name or path.
         out_png: the picture to write.
         size: width and height of the picture in pixels.
+        marks: problems; each that has a position is marked on the plan with its number, from 1.
 
     Raises:
         HomeError: the home cannot be loaded.
@@ -44,9 +50,9 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
     """
     if Path(out_png).suffix.lower() != ".png":
         raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
-    home, half = load_home(urdf_path), size[0] // 2
+    home, half = home if isinstance(home, Home) else load_home(home), size[0] // 2
     with closing(Client()) as client, loaded_home(client.number, home) as body:
-        plan = _plan(client.number, home, half, size[1])
+        plan = _plan(client.number, home, (half, size[1]), marks)
         _open_front(client.number, body, home)
         house = _render(client.number, home, (size[0] - half, size[1]))
     picture = np.hstack([plan, house])[:, :, ::-1]
@@ -55,8 +61,9 @@ def preview(urdf_path: str | Path, out_png: str | Path, size: tuple[int, int] = 
     return Path(out_png)
 
 
-def _plan(client: int, home: Home, width: int, height: int) -> Array:
-    """Return the plan, with the name of each room in the middle of its largest floor."""
+def _plan(client: int, home: Home, size: tuple[int, int], marks: Sequence[Problem]) -> Array:
+    """Return the plan, with the name of each room in the middle of its largest floor, and problems where they are."""
+    width, height = size
     plan = plan_in(client, home, width, height)
     rows, columns = plan.rgb.shape[:2]
     panel = np.full((height, width, 3), 255, dtype=np.uint8)
@@ -66,6 +73,10 @@ def _plan(client: int, home: Home, width: int, height: int) -> Array:
         x, y = max(room.floors, key=lambda floor: np.ptp(floor, axis=0).prod()).mean(axis=0)
         column, row = plan.pixel(x, y)
         _label(panel, room.name, (round(left + column), round(top + row)))
+    for number, problem in enumerate(marks, start=1):
+        if problem.position is not None:
+            column, row = plan.pixel(*problem.position[:2])
+            _mark(panel, number, (round(left + column), round(top + row)), _COLOURS[problem.severity])
     return panel
 
 
@@ -114,3 +125,15 @@ def _label(picture: Array, text: str, centre: tuple[int, int]) -> None:
     plate = picture[max(base - height - pad, 0) : base + pad, max(left - pad, 0) : left + width + pad]
     plate[:] = (plate + 3.0 * _PLATE) / 4
     cv2.putText(picture, text, (left, base), font, scale, _INK, 1, cv2.LINE_AA)
+
+
+def _mark(picture: Array, number: int, centre: tuple[int, int], colour: tuple[int, int, int]) -> None:
+    """Draw a ring around a pixel, and a number beside it; what lies outside of the picture is drawn at its edge."""
+    height, width = picture.shape[:2]
+    radius = height // 45
+    x, y = (int(np.clip(at, radius, most - radius)) for at, most in zip(centre, (width, height), strict=True))
+    cv2.circle(picture, (x, y), radius, (255, 255, 255), height // 150 + 2, cv2.LINE_AA)
+    cv2.circle(picture, (x, y), radius, colour, height // 225 + 1, cv2.LINE_AA)
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, height / 1300
+    for ink, thick in (((255, 255, 255), 5), (colour, 2)):
+        cv2.putText(picture, str(number), (x + radius, y - radius // 2), font, scale, ink, thick, cv2.LINE_AA)

@@ -58,6 +58,9 @@ class Renderer(Protocol):
         ``VISIBILITY_SIZE``; a robot does not see itself.
         """
 
+    def could_see(self, robot: str, item: str) -> bool:
+        """Return False if a robot would not see an object even if nothing hid it; True says nothing."""
+
 
 def renderer_names(world: World) -> tuple[str, ...]:
     """Return every name that can be visible in a world, in the order of :attr:`Renderer.names`."""

@@ -64,9 +64,7 @@ class View(NamedTuple):
     def depth(self, size: int) -> NDArray[np.float32]:
         """Return the distance along the line of sight of what each pixel shows, (size, size), metres."""
         buffer = self.renderer.picture(self.robot, size).depth
-        camera = camera_of(self.models[self.robot])
-        near, far = camera.near, camera.far
-        return (near * far / (far - (far - near) * buffer)).clip(near, far).astype(np.float32)
+        return camera_of(self.models[self.robot]).distance(buffer)
 
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""

@@ -24,6 +24,7 @@ from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
 Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+_MOST_LOOKS = 2000  # views that a search draws before it gives up; the benchmark's tasks draw up to about 100
 Cells = tuple[int, ...]  # of a lattice, in which other robots stand
 
 
@@ -115,26 +116,46 @@ class Oracle:
             meant = target_of(goals, self.world.state, robot.name, seen) == goal
             return meant and robot.plan("pick", goal, seen, taken) is not None
 
-        return self._seer([(self.centre(goal.item), self.radius(goal.item))], works)
+        ball = self.centre(goal.item), self.radius(goal.item)
+        return self._seer(goal.item, [ball], lambda: self.renderer.could_see(robot.name, goal.item), works)
 
     def _sees_target(self, goal: Goal, taken: Cells) -> Seer:
         robot = self.robot
         balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
-        return self._seer(
-            balls, lambda: robot.plan("place", goal, self.renderer.visible(robot.name), taken) is not None
-        )  # fmt: skip
 
-    def _seer(self, balls: list[tuple[NDArray[np.float64], float]], works: Callable[[], bool]) -> Seer:
-        """Return a test of poses: the action works when the robot stands there."""
+        def works() -> bool:
+            return robot.plan("place", goal, self.renderer.visible(robot.name), taken) is not None
+
+        return self._seer(" or ".join(goal.receptacles), balls, lambda: True, works)
+
+    def _seer(
+        self, what: str, balls: list[tuple[NDArray[np.float64], float]], could: Callable[[], bool],
+        works: Callable[[], bool],
+    ) -> Seer:  # fmt: skip
+        """Return a test of poses: the action works when the robot stands there.
+
+        Args:
+            what: is to be seen.
+            balls: in which it lies, one of them.
+            could: whether it can be seen if nothing hides it.
+            works: the test itself, which may draw a view of the home.
+        """
+        looks = 0
 
         def sees(poses: NDArray[np.int64]) -> NDArray[np.bool_]:
+            nonlocal looks
             maybe = np.logical_or.reduce([self.outlook.may_see(poses, centre, radius) for centre, radius in balls])
             found = np.zeros(len(poses), dtype=bool)
             for number in np.flatnonzero(maybe):
                 with self._standing(int(poses[number])):
+                    if not could():
+                        continue
                     found[number] = works()
                 if found[number]:
                     break  # breadth_first takes the first
+                looks += 1
+                if looks == _MOST_LOOKS:
+                    raise TaskError(f"{what} is not seen from {looks:,} poses on the way; take away what hides it")
             return found
 
         return sees

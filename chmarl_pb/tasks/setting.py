@@ -71,7 +71,7 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
         moves: the objects to be moved.
 
     Raises:
-        TaskError: X does not fit on the source, or the home cannot hold the objects.
+        TaskError: X does not fit on the source.
     """
     goals = tuple(Goal(move.item, receptacles_of(space.home, move.target)) for move in moves)
     kept = _layouts.setdefault(space, {})
@@ -99,7 +99,8 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...])
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
-    _dress(world, space, task, [move.item for move in moves], things)
+    targets = {name for move in moves for name in receptacles_of(space.home, move.target)}
+    _dress(world, space, [move.item for move in moves], targets, things)
     return Layout(world.state.objects, _states(space.home, world.objects, moods))
 
 
@@ -145,8 +146,8 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
-def _dress(world: World, space: Space, task: AnyTask, items: list[str], rng: np.random.Generator) -> None:
-    """Put the distractors, each of another class, on receptacles drawn uniformly."""
+def _dress(world: World, space: Space, items: list[str], targets: set[str], rng: np.random.Generator) -> None:
+    """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit."""
     receptacles = np.array(list(space.home.receptacles))
     placed = 0
     for item in rng.permutation(_OBJECTS[~np.isin(_OBJECTS, items)]).tolist():
@@ -154,7 +155,16 @@ def _dress(world: World, space: Space, task: AnyTask, items: list[str], rng: np.
         placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:
             return
-    raise TaskError(f"task {task.id!r}: {space.home.name} has room for only {placed} of {DISTRACTORS} other objects")
+    _clear(world, items, targets)
+
+
+def _clear(world: World, items: list[str], targets: set[str]) -> None:
+    """Take every second object, and all on the targets, out of a home that is full: X is to find a place on Y."""
+    objects = world.state.objects
+    others = [name for name, on in objects.supports.items() if name not in items and on.receptacle not in targets]
+    names = [*items, *others[::2]]
+    supports = {name: objects.supports[name] for name in names if name in objects.supports}
+    world.arrange(Objects({name: objects.poses[name] for name in names}, supports))
 
 
 def _states(home: Home, objects: list[str], rng: np.random.Generator) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from chmarl_pb.homes.solids import Outlines, Points
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import FOOTPRINT, HEADINGS
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
 from chmarl_pb.robots.model import CameraMount, RobotModel
 
 _WALL_HEIGHT = 2.2  # metres: a wall at least this high hides all that lies behind it from an eye below its top
@@ -41,7 +42,7 @@ class Outlook:
         (forward, left, _), cosine, sine = self.camera.position, np.cos(yaw), np.sin(yaw)
         offset = forward * np.stack([cosine, sine], axis=1) + left * np.stack([-sine, cosine], axis=1)
         lenses = self.lattice.points[position] + offset
-        seen = _in_cone(self.camera, lenses, yaw, centre, radius)
+        seen = _shows(self.camera, lenses, yaw, centre, radius)
         seen[seen] = ~self._behind_wall(lenses[seen], centre[:2], radius)
         return seen
 
@@ -57,8 +58,8 @@ class Outlook:
         return behind
 
 
-def _in_cone(camera: CameraMount, lenses: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-    """Return from which lenses the ball touches a camera's cone of view."""
+def _shows(camera: CameraMount, lenses: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
+    """Return from which lenses the ball touches a camera's cone of view and is not too far away to be visible."""
     offset = centre[:2] - lenses
     forward = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
     left = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]
@@ -68,5 +69,9 @@ def _in_cone(camera: CameraMount, lenses: Points, yaw: Points, centre: Points, r
     slope = np.tan(np.radians(camera.fov) / 2)
     allowance = radius * np.hypot(1, slope)
     inside = (depth > -radius) & (np.abs(left) <= depth * slope + allowance)
-    touches: NDArray[np.bool_] = inside & (np.abs(height) <= depth * slope + allowance)
-    return touches
+    touches = inside & (np.abs(height) <= depth * slope + allowance)
+    beside = np.maximum(depth**2 - radius**2, 1e-9) * slope / (VISIBILITY_SIZE * radius * 1.01)
+    wide, high = ((np.abs(depth) + np.abs(off)) / beside for off in (left, height))  # pixels, of what is ahead
+    few = (np.floor(wide) + 1) * (np.floor(high) + 1) < VISIBLE_PIXELS
+    shows: NDArray[np.bool_] = touches & ~(few & (depth > radius))
+    return shows

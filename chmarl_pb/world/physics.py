@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.homes.home import Home
@@ -20,6 +21,7 @@ _DROP = 0.004  # metres above a surface from which an object is let go
 _STILL = 1e-2  # m/s and rad/s below which an object counts as at rest; contacts may leave it a jitter of 6e-3
 _LONGEST_SETTLE = 240  # simulation steps
 _UPRIGHT = np.cos(np.radians(15))
+_RAYS = 10_000  # of one call; PyBullet takes 16,384
 _GRIP_FORCE = 200  # newtons
 
 
@@ -197,6 +199,17 @@ class Physics(Uncopied):
         carried = still and _tilt_cosine(settled[1]) > _UPRIGHT and self.rests_on(name, receptacle)
         self.freeze(name)
         return settled if carried else None
+
+    def tops(self, points: NDArray[np.floating], above: float) -> NDArray[np.float64]:
+        """Return the height (n,) of what a ray meets that falls from a height on each of some points (n, 2), metres."""
+        starts = [(x, y, above) for x, y in points.tolist()]
+        ends = [(x, y, 0.0) for x, y, _ in starts]
+        heights: list[float] = []
+        for first in range(0, len(starts), _RAYS):
+            part = slice(first, first + _RAYS)
+            hits = pybullet.rayTestBatch(starts[part], ends[part], physicsClientId=self.client)
+            heights += [hit[3][2] if hit[0] >= 0 else 0.0 for hit in hits]
+        return np.array(heights)
 
     def _settle(self, name: str) -> bool:
         body, quiet_steps = self.objects[name].body, 0

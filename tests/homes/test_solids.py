@@ -94,7 +94,7 @@ def test_prism(polygon: np.ndarray, bottom: float, height: float, random) -> Non
     assert {tuple(corner) for corner in solid.polygon.round(9).tolist()} <= {
         tuple(corner) for corner in polygon.round(9).tolist()
     }
-    assert solid.has_level_top
+    assert solid.facet is not None
     centre = np.append(polygon.mean(axis=0), bottom + height / 2)
     assert (solid.planes[:, :3] @ centre + solid.planes[:, 3] < 0).all()
     assert solid.spans(bottom - 1, bottom + height / 2) and not solid.spans(bottom + height, bottom + height + 1)
@@ -108,4 +108,4 @@ def test_flat_points_are_no_solid(corners: list[tuple[float, float, float]]) -> 
 
 def test_wedge_has_no_level_top() -> None:
     wedge = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 0, 1), (0, 1, 1)]
-    assert not solid_from_vertices(np.array(wedge, dtype=float)).has_level_top
+    assert solid_from_vertices(np.array(wedge, dtype=float)).facet is None

@@ -1,0 +1,119 @@
+"""What is wrong with a home, as data, and the list that all checks of one home add to."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from chmarl_pb.errors import HomeError
+
+Severity = Literal["error", "warning"]
+Position = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a home.
+
+    Attributes:
+        severity: with an error the home cannot be played.
+        file: the URDF.
+        link: name of the link; empty if it is about the whole home.
+        position: x, y, z in metres, where that is known.
+        measured: what was found.
+        fix: what to do about it.
+    """
+
+    severity: Severity
+    file: str
+    link: str
+    position: Position | None
+    measured: str
+    fix: str
+
+    def __str__(self) -> str:
+        """Return all of it as one sentence."""
+        where = "" if self.position is None else " at ({})".format(", ".join(f"{x:.2f}" for x in self.position))
+        about = f" link {self.link!r}{where}:" if self.link else ""
+        return f"{self.file}:{about} {self.measured}" + (f"; {self.fix}" if self.fix else "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return its fields, as JSON writes them."""
+        return asdict(self)
+
+
+class Refused(Exception):
+    """A home of which nothing more is to be read; its arguments are those of :meth:`Findings.error`."""
+
+
+class Findings:
+    """The problems of one home; a message says what is wrong and, after its last semicolon, what to do about it."""
+
+    def __init__(self, file: Path):
+        """Begin with none."""
+        self._known: dict[Problem, None] = {}
+        self._file, self._places = str(file), dict[str, Position]()
+
+    def copy(self) -> "Findings":
+        """Return findings of the same problems, to add others to."""
+        copy = Findings(Path(self._file))
+        copy._known, copy._places = dict(self._known), self._places
+        return copy
+
+    @property
+    def problems(self) -> list[Problem]:
+        """All of them, in the order in which they were found."""
+        return list(self._known)
+
+    @property
+    def errors(self) -> list[Problem]:
+        """Those with which the home cannot be played."""
+        return [problem for problem in self.problems if problem.severity == "error"]
+
+    def error(self, message: str, link: str = "", position: Position | None = None) -> None:
+        """Add an error; the position is that of the link if none is given."""
+        self._add("error", message, link, position)
+
+    def warning(self, message: str, link: str = "", position: Position | None = None) -> None:
+        """Add a warning; the position is that of the link if none is given."""
+        self._add("warning", message, link, position)
+
+    @contextmanager
+    def listing(self, link: str = "", label: str = "") -> Iterator[None]:
+        """Add a ``ValueError`` that ends the block as an error, its message after a label."""
+        try:
+            yield
+        except ValueError as error:
+            self.error(f"{label}{error}", link)
+
+    def locate(self, places: Mapping[str, Position]) -> None:
+        """Say where links are, for problems found before and after."""
+        self._places = dict(places)
+        self._known = {
+            replace(problem, position=_rounded(self._places.get(problem.link)))
+            if problem.position is None
+            else problem: None
+            for problem in self._known
+        }
+
+    def _add(self, severity: Severity, message: str, link: str, position: Position | None) -> None:
+        measured, _, fix = message.rpartition("; ")
+        at = _rounded(position or self._places.get(link))
+        self._known[Problem(severity, self._file, link, at, measured or fix, fix if measured else "")] = None
+
+
+def _rounded(position: Position | None) -> Position | None:
+    return None if position is None else tuple(round(float(x), 3) + 0.0 for x in position)
+
+
+def raise_first(problems: list[Problem]) -> None:
+    """Raise the first of some problems, if there is one.
+
+    Raises:
+        HomeError: it and the number of the others, in one line.
+    """
+    if problems:
+        others = len(problems) - 1
+        more = f" (and {others} more; `chmarl-pb homes check` lists all)" if others else ""
+        raise HomeError(f"{problems[0]}{more}")
