@@ -1,8 +1,8 @@
 """How deep robots' arms reach into furniture while they are driven: ``python -m benchmarks.collisions --episodes 200``.
 
 The planner plays tasks of all homes with ``execution="simulated"``. At every snapshot (30 Hz) PyBullet's closest points
-tell how deep the arm, the hand or what it carries stands in the home or in an object; fingers at the object that is
-picked or placed do not count. The JSON file keeps every episode, so that an interrupted run goes on.
+tell how deep the arm, the hand or what it carries stands in the home or in an object. What is picked or placed does not
+count, and neither do fingers near it. The JSON file keeps every episode, so that an interrupted run goes on.
 """
 
 import argparse
@@ -13,12 +13,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.home import home_names
+from chmarl_pb.navigation.free_space import grip_point
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.arm import JOINTS
 from chmarl_pb.robots.execution import TICKS_PER_FRAME, Snapshot
@@ -31,7 +33,8 @@ PHASES = ("drive", "reach", "lift", "place", "withdraw")
 LIMIT = 0.005  # metres that count as a penetration
 SPLITS = ("train", "val-seen", "val-unseen", "test-seen", "test-unseen")
 _ARM = ("shoulder", "upper_arm", "forearm", "wrist", "hand", "left_finger", "right_finger")
-_FINGERS = ("hand", "left_finger", "right_finger")
+_FINGERS = ("left_finger", "right_finger")
+_NEAR = 0.12  # metres between fingertips and object
 _STILL = 1e-4  # metres a frame below which a base or an object has not moved
 
 
@@ -88,14 +91,23 @@ class Probe:
 
     def _touched(self, item: str | None, held: str | None) -> Iterator[tuple[float, str]]:
         physics = self.world.physics
+        skipped = {self.body} | ({physics.objects[item].body} if item else set())
+        near = item is not None and self._gap(item) < _NEAR
         for name, link in self.arm.items():
-            skipped = {self.body} | ({physics.objects[item].body} if item and name in _FINGERS else set())
+            if name in _FINGERS and near:
+                continue
             for depth, other in self._depth(self.body, link, skipped):
                 yield depth, f"{name} in {other}"
         if held is not None:
             body = physics.objects[held].body
-            for depth, other in self._depth(body, -1, {self.body, body}):
+            for depth, other in self._depth(body, -1, skipped):
                 yield depth, f"object in {other}"
+
+    def _gap(self, item: str) -> float:
+        """Return the distance of the fingertips from where an object is gripped, metres."""
+        physics = self.world.physics
+        grip = grip_point(physics.read_object(item)[0], physics.objects[item].size)
+        return float(np.linalg.norm(np.subtract(physics.grasp_pose(self.robot)[0], grip)))
 
     def _depth(self, body: int, link: int, skipped: set[int]) -> Iterator[tuple[float, str]]:
         low, high = pybullet.getAABB(body, link, physicsClientId=self.client)
@@ -140,9 +152,9 @@ def play(env: HouseholdEnv, probe: Probe, task: Task) -> dict[str, Any]:
     while env.agents:
         actions = policy.act(observations, infos)
         before = {"objects": dict(env.world.state.objects.poses), "held": env.world.held}
-        start = time.perf_counter()
+        start = time.process_time()
         observations, _, _, _, infos = env.step(actions)
-        seconds += time.perf_counter() - start
+        seconds += time.process_time() - start
         moved += len(env.snapshots) * TICKS_PER_FRAME * TIME_STEP
         item = next(iter(env.snapshots[0].items), None) if env.snapshots else None
         found = probe.depths(env, before, item, before["held"] is not None)
@@ -155,8 +167,8 @@ def play(env: HouseholdEnv, probe: Probe, task: Task) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _counted(env: HouseholdEnv) -> int:
-    return int(getattr(env, "collisions", 0))
+def _counted(env: HouseholdEnv) -> float:
+    return max((snapshot.depths["humanoid"] for snapshot in env.snapshots), default=0.0)
 
 
 def chosen(episodes: int, homes: list[str]) -> list[Task]:

@@ -7,11 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.robots.arm import JOINTS, Configuration
+from chmarl_pb.robots.clearance import Boxes, Obstacles
 from chmarl_pb.world.bullet import pybullet as p
 
 Array: TypeAlias = NDArray[np.float64]
 
 _LEAST = 0.005  # metres: PyBullet gives a link without collision geometry a box smaller than this
+
+
+_KEPT_OFF = ("forearm", "hand", "left_finger", "right_finger")  # the shoulder is always at the trunk
+_OWN = 0.008  # metres that the arm may come into its own body's boxes, which are rounder than they are
 
 
 class ArmBoxes:
@@ -54,17 +59,23 @@ class ArmBoxes:
         self._movers = np.array([moved[i] for i in boxes])
         self._centres = np.array([box.mean(axis=0) for box in boxes.values()])
         self.halves = np.array([np.ptp(box, axis=0) / 2 for box in boxes.values()])
+        own = [number for number, name in enumerate(self.links) if name in _KEPT_OFF]
+        self._kept_off = np.array([*own, len(self.links)])  # the last: what the gripper holds
+        fixed = [i for i, mover in moved.items() if mover < 0]
+        lifted = [i for i, mover in moved.items() if mover == 0]
+        self._trunk = _own_body(client, body, lifted, states)
+        self._chassis = _own_body(client, body, fixed, states)
         grasp = next(info[0] for info in infos if info[12] == b"grasp")
         self._grasp = np.array(states[grasp][4]), moved[grasp]
 
-    def place(self, configurations: Sequence[Configuration] | Array) -> tuple[Array, Array, Array]:
+    def place(self, configurations: Sequence[Configuration] | Array) -> tuple[Boxes, Array]:
         """Return where the links are in the frame of the robot's base.
 
         Args:
             configurations: (n, joints).
 
         Returns:
-            Middles (n, b, 3) and rotations (n, b, 3, 3) of the boxes, and the grasp points (n, 3).
+            Their boxes, and the grasp points (n, 3).
         """
         values = np.asarray(configurations, dtype=float).reshape(-1, len(JOINTS))
         count = len(values)
@@ -83,7 +94,36 @@ class ArmBoxes:
         rotations, movers = all_turns[:, self._movers + 1], self._movers + 1
         middles = (rotations @ self._centres[:, :, None])[..., 0] + all_shifts[:, movers]
         point, mover = self._grasp
-        return middles, rotations, all_turns[:, mover + 1] @ point + all_shifts[:, mover + 1]
+        grasps = all_turns[:, mover + 1] @ point + all_shifts[:, mover + 1]
+        return Boxes(middles, rotations, self.halves), grasps
+
+    def own_depths(self, boxes: Boxes, lifts: Array) -> Array:
+        """Return how deep (n,) the forearm, the hand and what it holds stand in the robot's own body, metres.
+
+        Args:
+            boxes: of the links and, after them, of what the gripper holds, in the frame of the base.
+            lifts: (n,) how far the trunk is raised, metres.
+        """
+        some = self._kept_off[self._kept_off < boxes.middles.shape[1]]
+        shapes = Boxes(boxes.middles[:, some], boxes.axes[:, some], boxes.halves[some])
+        below = shapes.middles - lifts[:, None, None] * (0.0, 0.0, 1.0)
+        trunk = self._trunk.depth(Boxes(below, shapes.axes, shapes.halves), -_OWN)
+        depths: Array = np.maximum(trunk, self._chassis.depth(shapes, -_OWN)).max(axis=1)
+        return depths
+
+
+def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tuple]) -> Obstacles:
+    """Return the collision boxes of some links, with all joints at zero; other shapes count as their bounding box."""
+    prisms = []
+    for link in links:
+        for shape in p.getCollisionShapeData(body, link, physicsClientId=client):
+            low, high = p.getAABB(body, link, physicsClientId=client)
+            if shape[2] == p.GEOM_BOX and np.allclose(states[link][1], (0, 0, 0, 1)):
+                middle, half = np.add(states[link][0], shape[5]), np.array(shape[3]) / 2
+                low, high = middle - half, middle + half
+            outline = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])])
+            prisms.append((outline, low[2], high[2]))
+    return Obstacles(prisms)
 
 
 def _mover(link: int, parents: dict[int, int], order: dict[int, int]) -> int:

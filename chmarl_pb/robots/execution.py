@@ -5,7 +5,7 @@ in physics alone, of which the state knows nothing; its result is then set as in
 the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, the action fails.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
@@ -25,11 +25,14 @@ class Snapshot:
         bases: robot -> pose of its base.
         joints: robot -> positions of its movable joints.
         items: object -> its pose, for those that are picked, carried or placed.
+        depths: robot -> how deep its arm, or what it holds, stands in something, metres: 0, but where its plan found
+            no free way.
     """
 
     bases: dict[str, Pose]
     joints: dict[str, tuple[float, ...]]
     items: dict[str, Pose]
+    depths: dict[str, float]
 
 
 def execute(
@@ -72,16 +75,22 @@ def _rehearse(
         world.physics.thaw(held, solid=False)
     running = {name: robots[name].drive(motion) for name, motion in motions.items()}
     missed: set[str] = set()
+    depths = dict.fromkeys(robots, 0.0)
     snapshots: list[Snapshot] = []
     tick = 0
     try:
         while running:
             for name in list(running):
-                if not _advance(running[name], name, missed):
+                try:
+                    depths[name] = next(running[name]) or 0.0
+                except (StopIteration, MissedError) as end:
+                    if isinstance(end, MissedError):
+                        missed.add(name)
+                    depths[name] = 0.0
                     del running[name]
             world.physics.step()
             if tick % TICKS_PER_FRAME == 0:
-                snapshots.append(_snapshot(world, items))
+                snapshots.append(_snapshot(world, items, dict(depths)))
             tick += 1
     finally:
         for item in items:
@@ -90,20 +99,8 @@ def _rehearse(
     return missed, tuple(snapshots)
 
 
-def _advance(ticks: Iterator[None], name: str, missed: set[str]) -> bool:
-    """Command one robot for the next step; return whether its motion goes on."""
-    try:
-        next(ticks)
-    except StopIteration:
-        return False
-    except MissedError:
-        missed.add(name)
-        return False
-    return True
-
-
-def _snapshot(world: World, items: tuple[str, ...]) -> Snapshot:
+def _snapshot(world: World, items: tuple[str, ...], depths: dict[str, float]) -> Snapshot:
     physics = world.physics
     bases = {name: physics.read_base(name) for name in physics.robots}
     joints = {name: physics.read_joints(name) for name in physics.robots}
-    return Snapshot(bases, joints, {item: physics.read_object(item) for item in items})
+    return Snapshot(bases, joints, {item: physics.read_object(item) for item in items}, depths)

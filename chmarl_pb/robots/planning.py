@@ -1,0 +1,169 @@
+"""Free paths of an arm from one posture to another: straight, by a known way posture, or by a random tree.
+
+A posture is an array: a configuration of the joints, then the yaw of what is held. Nothing here knows what is in the
+way: it is asked of a function that tells how deep postures stand in something.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+#: How deep (n,) postures (n, d) stand in something when a margin is to be kept free, metres; 0: nowhere.
+Depths: TypeAlias = Callable[[Array, float], Array]
+
+MARGIN = 0.015  # metres that a path keeps free where it can
+ALLOWED = 0.003  # metres of depth that count as free without the margin: things touch where they stand
+
+_STEP = 0.1  # radians or metres of the joint that moves most, between two postures that are looked at
+_TRIES = 150  # draws of the random tree
+_WIDE = 1.0  # radians by which the tree goes beyond start and goal
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A way of an arm.
+
+    Attributes:
+        postures: its corners after the start; the last is the goal.
+        depth: metres that it stands in something at its worst place; 0 if it is free.
+    """
+
+    postures: tuple[Array, ...]
+    depth: float = 0.0
+
+
+def find_path(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], limits: tuple[Array, Array] | None, seed: int = 0) -> Path:
+    """Return a free path, or the least bad one that is known.
+
+    Args:
+        depths: how deep postures stand in something.
+        start: where the arm is.
+        goal: where it shall be.
+        ways: postures by which it may go.
+        limits: lowest and highest posture that a random tree may draw; None: no tree is grown.
+        seed: of the tree.
+    """
+    edges = [(start, goal), *(edge for way in ways for edge in ((start, way), (way, goal)))]
+    ends = np.stack([start, goal])
+    for margin in (MARGIN, 0.0):
+        if _is_free(depths, edges[:1], margin)[0]:
+            return Path((goal,))
+        if ways and float(depths(ends, margin).max()) <= _allowed(margin):
+            _, *free = _is_free(depths, edges, margin)
+            for number, way in enumerate(ways):
+                if free[2 * number] and free[2 * number + 1]:
+                    return Path((way, goal))
+    if limits is not None and float(depths(ends, 0.0).max()) <= ALLOWED:
+        tree = _grow(depths, start, goal, limits, 0.0, np.random.default_rng(seed))
+        if tree is not None:
+            return Path(_shortened(depths, tree, 0.0))
+    return _least_deep(depths, start, goal, ways)
+
+
+def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[int, Path]:
+    """Return from which of several postures a goal is best reached straight, the first if it is free, and the path."""
+    for margin in (MARGIN, 0.0):
+        deepest = _deepest(depths, [(start, goal) for start in starts], margin)
+        free = [number for number, depth in enumerate(deepest) if depth <= _allowed(margin)]
+        if free:
+            return free[0], Path((goal,))
+    return int(np.argmin(deepest)), Path((goal,), min(deepest))
+
+
+def line(start: Array, goal: Array) -> Array:
+    """Return postures (n, d) from a start, which is not among them, straight to a goal, which is."""
+    count = max(1, int(np.ceil(np.abs(goal - start).max() / _STEP)))
+    return start + np.linspace(0, 1, count + 1)[1:, None] * (goal - start)
+
+
+def _allowed(margin: float) -> float:
+    return 0.0 if margin > 0 else ALLOWED
+
+
+def _is_free(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[bool]:
+    """Return which straight moves are free; all are looked at in one go."""
+    return [deepest <= _allowed(margin) for deepest in _deepest(depths, edges, margin)]
+
+
+def _deepest(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[float]:
+    if not edges:
+        return []
+    lines = [line(*edge) for edge in edges]
+    found = depths(np.concatenate(lines), margin)
+    ends = np.cumsum([len(one) for one in lines])[:-1]
+    return [float(part.max()) for part in np.split(found, ends)]
+
+
+def _least_deep(depths: Depths, start: Array, goal: Array, ways: Sequence[Array]) -> Path:
+    """Return the least deep of the straight move and those by one way posture."""
+    edges = [(start, goal), *(edge for way in ways for edge in ((start, way), (way, goal)))]
+    straight, *halves = _deepest(depths, edges, 0.0)
+    best = Path((goal,), straight)
+    for number, way in enumerate(ways):
+        depth = max(halves[2 * number : 2 * number + 2])
+        if depth < best.depth - ALLOWED:
+            best = Path((way, goal), depth)
+    return best
+
+
+def _grow(
+    depths: Depths, start: Array, goal: Array, limits: tuple[Array, Array], margin: float, rng: np.random.Generator
+) -> list[Array] | None:
+    """Grow two random trees towards each other; return the postures from start to goal, or None."""
+    low = np.maximum(limits[0], np.minimum(start, goal) - _WIDE)
+    high = np.minimum(limits[1], np.maximum(start, goal) + _WIDE)
+    trees: list[tuple[list[Array], list[int]]] = [([start], [-1]), ([goal], [-1])]
+    for turn in range(_TRIES):
+        one, other = trees[turn % 2], trees[1 - turn % 2]
+        reached = _extend(depths, one, rng.uniform(low, high), margin)
+        if reached is None:
+            continue
+        _extend(depths, other, one[0][reached], margin)
+        if np.array_equal(other[0][-1], one[0][reached]):
+            ways = [_back(one, reached), _back(other, len(other[0]) - 1)]
+            first, second = ways if turn % 2 == 0 else ways[::-1]
+            return [*first[::-1], *second[1:]]
+    return None
+
+
+def _extend(depths: Depths, tree: tuple[list[Array], list[int]], goal: Array, margin: float) -> int | None:
+    """Go straight from the nearest posture of a tree towards a goal while it is free; return the last one's number."""
+    postures, parents = tree
+    nearest = int(np.abs(np.stack(postures) - goal).max(axis=1).argmin())
+    steps = line(postures[nearest], goal)
+    bad = np.flatnonzero(depths(steps, margin) > _allowed(margin))
+    count = int(bad[0]) if len(bad) else len(steps)
+    for step in sorted({count // 2, count} - {0}):
+        postures.append(steps[step - 1])
+        parents.append(len(postures) - 2 if step == count and count > 1 else nearest)
+    return len(postures) - 1 if count else None
+
+
+def _back(tree: tuple[list[Array], list[int]], number: int) -> list[Array]:
+    """Return the postures from one of a tree back to its root."""
+    postures, parents = tree
+    found = [postures[number]]
+    while parents[number] >= 0:
+        number = parents[number]
+        found.append(postures[number])
+    return found
+
+
+def _shortened(depths: Depths, postures: list[Array], margin: float) -> tuple[Array, ...]:
+    """Leave out what a straight move passes by; the first posture is the start and is not returned."""
+    kept, here = [], 0
+    while here < len(postures) - 1:
+        rest = range(len(postures) - 1, here, -1)
+        free = _is_free(depths, [(postures[here], postures[there]) for there in rest], margin)
+        here = next((there for there, ok in zip(rest, free, strict=True) if ok), here + 1)
+        kept.append(postures[here])
+    return tuple(kept)
+
+
+def as_posture(configuration: ArrayLike, turn: float = 0.0) -> Array:
+    """Return a configuration and the yaw of what is held as one array."""
+    return np.append(np.asarray(configuration, dtype=float), turn)
