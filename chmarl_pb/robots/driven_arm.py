@@ -1,8 +1,4 @@
-"""Drive an arm through a motion in physics alone: generators that command it and yield once for a simulation step.
-
-Each yields how deep, by its plan, the arm or what it holds stands in something meanwhile: 0, but where nobody knows a
-free way.
-"""
+"""Drive an arm through a motion in physics alone: generators that command it and yield once for a simulation step."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -13,7 +9,7 @@ from numpy.typing import NDArray
 from chmarl_pb.navigation.free_space import Size, grip_point
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.planning import ALLOWED, Depths, Path, as_posture, find_path, find_start, line
 from chmarl_pb.robots.reaching import Reach, choose_reach
 from chmarl_pb.robots.surroundings import Surroundings, Touching
@@ -35,12 +31,13 @@ _EMPTY: tuple[Configuration, ...] = (
     (0.209, 0.392, 0.465, 1.087, 2.412, -1.416, 0.066, 0.043, 0.0, 0.0),
     (0.188, 2.85, 0.622, 0.568, 0.0, -1.426, 0.79, -0.085, 0.0, 0.0),
 )
-#: The same with an object: to the left of the trunk (two), to its right, over the head.
+#: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head.
 _LOADED: tuple[Configuration, ...] = (
     Arm.carry,
+    (0.049, -0.647, 0.088, -0.022, 2.057, -0.143, -1.621, 0.747, *_HOLDING),
     (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, *_HOLDING),
-    (0.0, 1.357, 0.7, 1.479, 1.281, -1.276, -1.666, 0.697, *_HOLDING),
     (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, *_HOLDING),
+    (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, *_HOLDING),
     (0.0, 2.886, 0.319, 0.475, 0.279, -0.757, 1.218, 1.073, *_HOLDING),
 )
 #: On the way between a place and the rest: the hand before the chest, the elbow drawn back.
@@ -70,9 +67,9 @@ class DrivenArm:
         self._held_pose, self._surroundings = held_pose, surroundings
         self._grip: Grip | None = world.state.grips.get(name)
         self._posture = as_posture(arm.configuration(), 0.0 if self._grip is None else self._grip.turn)
-        self._depth = 0.0
+        self._tick = Tick()
 
-    def act(self, motion: Motion, legs: Sequence[Array], end: Array, turn: float) -> Iterator[float]:
+    def act(self, motion: Motion, legs: Sequence[Array], end: Array, turn: float) -> Iterator[Tick]:
         """Drive the base along its way, then pick or place.
 
         Args:
@@ -98,7 +95,7 @@ class DrivenArm:
             yield from self._drive(legs, end, reach.start)
             yield from self._place(put.position, reach, end)
 
-    def _drive(self, legs: Sequence[Array], end: Array, option: int) -> Iterator[float]:
+    def _drive(self, legs: Sequence[Array], end: Array, option: int) -> Iterator[Tick]:
         """Drive the base; it is kinematic and takes a held object along.
 
         Args:
@@ -121,13 +118,14 @@ class DrivenArm:
         )
         for leg, way in zip(legs, ways, strict=True):
             yield from self._follow(way.path)
+            tick = Tick(way.depth, by_motors=False)
             for x, y, yaw in leg.tolist():
                 self._physics.move_robot(self._name, ((x, y, 0.0), yaw_quaternion(yaw)))
                 if self._grip is not None:
                     self._physics.move_object(self._grip.item, self._held_pose(self._grip))
-                yield way.depth
+                yield tick
 
-    def _pick(self, grip: Grip, reach: Reach, base: Array) -> Iterator[float]:
+    def _pick(self, grip: Grip, reach: Reach, base: Array) -> Iterator[Tick]:
         """Reach down to an object, close the fingers on it and bring it to where it is carried."""
         yield from self._follow(reach.there)
         yield from self._go_straight(reach.target, base)
@@ -139,7 +137,7 @@ class DrivenArm:
         yield from self._go_straight(_closed(reach.above), base)
         yield from self._follow(reach.back)
 
-    def _place(self, position: Vector, reach: Reach, base: Array) -> Iterator[float]:
+    def _place(self, position: Vector, reach: Reach, base: Array) -> Iterator[Tick]:
         """Bring the held object over its place, turn it on the way, put it down and withdraw the arm."""
         grip = self._grip
         assert grip is not None
@@ -222,17 +220,17 @@ class DrivenArm:
                 self._physics.move_object(self._grip.item, self._held_pose(self._grip))
             self._level()
 
-    def _go_straight(self, goal: Array, base: Array) -> Iterator[float]:
+    def _go_straight(self, goal: Array, base: Array) -> Iterator[Tick]:
         """Move straight to or from a place, where the fingers may touch."""
         depth = float(self._depths(base, self._grip, False)(line(self._posture, goal), 0.0).max())
         yield from self._follow(Path((goal,), depth if depth > ALLOWED else 0.0))
 
-    def _follow(self, path: Path) -> Iterator[float]:
-        self._depth = path.depth
+    def _follow(self, path: Path) -> Iterator[Tick]:
+        self._tick = Tick(path.depth)
         for number, posture in enumerate(path.postures):
             yield from self._move_arm(posture, number == len(path.postures) - 1)
 
-    def _move_arm(self, goal: Array, exactly: bool) -> Iterator[float]:
+    def _move_arm(self, goal: Array, exactly: bool) -> Iterator[Tick]:
         """Drive the joints' motors to a posture, and what is held to its yaw; wait for them if it shall be exact."""
         arm, start = self._arm, self._posture
         for joints, speeds, share in trajectory.move_joints(start[:-1], goal[:-1], arm.speeds):
@@ -240,14 +238,14 @@ class DrivenArm:
             if self._grip is not None:
                 self._grip = Grip(self._grip.item, float(start[-1] + share * (goal[-1] - start[-1])))
             self._level()
-            yield self._depth
+            yield self._tick
         self._posture = goal
         arm.drive(goal[:-1])
         for _ in range(round(_CATCH_UP_TIME / TIME_STEP) if exactly else 0):
             if np.abs(np.subtract(goal[:-1], arm.configuration())).max() < _CAUGHT_UP:
                 return
             self._level()
-            yield self._depth
+            yield self._tick
 
     def _level(self) -> None:
         """Keep a held object upright in the gripper."""

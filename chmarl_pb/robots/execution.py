@@ -5,16 +5,17 @@ in physics alone, of which the state knows nothing; its result is then set as in
 the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, the action fails.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
 from chmarl_pb.robots.driven_arm import MissedError
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.world import Pose, World
 
 TICKS_PER_FRAME = 8  # 30 snapshots a second
+_STILL = Tick(by_motors=False)
 
 
 @dataclass(frozen=True)
@@ -75,28 +76,34 @@ def _rehearse(
         world.physics.thaw(held, solid=False)
     running = {name: robots[name].drive(motion) for name, motion in motions.items()}
     missed: set[str] = set()
-    depths = dict.fromkeys(robots, 0.0)
     snapshots: list[Snapshot] = []
-    tick = 0
+    count = 0
     try:
         while running:
-            for name in list(running):
-                try:
-                    depths[name] = next(running[name]) or 0.0
-                except (StopIteration, MissedError) as end:
-                    if isinstance(end, MissedError):
-                        missed.add(name)
-                    depths[name] = 0.0
-                    del running[name]
-            world.physics.step()
-            if tick % TICKS_PER_FRAME == 0:
-                snapshots.append(_snapshot(world, items, dict(depths)))
-            tick += 1
+            ticks = {name: _advance(running, name, missed) for name in list(running)}
+            if any(tick.by_motors for tick in ticks.values()):
+                world.physics.step()
+            if count % TICKS_PER_FRAME == 0:
+                depths = {name: ticks[name].depth if name in ticks else 0.0 for name in robots}
+                snapshots.append(_snapshot(world, items, depths))
+            count += 1
     finally:
         for item in items:
             world.physics.freeze(item)
         world.moved()
     return missed, tuple(snapshots)
+
+
+def _advance(running: dict[str, Iterator[Tick | None]], name: str, missed: set[str]) -> Tick:
+    """Command one robot for the next step; it no longer runs if its motion has ended."""
+    try:
+        return next(running[name]) or Tick()
+    except MissedError:
+        missed.add(name)
+    except StopIteration:
+        pass
+    del running[name]
+    return _STILL
 
 
 def _snapshot(world: World, items: tuple[str, ...], depths: dict[str, float]) -> Snapshot:

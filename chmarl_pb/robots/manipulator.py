@@ -15,7 +15,7 @@ from chmarl_pb.robots.driven_arm import DrivenArm
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.mobile import MobileRobot
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motion import Motion, Placement
+from chmarl_pb.robots.motion import Motion, Placement, Tick
 from chmarl_pb.robots.surroundings import Surroundings
 from chmarl_pb.world import Grip, Pose, RobotBody, World, yaw_quaternion
 
@@ -177,7 +177,7 @@ class MobileManipulator(MobileRobot):
         """Let the motors keep the arm where it is: they may still have the goal of an earlier motion."""
         self.arm.drive(self.arm.configuration())
 
-    def drive(self, motion: Motion) -> Iterator[float]:
+    def drive(self, motion: Motion) -> Iterator[Tick]:
         """Move base and arm in physics alone, one simulation step at a time.
 
         Raises:

@@ -10,7 +10,7 @@ from chmarl_pb.navigation.lattice import Lattice
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot
 from chmarl_pb.world import RobotBody, RobotState, Vector, World, yaw_quaternion
 
@@ -79,11 +79,12 @@ class MobileRobot:
     def get_ready(self) -> None:
         """Prepare to be driven: nothing is to be done."""
 
-    def drive(self, motion: Motion) -> Iterator[None]:
+    def drive(self, motion: Motion) -> Iterator[Tick]:
         """Move the base in physics alone, one simulation step at a time."""
+        moved = Tick(by_motors=False)
         for base in self._way(motion):
             self.world.physics.move_robot(self.name, base)
-            yield
+            yield moved
 
     def _way(self, motion: Motion) -> Iterator[tuple[Vector, Vector]]:
         """Yield where the base is on its way, at every simulation step."""
