@@ -43,7 +43,9 @@ class ArmBoxes:
     def _measure(self, client: int, body: int, infos: Sequence[tuple]) -> None:
         """Read joints' axes and links' boxes off the body with all joints at zero and its base at the origin."""
         numbers = {info[1].decode(): info[0] for info in infos}
-        states = {i[0]: p.getLinkState(body, i[0], computeForwardKinematics=True, physicsClientId=client) for i in infos}
+        states = {
+            i[0]: p.getLinkState(body, i[0], computeForwardKinematics=True, physicsClientId=client) for i in infos
+        }
         parents = {info[0]: info[16] for info in infos}
         self._joints = []  # of each joint: number of the one that moves it, whether it turns, its axis, a point of it
         order = {numbers[name]: place for place, name in enumerate(JOINTS)}
@@ -137,7 +139,7 @@ def _turns(axis: Array, angles: Array) -> Array:
     """Return rotations (n, 3, 3) about a unit axis."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turns: Array = np.eye(3) + np.sin(angles)[:, None, None] * cross + (1 - np.cos(angles))[:, None, None] * (
-        cross @ cross
+    turns: Array = (
+        np.eye(3) + np.sin(angles)[:, None, None] * cross + (1 - np.cos(angles))[:, None, None] * (cross @ cross)
     )
     return turns

@@ -90,7 +90,7 @@ class _Group:
         return cls(outlines, low, high)
 
     def depths(self, boxes: Boxes, halves: Array, box: NDArray[np.intp], solid: NDArray[np.intp]) -> Array:
-        """Return the depth (q,) of pairs of a box, numbered through all places, and a prism: least overlap of any axis."""
+        """Return the depth (q,) of pairs of a box, numbered through all places, and a prism."""
         axes = boxes.axes.reshape(-1, 3, 3)[box]
         outlines, bottom, top = self.outlines[solid], self.low[solid, 2], self.high[solid, 2]
         directions = _directions(axes, outlines)

@@ -34,7 +34,7 @@ _EMPTY: tuple[Configuration, ...] = (
 #: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head.
 _LOADED: tuple[Configuration, ...] = (
     Arm.carry,
-    (0.049, -0.647, 0.088, -0.022, 2.057, -0.143, -1.621, 0.747, *_HOLDING),
+    (0.148, -0.995, 0.546, -0.636, 1.629, -1.312, -0.589, 0.074, *_HOLDING),
     (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, *_HOLDING),
     (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, *_HOLDING),
     (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, *_HOLDING),

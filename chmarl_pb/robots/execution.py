@@ -5,7 +5,7 @@ in physics alone, of which the state knows nothing; its result is then set as in
 the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, the action fails.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
@@ -15,6 +15,7 @@ from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.world import Pose, World
 
 TICKS_PER_FRAME = 8  # 30 snapshots a second
+DEEP = 0.005  # metres of depth from which on a motion counts as a collision
 _STILL = Tick(by_motors=False)
 
 
@@ -58,6 +59,15 @@ def execute(
         free = not robot.neighbours or robot.lattice.cell(motion.pose) not in taken_cells(robot)
         succeeded[name] = free and name not in missed and robot.finish(motion)
     return succeeded, snapshots
+
+
+def collisions(snapshots: Sequence[Snapshot]) -> int:
+    """Return how many robots' driven motions pass through something, as no free way was found for them."""
+    deepest: dict[str, float] = {}
+    for snapshot in snapshots:
+        for name, depth in snapshot.depths.items():
+            deepest[name] = max(depth, deepest.get(name, 0.0))
+    return sum(depth > DEEP for depth in deepest.values())
 
 
 def _rehearse(

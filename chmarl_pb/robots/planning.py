@@ -36,7 +36,9 @@ class Path:
     depth: float = 0.0
 
 
-def find_path(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], limits: tuple[Array, Array] | None, seed: int = 0) -> Path:
+def find_path(
+    depths: Depths, start: Array, goal: Array, ways: Sequence[Array], limits: tuple[Array, Array] | None, seed: int = 0
+) -> Path:
     """Return a free path, or the least bad one that is known.
 
     Args:

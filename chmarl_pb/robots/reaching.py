@@ -1,4 +1,4 @@
-"""How an arm reaches a point: of all configurations that do, one that is free and that the arm gets to and away from."""
+"""How an arm reaches a point: of all configurations that do, one that is free and can be got to and away from."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -81,10 +81,11 @@ class Surroundings:
         if touching.load is None:
             return boxes
         width, depth, height = touching.load
-        c, s, zero, one = np.cos(postures[:, -1]), np.sin(postures[:, -1]), *np.broadcast_arrays(0.0, 1.0)
+        c, s = np.cos(postures[:, -1]), np.sin(postures[:, -1])
         turn = np.zeros((len(postures), 1, 3, 3))
-        turn[:, 0, 0, 0], turn[:, 0, 0, 1], turn[:, 0, 1, 0], turn[:, 0, 1, 1], turn[:, 0, 2, 2] = c, -s, s, c, one
-        middle = grasps + (zero, zero, (0.5 - GRIP) * height)
+        turn[:, 0, :2, 0], turn[:, 0, :2, 1] = np.stack([c, s], axis=1), np.stack([-s, c], axis=1)
+        turn[:, 0, 2, 2] = 1.0
+        middle = np.add(grasps, (0.0, 0.0, (0.5 - GRIP) * height))
         return Boxes(
             np.concatenate([boxes.middles, middle[:, None]], axis=1),
             np.concatenate([boxes.axes, turn], axis=1),

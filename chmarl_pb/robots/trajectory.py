@@ -18,9 +18,7 @@ _JOINT_RAMP = 0.25  # seconds in which joints come to full speed
 _DRIVING, _TURNING, _FLYING = 1.5, 4.0, 2.0  # m/s^2, rad/s^2, m/s^2
 
 
-def drive(
-    corners: Points, start: float, end: float, speed: float, turn_speed: float
-) -> Iterator[NDArray[np.float64]]:
+def drive(corners: Points, start: float, end: float, speed: float, turn_speed: float) -> Iterator[NDArray[np.float64]]:
     """Yield the legs of a base's way: turn to each straight piece, drive it, turn. It stands still between two legs.
 
     Args:
