@@ -1,7 +1,7 @@
 """An arm as boxes: where its links are in many configurations at once, without touching the simulation."""
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class ArmBoxes:
             p.resetJointState(body, info[0], position, physicsClientId=client)
         p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
 
-    def _measure(self, client: int, body: int, infos: Sequence[tuple]) -> None:
+    def _measure(self, client: int, body: int, infos: Sequence[tuple[Any, ...]]) -> None:
         """Read joints' axes and links' boxes off the body with all joints at zero and its base at the origin."""
         numbers = {info[1].decode(): info[0] for info in infos}
         states = {
@@ -114,7 +114,7 @@ class ArmBoxes:
         return depths
 
 
-def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tuple]) -> Obstacles:
+def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tuple[Any, ...]]) -> Obstacles:
     """Return the collision boxes of some links, with all joints at zero; other shapes count as their bounding box."""
     prisms = []
     for link in links:

@@ -7,6 +7,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.homes.solids import Points
+
 Array: TypeAlias = NDArray[np.float64]
 
 
@@ -36,9 +38,9 @@ class Boxes:
 class Obstacles:
     """Upright prisms: convex outlines with a bottom and a top."""
 
-    def __init__(self, prisms: Iterable[tuple[Array, float, float]]):
+    def __init__(self, prisms: Iterable[tuple[Points, float, float]]):
         """Take prisms: outline (k, 2), bottom and top, metres."""
-        groups: dict[int, list[tuple[Array, float, float]]] = {}
+        groups: dict[int, list[tuple[Points, float, float]]] = {}
         for prism in prisms:
             groups.setdefault(len(prism[0]), []).append(prism)
         self._groups = [_Group.of(group) for group in groups.values()]
@@ -83,7 +85,7 @@ class _Group:
     high: Array
 
     @classmethod
-    def of(cls, prisms: list[tuple[Array, float, float]]) -> "_Group":
+    def of(cls, prisms: list[tuple[Points, float, float]]) -> "_Group":
         outlines = np.stack([np.asarray(prism[0], dtype=float) for prism in prisms])
         low = np.column_stack([outlines.min(axis=1), [prism[1] for prism in prisms]])
         high = np.column_stack([outlines.max(axis=1), [prism[2] for prism in prisms]])
@@ -100,7 +102,8 @@ class _Group:
         up, down = directions[:, :, 2] * top[:, None], directions[:, :, 2] * bottom[:, None]
         least, most = flat.min(axis=2) + np.minimum(up, down), flat.max(axis=2) + np.maximum(up, down)
         overlap = np.minimum(middle + extent - least, most - middle + extent)
-        return np.maximum(overlap.min(axis=1), 0.0)
+        depths: Array = np.maximum(overlap.min(axis=1), 0.0)
+        return depths
 
 
 def _directions(axes: Array, outlines: Array) -> Array:

@@ -158,9 +158,12 @@ class DrivenArm:
 
     def _standing(self, base: Array, grip: Grip | None) -> int:
         """Return the number of the posture of a robot that stands somewhere: the first free one, or the least deep."""
+        return self._free(base, grip)[0]
+
+    def _free(self, base: Array, grip: Grip | None) -> list[int]:
+        """Return the numbers of the postures that are free where the base stands; that of the least deep if none is."""
         depths = self._surroundings.depths(_options(grip), base, Touching(self._size(grip)))
-        free = np.flatnonzero(depths <= ALLOWED)
-        return int(free[0]) if len(free) else int(depths.argmin())
+        return np.flatnonzero(depths <= ALLOWED).tolist() or [int(depths.argmin())]
 
     def _depths(self, base: Array, grip: Grip | None, fingers: bool = True) -> Depths:
         load = self._size(grip)
@@ -173,6 +176,17 @@ class DrivenArm:
         limits = np.append(self._arm.lower, low), np.append(self._arm.upper, high)
         return find_path(self._depths(base, grip), start, goal, ways, limits if searching else None)
 
+    def _best_path(self, grip: Grip | None, start: Array, goals: Sequence[Array], base: Array, searching: bool) -> Path:
+        """Return the path to the first of several postures that the arm gets to freely, or the least deep one."""
+        best = Path((), np.inf)
+        for goal in goals:
+            path = self._path(grip, start, goal, base, False)
+            if path.depth <= 0:
+                return path
+            best = min(best, path, key=lambda path: path.depth)
+        found = self._path(grip, start, goals[0], base, True) if searching else best
+        return min(found, best, key=lambda path: path.depth)
+
     def _choose_reach(
         self, motion: Motion, point: Vector, base: Array, grips: tuple[Grip | None, Grip | None]
     ) -> Reach:
@@ -184,6 +198,7 @@ class DrivenArm:
             base: where the base stands.
             grips: what the gripper holds on its way there, and on its way back.
         """
+        assert motion.arm is not None
         x, y, yaw = base.tolist()
         found = self._arm.solutions(point, ((x, y, 0.0), yaw_quaternion(yaw)))
         turn = next(grip.turn for grip in grips if grip)
@@ -192,19 +207,20 @@ class DrivenArm:
         above[:, 0] = np.minimum(above[:, 0] + _CLEARANCE, self._arm.upper[0])
         there, back = grips
         starts, ends = _options(self._grip), _options(back)
-        end = ends[self._standing(base, back)]
+        free = [ends[number] for number in self._free(base, back)]
 
         def depths(targets: Array, above: Array) -> Array:
             both = np.concatenate([targets, above])
             each = [self._depths(base, grip, False)(_grasping(both, grip), 0.0) for grip in grips]
-            return np.maximum(*each).reshape(2, -1).max(axis=0)
+            deepest: Array = np.maximum(*each).reshape(2, -1).max(axis=0)
+            return deepest
 
         def connect(above: Array, searching: bool) -> tuple[int, Path, Path]:
             goal = _grasping(above, there)
             start, path = find_start(self._depths(base, there), starts, goal)
             if searching and path.depth > 0:
                 path = self._path(there, starts[start], goal, base, True)
-            return start, path, self._path(back, _grasping(above, back), end, base, searching)
+            return start, path, self._best_path(back, _grasping(above, back), free, base, searching)
 
         return choose_reach(targets, above, depths, connect)
 

@@ -6,6 +6,7 @@ way: it is asked of a function that tells how deep postures stand in something.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations, permutations
 from typing import TypeAlias
 
 import numpy as np
@@ -49,28 +50,45 @@ def find_path(
         limits: lowest and highest posture that a random tree may draw; None: no tree is grown.
         seed: of the tree.
     """
-    edges = [(start, goal), *(edge for way in ways for edge in ((start, way), (way, goal)))]
-    ends = np.stack([start, goal])
-    for margin in (MARGIN, 0.0):
-        if _is_free(depths, edges[:1], margin)[0]:
-            return Path((goal,))
-        if ways and float(depths(ends, margin).max()) <= _allowed(margin):
-            _, *free = _is_free(depths, edges, margin)
-            for number, way in enumerate(ways):
-                if free[2 * number] and free[2 * number + 1]:
-                    return Path((way, goal))
-    if limits is not None and float(depths(ends, 0.0).max()) <= ALLOWED:
-        tree = _grow(depths, start, goal, limits, 0.0, np.random.default_rng(seed))
+    # No deeper than where it has to begin or end.
+    allowed = max(ALLOWED, float(depths(np.stack([start, goal]), 0.0).max()))
+    best = Path((goal,), np.inf)
+    for margin, most in ((MARGIN, 0.0), (0.0, allowed)):
+        for some in ((), ways):
+            best = _by_ways(depths, start, goal, some, margin, most)
+            if best.depth <= most:
+                return Path(best.postures, _counted(best.depth))
+    if limits is not None:
+        tree = _grow(depths, start, goal, limits, allowed, np.random.default_rng(seed))
         if tree is not None:
-            return Path(_shortened(depths, tree, 0.0))
-    return _least_deep(depths, start, goal, ways)
+            return Path(_shortened(depths, tree, allowed), _counted(allowed))
+    return best
+
+
+def _by_ways(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], margin: float, free: float) -> Path:
+    """Return the least deep path of straight moves between way postures, of equally deep ones that of fewest moves."""
+    nodes = [start, *ways, goal]
+    pairs = list(combinations(range(len(nodes)), 2))
+    deep = np.zeros((len(nodes), len(nodes)))
+    for (one, other), depth in zip(
+        pairs, _deepest(depths, [(nodes[one], nodes[other]) for one, other in pairs], margin), strict=True
+    ):
+        deep[one, other] = deep[other, one] = depth if depth > free else 0.0
+    best: list[tuple[float, tuple[int, ...]]] = [(float(deep[0, node]), (node,)) for node in range(len(nodes))]
+    for _ in ways:
+        for via, node in permutations(range(1, len(nodes)), 2):
+            depth = max(best[via][0], float(deep[via, node]))
+            if (depth, len(best[via][1]) + 1) < (best[node][0], len(best[node][1])):
+                best[node] = depth, (*best[via][1], node)
+    depth, corners = best[-1]
+    return Path(tuple(nodes[corner] for corner in corners), depth)
 
 
 def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[int, Path]:
     """Return from which of several postures a goal is best reached straight, the first if it is free, and the path."""
     for margin in (MARGIN, 0.0):
         deepest = _deepest(depths, [(start, goal) for start in starts], margin)
-        free = [number for number, depth in enumerate(deepest) if depth <= _allowed(margin)]
+        free = [number for number, depth in enumerate(deepest) if depth <= (ALLOWED if margin == 0 else 0.0)]
         if free:
             return free[0], Path((goal,))
     return int(np.argmin(deepest)), Path((goal,), min(deepest))
@@ -82,38 +100,20 @@ def line(start: Array, goal: Array) -> Array:
     return start + np.linspace(0, 1, count + 1)[1:, None] * (goal - start)
 
 
-def _allowed(margin: float) -> float:
-    return 0.0 if margin > 0 else ALLOWED
-
-
-def _is_free(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[bool]:
-    """Return which straight moves are free; all are looked at in one go."""
-    return [deepest <= _allowed(margin) for deepest in _deepest(depths, edges, margin)]
+def _counted(depth: float) -> float:
+    """Return a depth, or 0 if it is no more than things have that touch."""
+    return depth if depth > ALLOWED else 0.0
 
 
 def _deepest(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[float]:
-    if not edges:
-        return []
     lines = [line(*edge) for edge in edges]
     found = depths(np.concatenate(lines), margin)
     ends = np.cumsum([len(one) for one in lines])[:-1]
     return [float(part.max()) for part in np.split(found, ends)]
 
 
-def _least_deep(depths: Depths, start: Array, goal: Array, ways: Sequence[Array]) -> Path:
-    """Return the least deep of the straight move and those by one way posture."""
-    edges = [(start, goal), *(edge for way in ways for edge in ((start, way), (way, goal)))]
-    straight, *halves = _deepest(depths, edges, 0.0)
-    best = Path((goal,), straight)
-    for number, way in enumerate(ways):
-        depth = max(halves[2 * number : 2 * number + 2])
-        if depth < best.depth - ALLOWED:
-            best = Path((way, goal), depth)
-    return best
-
-
 def _grow(
-    depths: Depths, start: Array, goal: Array, limits: tuple[Array, Array], margin: float, rng: np.random.Generator
+    depths: Depths, start: Array, goal: Array, limits: tuple[Array, Array], allowed: float, rng: np.random.Generator
 ) -> list[Array] | None:
     """Grow two random trees towards each other; return the postures from start to goal, or None."""
     low = np.maximum(limits[0], np.minimum(start, goal) - _WIDE)
@@ -121,10 +121,10 @@ def _grow(
     trees: list[tuple[list[Array], list[int]]] = [([start], [-1]), ([goal], [-1])]
     for turn in range(_TRIES):
         one, other = trees[turn % 2], trees[1 - turn % 2]
-        reached = _extend(depths, one, rng.uniform(low, high), margin)
+        reached = _extend(depths, one, rng.uniform(low, high), allowed)
         if reached is None:
             continue
-        _extend(depths, other, one[0][reached], margin)
+        _extend(depths, other, one[0][reached], allowed)
         if np.array_equal(other[0][-1], one[0][reached]):
             ways = [_back(one, reached), _back(other, len(other[0]) - 1)]
             first, second = ways if turn % 2 == 0 else ways[::-1]
@@ -132,12 +132,12 @@ def _grow(
     return None
 
 
-def _extend(depths: Depths, tree: tuple[list[Array], list[int]], goal: Array, margin: float) -> int | None:
+def _extend(depths: Depths, tree: tuple[list[Array], list[int]], goal: Array, allowed: float) -> int | None:
     """Go straight from the nearest posture of a tree towards a goal while it is free; return the last one's number."""
     postures, parents = tree
     nearest = int(np.abs(np.stack(postures) - goal).max(axis=1).argmin())
     steps = line(postures[nearest], goal)
-    bad = np.flatnonzero(depths(steps, margin) > _allowed(margin))
+    bad = np.flatnonzero(depths(steps, 0.0) > allowed)
     count = int(bad[0]) if len(bad) else len(steps)
     for step in sorted({count // 2, count} - {0}):
         postures.append(steps[step - 1])
@@ -155,13 +155,13 @@ def _back(tree: tuple[list[Array], list[int]], number: int) -> list[Array]:
     return found
 
 
-def _shortened(depths: Depths, postures: list[Array], margin: float) -> tuple[Array, ...]:
+def _shortened(depths: Depths, postures: list[Array], allowed: float) -> tuple[Array, ...]:
     """Leave out what a straight move passes by; the first posture is the start and is not returned."""
     kept, here = [], 0
     while here < len(postures) - 1:
         rest = range(len(postures) - 1, here, -1)
-        free = _is_free(depths, [(postures[here], postures[there]) for there in rest], margin)
-        here = next((there for there, ok in zip(rest, free, strict=True) if ok), here + 1)
+        deepest = _deepest(depths, [(postures[here], postures[there]) for there in rest], 0.0)
+        here = next((there for there, depth in zip(rest, deepest, strict=True) if depth <= allowed), here + 1)
         kept.append(postures[here])
     return tuple(kept)
 

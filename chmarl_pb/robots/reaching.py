@@ -74,4 +74,4 @@ def _spread(postures: Array, numbers: NDArray[np.intp]) -> list[int]:
     while len(chosen) < min(_SPREAD, len(numbers)):
         chosen.append(int(apart.argmax()))
         apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
-    return numbers[chosen].tolist()
+    return [int(number) for number in numbers[chosen]]
