@@ -94,15 +94,19 @@ def planning(effort: Effort) -> Samples:
 
 
 def driving(effort: Effort) -> Samples:
-    """Yield how many times faster than the robots themselves their driven motions run, in episodes of the planner."""
+    """Yield how many times faster than the robots themselves their driven motions run, in episodes of the planner.
+
+    Collisions are motions for which no free way was found.
+    """
     with closing(HouseholdEnv(split=SPLIT, execution="simulated")) as env:
         policy, tasks = make_policy("planner", env), cycle(load_tasks(SPLIT))
         env.reset(seed=0)
         while True:
-            start, moved = time.perf_counter(), 0.0
+            start, moved, collided = time.perf_counter(), 0.0, 0
             while time.perf_counter() - start < effort.seconds or not moved:
                 moved += _drive(env, policy, next(tasks))
-            yield {"times real time": moved / (time.perf_counter() - start)}
+                collided += env.collisions
+            yield {"times real time": moved / (time.perf_counter() - start), "collisions": collided}
 
 
 def _drive(env: HouseholdEnv, policy: Policy, task: Task) -> float:

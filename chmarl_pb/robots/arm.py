@@ -149,6 +149,12 @@ class Arm:
                 best, least = poses[np.argmin(costs)], costs.min()
         return None if best is None else (*best.tolist(), OPEN, OPEN)
 
+    def solutions(self, target: ArrayLike, base: Pose) -> Array:
+        """Return all configurations (n, joints) of the grid that reach a target as :meth:`solve`'s, the best first."""
+        rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
+        poses, costs = self._postures((np.asarray(target, dtype=float) - base[0]) @ rotation, _CHOICES)
+        return np.column_stack([poses, np.full((len(poses), 2), OPEN)])[np.argsort(costs, kind="stable")]
+
     def _measure(self, links: dict[str, int]) -> None:
         """Read the shoulder's place and the arm's lengths off the body with all joints at zero."""
         before = self.configuration()

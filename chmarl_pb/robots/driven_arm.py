@@ -1,21 +1,47 @@
 """Drive an arm through a motion in physics alone: generators that command it and yield once for a simulation step."""
 
-from collections.abc import Callable, Iterator
-from itertools import zip_longest
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from chmarl_pb.navigation.free_space import Size, grip_point
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.robots.motion import Motion
-from chmarl_pb.world import TIME_STEP, Grip, Pose, Vector, World
+from chmarl_pb.robots.motion import Motion, Tick
+from chmarl_pb.robots.planning import ALLOWED, Depths, Path, as_posture, find_path, find_start, line
+from chmarl_pb.robots.reaching import Reach, choose_reach
+from chmarl_pb.robots.surroundings import Surroundings, Touching
+from chmarl_pb.robots.travel import choose_postures
+from chmarl_pb.world import TIME_STEP, Grip, Pose, Vector, World, yaw_quaternion
+
+Array = NDArray[np.float64]
 
 TOLERANCE = 0.02  # metres between the driven gripper or object and where it was meant to be
 
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
-_FOLDED: Configuration = (0.0, -0.8, 0.0, 0.0, *Arm.carry[4:])  # on the way to rest: the elbow drawn back
 _HOLDING = Arm.carry[-2:]  # fingers closed on an object
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
+
+#: Postures in which the arm is taken along, the usual one first: drawn in low and high, and over the head.
+_EMPTY: tuple[Configuration, ...] = (
+    Arm.rest,
+    (-0.054, -0.599, 0.081, 0.024, 1.821, -0.53, -1.423, 0.536, 0.0, 0.0),
+    (0.209, 0.392, 0.465, 1.087, 2.412, -1.416, 0.066, 0.043, 0.0, 0.0),
+    (0.188, 2.85, 0.622, 0.568, 0.0, -1.426, 0.79, -0.085, 0.0, 0.0),
+)
+#: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head.
+_LOADED: tuple[Configuration, ...] = (
+    Arm.carry,
+    (0.148, -0.995, 0.546, -0.636, 1.629, -1.312, -0.589, 0.074, *_HOLDING),
+    (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, *_HOLDING),
+    (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, *_HOLDING),
+    (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, *_HOLDING),
+    (0.0, 2.886, 0.319, 0.475, 0.279, -0.757, 1.218, 1.073, *_HOLDING),
+)
+#: On the way between a place and the rest: the hand before the chest, the elbow drawn back.
+_BETWEEN: tuple[Configuration, ...] = (Arm.carry, (0.0, -0.8, 0.0, 0.0, *Arm.carry[4:]))
 
 
 class MissedError(Exception):
@@ -25,7 +51,9 @@ class MissedError(Exception):
 class DrivenArm:
     """A robot with an arm while physics moves it: what its gripper holds by now is not yet in the state."""
 
-    def __init__(self, name: str, arm: Arm, world: World, held_pose: Callable[[Grip], Pose]):
+    def __init__(
+        self, name: str, arm: Arm, world: World, held_pose: Callable[[Grip], Pose], surroundings: Surroundings
+    ):
         """Drive a robot's arm.
 
         Args:
@@ -33,84 +61,207 @@ class DrivenArm:
             arm: its arm.
             world: the world that it is in.
             held_pose: the pose in physics of an object in its gripper.
+            surroundings: what it shall not touch.
         """
         self._name, self._arm, self._world, self._physics = name, arm, world, world.physics
-        self._held_pose = held_pose
+        self._held_pose, self._surroundings = held_pose, surroundings
         self._grip: Grip | None = world.state.grips.get(name)
+        self._posture = as_posture(arm.configuration(), 0.0 if self._grip is None else self._grip.turn)
+        self._tick = Tick()
 
-    def act(self, motion: Motion, way: Iterator[Pose], heading: float, turn: float) -> Iterator[None]:
-        """Drive the base along its way, then pick or place; on the way to a pick the arm gets ready.
+    def act(self, motion: Motion, legs: Sequence[Array], end: Array, turn: float) -> Iterator[Tick]:
+        """Drive the base along its way, then pick or place.
 
         Args:
             motion: what is to be done.
-            way: where the base is at every simulation step.
-            heading: of the base at its end, radians.
+            legs: (n, 3) x, y and yaw of the base at every simulation step; it stands still between two legs.
+            end: (3,) where the base is at the end.
             turn: yaw relative to the base of the object to be picked, radians.
         """
-        if motion.pick is not None:
-            yield from _together(self._drive(way), self._move_arm(Arm.carry))
-            yield from self._pick(motion, Grip(motion.pick, turn))
+        if motion.arm is None:
+            yield from self._drive(legs, end, self._standing(end, self._grip)) if legs else ()
+        elif motion.pick is not None:
+            grip = Grip(motion.pick, turn)
+            reach = self._choose_reach(motion, self._world.grip(motion.pick), end, (self._grip, grip))
+            yield from self._drive(legs, end, reach.start)
+            yield from self._pick(grip, reach, end)
         else:
-            yield from self._drive(way)
-            if motion.place is not None:
-                yield from self._place(motion, heading)
+            assert motion.place is not None and self._grip is not None
+            item, put = self._grip.item, motion.place
+            turn = self._grip.turn + trajectory.wrap(put.yaw - float(end[2]) - self._grip.turn)
+            x, y, z = put.position
+            point = grip_point((x, y, z), self._world.size(item))
+            reach = self._choose_reach(motion, point, end, (Grip(item, turn), None))
+            yield from self._drive(legs, end, reach.start)
+            yield from self._place(put.position, reach, end)
 
-    def _drive(self, way: Iterator[Pose]) -> Iterator[None]:
-        """Drive the base; it is kinematic and takes a held object along."""
-        for base in way:
-            self._physics.move_robot(self._name, base)
-            if self._grip is not None:
-                self._physics.move_object(self._grip.item, self._held_pose(self._grip))
-            yield
+    def _drive(self, legs: Sequence[Array], end: Array, option: int) -> Iterator[Tick]:
+        """Drive the base; it is kinematic and takes a held object along.
 
-    def _pick(self, motion: Motion, grip: Grip) -> Iterator[None]:
-        """Reach down to an object, close the fingers on it and bring it to the carry pose."""
-        arm, item = motion.arm, grip.item
-        assert arm is not None
-        closed = (*arm[:-2], *_HOLDING)
-        for goal in (self._raised(arm), arm):
-            yield from self._move_arm(goal)
-        _check(self._physics.grasp_pose(self._name)[0], self._world.grip(item))
-        yield from self._move_arm(closed)
+        Args:
+            legs: of the base.
+            end: where it is at the end.
+            option: number of the arm's posture there.
+        """
+        legs = [*legs, end[None]]
+        grip, options = self._grip, _options(self._grip)
+        start = self._standing(legs[0][0], grip)
+        self._jump(options[start])
+        around, load = self._surroundings, self._size(grip)
+        ways = choose_postures(
+            legs,
+            start,
+            option,
+            options,
+            lambda posture, bases, margin: around.depths(posture, bases, Touching(load, margin)),
+            partial(self._path, grip),
+        )
+        for leg, way in zip(legs, ways, strict=True):
+            yield from self._follow(way.path)
+            tick = Tick(way.depth, by_motors=False)
+            for x, y, yaw in leg.tolist():
+                self._physics.move_robot(self._name, ((x, y, 0.0), yaw_quaternion(yaw)))
+                if self._grip is not None:
+                    self._physics.move_object(self._grip.item, self._held_pose(self._grip))
+                yield tick
+
+    def _pick(self, grip: Grip, reach: Reach, base: Array) -> Iterator[Tick]:
+        """Reach down to an object, close the fingers on it and bring it to where it is carried."""
+        yield from self._follow(reach.there)
+        yield from self._go_straight(reach.target, base)
+        _check(self._physics.grasp_pose(self._name)[0], self._world.grip(grip.item))
+        yield from self._move_arm(_closed(reach.target), True)
         self._grip = grip
-        self._physics.grip(self._name, item, self._world.pose(item))
-        self._physics.thaw(item, solid=False)
-        for goal in (self._raised(closed), Arm.carry):
-            yield from self._move_arm(goal)
+        self._physics.grip(self._name, grip.item, self._world.pose(grip.item))
+        self._physics.thaw(grip.item, solid=False)
+        yield from self._go_straight(_closed(reach.above), base)
+        yield from self._follow(reach.back)
 
-    def _place(self, motion: Motion, heading: float) -> Iterator[None]:
+    def _place(self, position: Vector, reach: Reach, base: Array) -> Iterator[Tick]:
         """Bring the held object over its place, turn it on the way, put it down and withdraw the arm."""
-        arm, placement, grip = motion.arm, motion.place, self._grip
-        assert arm is not None and placement is not None and grip is not None
-        closed = (*arm[:-2], *_HOLDING)
-        yield from self._move_arm(self._raised(closed), placement.yaw - heading)
-        yield from self._move_arm(closed)
-        _check(self._physics.read_object(grip.item)[0], placement.position)
+        grip = self._grip
+        assert grip is not None
+        yield from self._follow(reach.there)
+        yield from self._go_straight(_closed(reach.target), base)
+        _check(self._physics.read_object(grip.item)[0], position)
         self._physics.release(self._name)
         self._physics.thaw(grip.item)
         self._grip = None
-        for goal in (arm, self._raised(arm), Arm.carry, _FOLDED, Arm.rest):
-            yield from self._move_arm(goal)
+        yield from self._move_arm(reach.target, True)
+        yield from self._go_straight(reach.above, base)
+        yield from self._follow(reach.back)
 
-    def _raised(self, configuration: Configuration) -> Configuration:
-        """Return the configuration with the torso higher, so that the hand comes and goes straight from above."""
-        return (min(configuration[0] + _CLEARANCE, float(self._arm.upper[0])), *configuration[1:])
+    # Planning
 
-    def _move_arm(self, goal: Configuration, turn: float | None = None) -> Iterator[None]:
-        """Drive the joints' motors to a configuration, and a held object to a yaw relative to the base."""
-        arm, start = self._arm, self._grip
-        for joints, speeds, share in trajectory.move_joints(arm.configuration(), goal, arm.speeds):
-            arm.drive(joints, speeds)
-            if start is not None and turn is not None:
-                self._grip = Grip(start.item, start.turn + share * trajectory.wrap(turn - start.turn))
+    def _size(self, grip: Grip | None) -> Size | None:
+        return None if grip is None else self._world.size(grip.item)
+
+    def _standing(self, base: Array, grip: Grip | None) -> int:
+        """Return the number of the posture of a robot that stands somewhere: the first free one, or the least deep."""
+        return self._free(base, grip)[0]
+
+    def _free(self, base: Array, grip: Grip | None) -> list[int]:
+        """Return the numbers of the postures that are free where the base stands; that of the least deep if none is."""
+        depths = self._surroundings.depths(_options(grip), base, Touching(self._size(grip)))
+        return np.flatnonzero(depths <= ALLOWED).tolist() or [int(depths.argmin())]
+
+    def _depths(self, base: Array, grip: Grip | None, fingers: bool = True) -> Depths:
+        load = self._size(grip)
+        return lambda postures, margin: self._surroundings.depths(postures, base, Touching(load, margin, fingers))
+
+    def _path(self, grip: Grip | None, start: Array, goal: Array, base: Array, searching: bool) -> Path:
+        """Return how the arm gets from one posture into another while the base stands somewhere."""
+        ways = _options(grip) if grip else [*_options(None), *map(as_posture, _BETWEEN)]
+        low, high = sorted((float(start[-1]), float(goal[-1])))
+        limits = np.append(self._arm.lower, low), np.append(self._arm.upper, high)
+        return find_path(self._depths(base, grip), start, goal, ways, limits if searching else None)
+
+    def _best_path(self, grip: Grip | None, start: Array, goals: Sequence[Array], base: Array, searching: bool) -> Path:
+        """Return the path to the first of several postures that the arm gets to freely, or the least deep one."""
+        best = Path((), np.inf)
+        for goal in goals:
+            path = self._path(grip, start, goal, base, False)
+            if path.depth <= 0:
+                return path
+            best = min(best, path, key=lambda path: path.depth)
+        found = self._path(grip, start, goals[0], base, True) if searching else best
+        return min(found, best, key=lambda path: path.depth)
+
+    def _choose_reach(
+        self, motion: Motion, point: Vector, base: Array, grips: tuple[Grip | None, Grip | None]
+    ) -> Reach:
+        """Choose how to reach a point.
+
+        Args:
+            motion: with the configuration that was decided on; it is taken if it is free.
+            point: where the fingertips shall be.
+            base: where the base stands.
+            grips: what the gripper holds on its way there, and on its way back.
+        """
+        assert motion.arm is not None
+        x, y, yaw = base.tolist()
+        found = self._arm.solutions(point, ((x, y, 0.0), yaw_quaternion(yaw)))
+        turn = next(grip.turn for grip in grips if grip)
+        targets = np.column_stack([np.vstack([motion.arm, found]), np.full(len(found) + 1, turn)])
+        above = targets.copy()
+        above[:, 0] = np.minimum(above[:, 0] + _CLEARANCE, self._arm.upper[0])
+        there, back = grips
+        starts, ends = _options(self._grip), _options(back)
+        free = [ends[number] for number in self._free(base, back)]
+
+        def depths(targets: Array, above: Array) -> Array:
+            both = np.concatenate([targets, above])
+            each = [self._depths(base, grip, False)(_grasping(both, grip), 0.0) for grip in grips]
+            deepest: Array = np.maximum(*each).reshape(2, -1).max(axis=0)
+            return deepest
+
+        def connect(above: Array, searching: bool) -> tuple[int, Path, Path]:
+            goal = _grasping(above, there)
+            start, path = find_start(self._depths(base, there), starts, goal)
+            if searching and path.depth > 0:
+                path = self._path(there, starts[start], goal, base, True)
+            return start, path, self._best_path(back, _grasping(above, back), free, base, searching)
+
+        return choose_reach(targets, above, depths, connect)
+
+    # Moving
+
+    def _jump(self, posture: Array) -> None:
+        """Leave at once the posture in which the state has the arm, where it is another than a free one."""
+        if np.abs(posture - self._posture).max() > _CAUGHT_UP:
+            self._physics.set_joints(self._name, posture[:-1].tolist())
+            self._arm.drive(posture[:-1].tolist())
+            self._posture = posture
+            if self._grip is not None:
+                self._physics.move_object(self._grip.item, self._held_pose(self._grip))
             self._level()
-            yield
-        arm.drive(goal)
-        for _ in range(round(_CATCH_UP_TIME / TIME_STEP)):
-            if np.abs(np.subtract(goal, arm.configuration())).max() < _CAUGHT_UP:
+
+    def _go_straight(self, goal: Array, base: Array) -> Iterator[Tick]:
+        """Move straight to or from a place, where the fingers may touch."""
+        depth = float(self._depths(base, self._grip, False)(line(self._posture, goal), 0.0).max())
+        yield from self._follow(Path((goal,), depth if depth > ALLOWED else 0.0))
+
+    def _follow(self, path: Path) -> Iterator[Tick]:
+        self._tick = Tick(path.depth)
+        for number, posture in enumerate(path.postures):
+            yield from self._move_arm(posture, number == len(path.postures) - 1)
+
+    def _move_arm(self, goal: Array, exactly: bool) -> Iterator[Tick]:
+        """Drive the joints' motors to a posture, and what is held to its yaw; wait for them if it shall be exact."""
+        arm, start = self._arm, self._posture
+        for joints, speeds, share in trajectory.move_joints(start[:-1], goal[:-1], arm.speeds):
+            arm.drive(joints, speeds)
+            if self._grip is not None:
+                self._grip = Grip(self._grip.item, float(start[-1] + share * (goal[-1] - start[-1])))
+            self._level()
+            yield self._tick
+        self._posture = goal
+        arm.drive(goal[:-1])
+        for _ in range(round(_CATCH_UP_TIME / TIME_STEP) if exactly else 0):
+            if np.abs(np.subtract(goal[:-1], arm.configuration())).max() < _CAUGHT_UP:
                 return
             self._level()
-            yield
+            yield self._tick
 
     def _level(self) -> None:
         """Keep a held object upright in the gripper."""
@@ -118,9 +269,21 @@ class DrivenArm:
             self._physics.level(self._name, self._held_pose(self._grip))
 
 
-def _together(*motions: Iterator[None]) -> Iterator[None]:
-    """Go through several motions at once, until the last has ended."""
-    return (None for _ in zip_longest(*motions))
+def _options(grip: Grip | None) -> list[Array]:
+    """Return the postures in which the arm can be taken along."""
+    return [as_posture(one) for one in _EMPTY] if grip is None else [as_posture(one, grip.turn) for one in _LOADED]
+
+
+def _closed(postures: Array) -> Array:
+    """Return postures with the fingers closed on an object."""
+    closed = postures.copy()
+    closed[..., -3:-1] = _HOLDING
+    return closed
+
+
+def _grasping(postures: Array, grip: Grip | None) -> Array:
+    """Return postures with the fingers as they are with or without an object."""
+    return postures if grip is None else _closed(postures)
 
 
 def _check(position: Vector, goal: Vector) -> None:

@@ -5,16 +5,18 @@ in physics alone, of which the state knows nothing; its result is then set as in
 the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, the action fails.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
 from chmarl_pb.robots.driven_arm import MissedError
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.world import Pose, World
 
 TICKS_PER_FRAME = 8  # 30 snapshots a second
+DEEP = 0.005  # metres of depth from which on a motion counts as a collision
+_STILL = Tick(by_motors=False)
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,14 @@ class Snapshot:
         bases: robot -> pose of its base.
         joints: robot -> positions of its movable joints.
         items: object -> its pose, for those that are picked, carried or placed.
+        depths: robot -> how deep its arm, or what it holds, stands in something, metres: 0, but where its plan found
+            no free way.
     """
 
     bases: dict[str, Pose]
     joints: dict[str, tuple[float, ...]]
     items: dict[str, Pose]
+    depths: dict[str, float]
 
 
 def execute(
@@ -56,6 +61,15 @@ def execute(
     return succeeded, snapshots
 
 
+def collisions(snapshots: Sequence[Snapshot]) -> int:
+    """Return how many robots' driven motions pass through something, as no free way was found for them."""
+    deepest: dict[str, float] = {}
+    for snapshot in snapshots:
+        for name, depth in snapshot.depths.items():
+            deepest[name] = max(depth, deepest.get(name, 0.0))
+    return sum(depth > DEEP for depth in deepest.values())
+
+
 def _rehearse(
     world: World, robots: Mapping[str, Robot], motions: dict[str, Motion]
 ) -> tuple[set[str], tuple[Snapshot, ...]]:
@@ -73,16 +87,16 @@ def _rehearse(
     running = {name: robots[name].drive(motion) for name, motion in motions.items()}
     missed: set[str] = set()
     snapshots: list[Snapshot] = []
-    tick = 0
+    count = 0
     try:
         while running:
-            for name in list(running):
-                if not _advance(running[name], name, missed):
-                    del running[name]
-            world.physics.step()
-            if tick % TICKS_PER_FRAME == 0:
-                snapshots.append(_snapshot(world, items))
-            tick += 1
+            ticks = {name: _advance(running, name, missed) for name in list(running)}
+            if any(tick.by_motors for tick in ticks.values()):
+                world.physics.step()
+            if count % TICKS_PER_FRAME == 0:
+                depths = {name: ticks[name].depth if name in ticks else 0.0 for name in robots}
+                snapshots.append(_snapshot(world, items, depths))
+            count += 1
     finally:
         for item in items:
             world.physics.freeze(item)
@@ -90,20 +104,20 @@ def _rehearse(
     return missed, tuple(snapshots)
 
 
-def _advance(ticks: Iterator[None], name: str, missed: set[str]) -> bool:
-    """Command one robot for the next step; return whether its motion goes on."""
+def _advance(running: dict[str, Iterator[Tick | None]], name: str, missed: set[str]) -> Tick:
+    """Command one robot for the next step; it no longer runs if its motion has ended."""
     try:
-        next(ticks)
-    except StopIteration:
-        return False
+        return next(running[name]) or Tick()
     except MissedError:
         missed.add(name)
-        return False
-    return True
+    except StopIteration:
+        pass
+    del running[name]
+    return _STILL
 
 
-def _snapshot(world: World, items: tuple[str, ...]) -> Snapshot:
+def _snapshot(world: World, items: tuple[str, ...], depths: dict[str, float]) -> Snapshot:
     physics = world.physics
     bases = {name: physics.read_base(name) for name in physics.robots}
     joints = {name: physics.read_joints(name) for name in physics.robots}
-    return Snapshot(bases, joints, {item: physics.read_object(item) for item in items})
+    return Snapshot(bases, joints, {item: physics.read_object(item) for item in items}, depths)

@@ -1,6 +1,7 @@
 """A robot with an arm: drives, picks and places."""
 
 from collections.abc import Collection, Iterator
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -8,11 +9,14 @@ import numpy as np
 from chmarl_pb.navigation.approaches import Approaches
 from chmarl_pb.navigation.free_space import GRIP, Space, grip_point
 from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.robots.arm_boxes import ArmBoxes
+from chmarl_pb.robots.clearance import Obstacles
 from chmarl_pb.robots.driven_arm import DrivenArm
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.mobile import MobileRobot
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motion import Motion, Placement
+from chmarl_pb.robots.motion import Motion, Placement, Tick
+from chmarl_pb.robots.surroundings import Surroundings
 from chmarl_pb.world import Grip, Pose, RobotBody, World, yaw_quaternion
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
@@ -45,6 +49,7 @@ class MobileManipulator(MobileRobot):
 
     def _in_physics(self) -> RobotBody:
         self.arm = Arm(self.world.client, self.body, self.model.urdf)
+        self._shape = ArmBoxes(self.world.client, self.body)
         return RobotBody(self.body, self.arm.indices, self.arm.grasp_link)
 
     @property
@@ -172,16 +177,22 @@ class MobileManipulator(MobileRobot):
         """Let the motors keep the arm where it is: they may still have the goal of an earlier motion."""
         self.arm.drive(self.arm.configuration())
 
-    def drive(self, motion: Motion) -> Iterator[None]:
+    def drive(self, motion: Motion) -> Iterator[Tick]:
         """Move base and arm in physics alone, one simulation step at a time.
 
         Raises:
             MissedError: the hand or the object has missed its target.
         """
-        heading = self.lattice.pose(motion.pose)[2]
-        arm = DrivenArm(self.name, self.arm, self.world, self.held_pose)
+        ignoring = () if motion.pick is None else (motion.pick,)
+        around = Surroundings(self._shape, self._solids, self.world, ignoring)
+        arm = DrivenArm(self.name, self.arm, self.world, self.held_pose, around)
         turn = 0.0 if motion.pick is None else self.turn_of(motion.pick, motion.pose)
-        return arm.act(motion, self._way(motion), heading, turn)
+        legs = [leg for leg in self._legs(motion) if len(leg)]
+        return arm.act(motion, legs, np.array(self.lattice.pose(motion.pose)), turn)
+
+    @cached_property
+    def _solids(self) -> Obstacles:
+        return Obstacles((solid.polygon, solid.bottom, solid.top) for solid in self.space.home.solids)
 
 
 def _distance(space: Space, receptacle: str, x: float, y: float) -> float:

@@ -2,12 +2,15 @@
 
 from collections.abc import Collection, Iterator, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import Lattice
 from chmarl_pb.robots import trajectory
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot
 from chmarl_pb.world import RobotBody, RobotState, Vector, World, yaw_quaternion
 
@@ -76,24 +79,32 @@ class MobileRobot:
     def get_ready(self) -> None:
         """Prepare to be driven: nothing is to be done."""
 
-    def drive(self, motion: Motion) -> Iterator[None]:
+    def drive(self, motion: Motion) -> Iterator[Tick]:
         """Move the base in physics alone, one simulation step at a time."""
+        moved = Tick(by_motors=False)
         for base in self._way(motion):
             self.world.physics.move_robot(self.name, base)
-            yield
+            yield moved
 
     def _way(self, motion: Motion) -> Iterator[tuple[Vector, Vector]]:
         """Yield where the base is on its way, at every simulation step."""
-        lattice, model, height = self.lattice, self.model, self.model.altitude
-        (*start, yaw), (*end, end_yaw) = lattice.pose(self.pose), lattice.pose(motion.pose)
-        if isinstance(lattice, Lattice):
-            path = lattice.path(lattice.cell(self.pose), lattice.cell(motion.pose))
-            corners = lattice.waypoints(tuple(path))
-            for x, y, turned in trajectory.drive(corners, yaw, end_yaw, model.speed, model.turn_speed):
-                yield (x, y, height), yaw_quaternion(turned)
+        height = self.model.altitude
+        if isinstance(self.lattice, Lattice):
+            for leg in self._legs(motion):
+                for x, y, turned in leg.tolist():
+                    yield (x, y, height), yaw_quaternion(turned)
         else:
-            for x, y in trajectory.fly(start, end, model.speed):
+            (*start, yaw), (*end, _) = self.lattice.pose(self.pose), self.lattice.pose(motion.pose)
+            for x, y in trajectory.fly(start, end, self.model.speed):
                 yield (x, y, height), yaw_quaternion(yaw)
+
+    def _legs(self, motion: Motion) -> Iterator[NDArray[np.float64]]:
+        """Yield the legs (n, 3) of a drive: x, y and yaw at every simulation step."""
+        lattice, model = self.lattice, self.model
+        assert isinstance(lattice, Lattice)
+        path = lattice.path(lattice.cell(self.pose), lattice.cell(motion.pose))
+        start, end = lattice.pose(self.pose)[2], lattice.pose(motion.pose)[2]
+        return trajectory.drive(lattice.waypoints(tuple(path)), start, end, model.speed, model.turn_speed)
 
     def _in_physics(self) -> RobotBody:
         return RobotBody(self.body)

@@ -29,3 +29,17 @@ class Placement:
     receptacle: str
     position: Vector
     yaw: float
+
+
+@dataclass(frozen=True)
+class Tick:
+    """One simulation step of a driven motion.
+
+    Attributes:
+        depth: how deep, by its plan, an arm or what it holds stands in something, metres: 0, but where no free way is
+            known.
+        by_motors: whether motors move the robot, so that physics has to be simulated; if not, it is put where it is.
+    """
+
+    depth: float = 0.0
+    by_motors: bool = True

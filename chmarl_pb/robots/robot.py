@@ -6,7 +6,7 @@ from typing import Protocol
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.motion import Motion, Tick
 
 
 class Robot(Protocol):
@@ -57,8 +57,12 @@ class Robot(Protocol):
     def get_ready(self) -> None:
         """Prepare to be driven."""
 
-    def drive(self, motion: Motion) -> Iterator[None]:
-        """Drive through a motion in physics alone, one simulation step at a time; see ``execution="simulated"``."""
+    def drive(self, motion: Motion) -> Iterator[Tick | None]:
+        """Drive through a motion in physics alone, one simulation step at a time; see ``execution="simulated"``.
+
+        Yields:
+            What the step is like; None: moved by motors, and nothing is in the way.
+        """
 
 
 def decide(

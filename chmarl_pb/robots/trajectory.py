@@ -3,7 +3,7 @@
 Every straight move starts and stops gently: its speed rises along a smooth step, holds, and falls the same way.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +18,8 @@ _JOINT_RAMP = 0.25  # seconds in which joints come to full speed
 _DRIVING, _TURNING, _FLYING = 1.5, 4.0, 2.0  # m/s^2, rad/s^2, m/s^2
 
 
-def drive(
-    corners: Points, start: float, end: float, speed: float, turn_speed: float
-) -> Iterator[tuple[float, float, float]]:
-    """Yield a base's x, y (metres) and yaw (radians) at every step: turn to each straight piece, drive it, turn.
+def drive(corners: Points, start: float, end: float, speed: float, turn_speed: float) -> Iterator[NDArray[np.float64]]:
+    """Yield the legs of a base's way: turn to each straight piece, drive it, turn. It stands still between two legs.
 
     Args:
         corners: (m, 2) of the way, metres; the first is where the base stands.
@@ -29,16 +27,19 @@ def drive(
         end: yaw that it shall have at the last corner, radians.
         speed: highest, m/s.
         turn_speed: highest, rad/s.
+
+    Yields:
+        x, y (metres) and yaw (radians) at every step, shape (n, 3).
     """
     (x, y), yaw = corners[0].tolist(), start
     for goal_x, goal_y in corners[1:].tolist():
         ahead = float(np.arctan2(goal_y - y, goal_x - x))
         if abs(wrap(ahead - yaw)) > _ALIGNED:
-            yield from ((x, y, angle) for angle in _turn(yaw, ahead, turn_speed))
+            yield _leg((x, y, angle) for angle in _turn(yaw, ahead, turn_speed))
             yaw = ahead
-        yield from ((*point, yaw) for point in _line((x, y), (goal_x, goal_y), (speed, _DRIVING)))
+        yield _leg((*point, yaw) for point in _line((x, y), (goal_x, goal_y), (speed, _DRIVING)))
         x, y = goal_x, goal_y
-    yield from ((x, y, angle) for angle in _turn(yaw, end, turn_speed))
+    yield _leg((x, y, angle) for angle in _turn(yaw, end, turn_speed))
 
 
 def fly(start: ArrayLike, end: ArrayLike, speed: float) -> Iterator[tuple[float, float]]:
@@ -87,6 +88,10 @@ def profile(distance: float, speed: float, acceleration: float) -> NDArray[np.fl
 def wrap(angle: float) -> float:
     """Return the same angle in radians between -pi and pi."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _leg(places: Iterable[tuple[float, float, float]]) -> NDArray[np.float64]:
+    return np.array(list(places), dtype=float).reshape(-1, 3)
 
 
 def _turn(start: float, goal: float, speed: float) -> Iterator[float]:

@@ -71,6 +71,7 @@ class Recording:
         targets: names of the receptacles Y.
         moments: the start and every step.
         success: whether X stands on Y at the end.
+        collisions: driven motions in which an arm, or what it holds, passes through something.
     """
 
     task: Task
@@ -84,6 +85,7 @@ class Recording:
     targets: tuple[str, ...]
     moments: tuple[Moment, ...]
     success: bool
+    collisions: int
 
     @property
     def steps(self) -> int:
@@ -155,7 +157,7 @@ def _recorded(
         return Recording(
             task, env.simulation.home, team_in(env.world, env.simulation.models), optimum(env), env.instruction, name,
             env.options.observation_name, env.rooms, env.setting.goal.receptacles, _moments(env, episode, noted),
-            episode.success,
+            episode.success, env.collisions,
         )  # fmt: skip
     finally:
         env.close()

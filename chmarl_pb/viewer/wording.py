@@ -68,7 +68,9 @@ def result_words(recording: Recording) -> str:
     """Return how the episode ended, in one sentence."""
     steps = f"{recording.steps} step{'s' if recording.steps != 1 else ''}"
     ending = f"Solved in {steps}" if recording.success else f"Not solved within {steps}"
-    return f"{ending}; the shortest plan has {shortest_words(recording)}."
+    count = recording.collisions
+    collided = f" {count} motion{'s' if count != 1 else ''} found no free way." if count else ""
+    return f"{ending}; the shortest plan has {shortest_words(recording)}.{collided}"
 
 
 def shortest_words(recording: Recording) -> str:

@@ -1,0 +1,145 @@
+"""An arm as boxes: where its links are in many configurations at once, without touching the simulation."""
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.robots.arm import JOINTS, Configuration
+from chmarl_pb.robots.clearance import Boxes, Obstacles
+from chmarl_pb.world.bullet import pybullet as p
+
+Array: TypeAlias = NDArray[np.float64]
+
+_LEAST = 0.005  # metres: PyBullet gives a link without collision geometry a box smaller than this
+
+
+_KEPT_OFF = ("forearm", "hand", "left_finger", "right_finger")  # the shoulder is always at the trunk
+_OWN = 0.008  # metres that the arm may come into its own body's boxes, which are rounder than they are
+
+
+class ArmBoxes:
+    """One box around each link that the arm's joints move, and the grasp point.
+
+    Attributes:
+        links: names of the links.
+        halves: (b, 3) half of their boxes' extents, metres.
+    """
+
+    def __init__(self, client: int, body: int):
+        """Measure a loaded robot; its joints are put back."""
+        infos = [p.getJointInfo(body, i, physicsClientId=client) for i in range(p.getNumJoints(body, client))]
+        before = [p.getJointState(body, info[0], physicsClientId=client)[0] for info in infos]
+        base = p.getBasePositionAndOrientation(body, physicsClientId=client)
+        p.resetBasePositionAndOrientation(body, (0, 0, 0), (0, 0, 0, 1), physicsClientId=client)
+        for info in infos:
+            p.resetJointState(body, info[0], 0.0, physicsClientId=client)
+        self._measure(client, body, infos)
+        for info, position in zip(infos, before, strict=True):
+            p.resetJointState(body, info[0], position, physicsClientId=client)
+        p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
+
+    def _measure(self, client: int, body: int, infos: Sequence[tuple[Any, ...]]) -> None:
+        """Read joints' axes and links' boxes off the body with all joints at zero and its base at the origin."""
+        numbers = {info[1].decode(): info[0] for info in infos}
+        states = {
+            i[0]: p.getLinkState(body, i[0], computeForwardKinematics=True, physicsClientId=client) for i in infos
+        }
+        parents = {info[0]: info[16] for info in infos}
+        self._joints = []  # of each joint: number of the one that moves it, whether it turns, its axis, a point of it
+        order = {numbers[name]: place for place, name in enumerate(JOINTS)}
+        for name in JOINTS:
+            info = infos[numbers[name]]
+            rotation = np.reshape(p.getMatrixFromQuaternion(states[info[0]][5]), (3, 3))
+            turns = info[2] == p.JOINT_REVOLUTE
+            self._joints.append((_mover(info[16], parents, order), turns, rotation @ info[13], states[info[0]][4]))
+        moved = {info[0]: _mover(info[0], parents, order) for info in infos}
+        boxes = {i: np.array(p.getAABB(body, i, physicsClientId=client)) for i, mover in moved.items() if mover > 0}
+        boxes = {i: box for i, box in boxes.items() if np.ptp(box, axis=0).max() > _LEAST}
+        self.links = tuple(infos[i][12].decode() for i in boxes)
+        self._movers = np.array([moved[i] for i in boxes])
+        self._centres = np.array([box.mean(axis=0) for box in boxes.values()])
+        self.halves = np.array([np.ptp(box, axis=0) / 2 for box in boxes.values()])
+        own = [number for number, name in enumerate(self.links) if name in _KEPT_OFF]
+        self._kept_off = np.array([*own, len(self.links)])  # the last: what the gripper holds
+        fixed = [i for i, mover in moved.items() if mover < 0]
+        lifted = [i for i, mover in moved.items() if mover == 0]
+        self._trunk = _own_body(client, body, lifted, states)
+        self._chassis = _own_body(client, body, fixed, states)
+        grasp = next(info[0] for info in infos if info[12] == b"grasp")
+        self._grasp = np.array(states[grasp][4]), moved[grasp]
+
+    def place(self, configurations: Sequence[Configuration] | Array) -> tuple[Boxes, Array]:
+        """Return where the links are in the frame of the robot's base.
+
+        Args:
+            configurations: (n, joints).
+
+        Returns:
+            Their boxes, and the grasp points (n, 3).
+        """
+        values = np.asarray(configurations, dtype=float).reshape(-1, len(JOINTS))
+        count = len(values)
+        turns = [np.broadcast_to(np.eye(3), (count, 3, 3))]
+        shifts = [np.zeros((count, 3))]
+        for (mover, revolves, axis, point), value in zip(self._joints, values.T, strict=True):
+            turn, shift = turns[mover + 1], shifts[mover + 1]
+            if revolves:
+                own = _turns(axis, value)
+                turns.append(turn @ own)
+                shifts.append(shift + turn @ point - turns[-1] @ point)
+            else:
+                turns.append(turn)
+                shifts.append(shift + (turn @ axis) * value[:, None])
+        all_turns, all_shifts = np.stack(turns, axis=1), np.stack(shifts, axis=1)
+        rotations, movers = all_turns[:, self._movers + 1], self._movers + 1
+        middles = (rotations @ self._centres[:, :, None])[..., 0] + all_shifts[:, movers]
+        point, mover = self._grasp
+        grasps = all_turns[:, mover + 1] @ point + all_shifts[:, mover + 1]
+        return Boxes(middles, rotations, self.halves), grasps
+
+    def own_depths(self, boxes: Boxes, lifts: Array) -> Array:
+        """Return how deep (n,) the forearm, the hand and what it holds stand in the robot's own body, metres.
+
+        Args:
+            boxes: of the links and, after them, of what the gripper holds, in the frame of the base.
+            lifts: (n,) how far the trunk is raised, metres.
+        """
+        some = self._kept_off[self._kept_off < boxes.middles.shape[1]]
+        shapes = Boxes(boxes.middles[:, some], boxes.axes[:, some], boxes.halves[some])
+        below = shapes.middles - lifts[:, None, None] * (0.0, 0.0, 1.0)
+        trunk = self._trunk.depth(Boxes(below, shapes.axes, shapes.halves), -_OWN)
+        depths: Array = np.maximum(trunk, self._chassis.depth(shapes, -_OWN)).max(axis=1)
+        return depths
+
+
+def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tuple[Any, ...]]) -> Obstacles:
+    """Return the collision boxes of some links, with all joints at zero; other shapes count as their bounding box."""
+    prisms = []
+    for link in links:
+        for shape in p.getCollisionShapeData(body, link, physicsClientId=client):
+            low, high = p.getAABB(body, link, physicsClientId=client)
+            if shape[2] == p.GEOM_BOX and np.allclose(states[link][1], (0, 0, 0, 1)):
+                middle, half = np.add(states[link][0], shape[5]), np.array(shape[3]) / 2
+                low, high = middle - half, middle + half
+            outline = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])])
+            prisms.append((outline, low[2], high[2]))
+    return Obstacles(prisms)
+
+
+def _mover(link: int, parents: dict[int, int], order: dict[int, int]) -> int:
+    """Return the place in ``JOINTS`` of the joint that moves a link, -1 if none does."""
+    while link >= 0 and link not in order:
+        link = parents[link]
+    return order[link] if link >= 0 else -1
+
+
+def _turns(axis: Array, angles: Array) -> Array:
+    """Return rotations (n, 3, 3) about a unit axis."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turns: Array = (
+        np.eye(3) + np.sin(angles)[:, None, None] * cross + (1 - np.cos(angles))[:, None, None] * (cross @ cross)
+    )
+    return turns

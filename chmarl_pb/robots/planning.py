@@ -1,0 +1,171 @@
+"""Free paths of an arm from one posture to another: straight, by a known way posture, or by a random tree.
+
+A posture is an array: a configuration of the joints, then the yaw of what is held. Nothing here knows what is in the
+way: it is asked of a function that tells how deep postures stand in something.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+#: How deep (n,) postures (n, d) stand in something when a margin is to be kept free, metres; 0: nowhere.
+Depths: TypeAlias = Callable[[Array, float], Array]
+
+MARGIN = 0.015  # metres that a path keeps free where it can
+ALLOWED = 0.003  # metres of depth that count as free without the margin: things touch where they stand
+
+_STEP = 0.1  # radians or metres of the joint that moves most, between two postures that are looked at
+_TRIES = 150  # draws of the random tree
+_WIDE = 1.0  # radians by which the tree goes beyond start and goal
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A way of an arm.
+
+    Attributes:
+        postures: its corners after the start; the last is the goal.
+        depth: metres that it stands in something at its worst place; 0 if it is free.
+    """
+
+    postures: tuple[Array, ...]
+    depth: float = 0.0
+
+
+def find_path(
+    depths: Depths, start: Array, goal: Array, ways: Sequence[Array], limits: tuple[Array, Array] | None, seed: int = 0
+) -> Path:
+    """Return a free path, or the least bad one that is known.
+
+    Args:
+        depths: how deep postures stand in something.
+        start: where the arm is.
+        goal: where it shall be.
+        ways: postures by which it may go.
+        limits: lowest and highest posture that a random tree may draw; None: no tree is grown.
+        seed: of the tree.
+    """
+    # No deeper than where it has to begin or end.
+    allowed = max(ALLOWED, float(depths(np.stack([start, goal]), 0.0).max()))
+    best = Path((goal,), np.inf)
+    for margin, most in ((MARGIN, 0.0), (0.0, allowed)):
+        for some in ((), ways):
+            best = _by_ways(depths, start, goal, some, margin, most)
+            if best.depth <= most:
+                return Path(best.postures, _counted(best.depth))
+    if limits is not None:
+        tree = _grow(depths, start, goal, limits, allowed, np.random.default_rng(seed))
+        if tree is not None:
+            return Path(_shortened(depths, tree, allowed), _counted(allowed))
+    return best
+
+
+def _by_ways(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], margin: float, free: float) -> Path:
+    """Return the least deep path of straight moves between way postures, of equally deep ones that of fewest moves."""
+    nodes = [start, *ways, goal]
+    pairs = list(combinations(range(len(nodes)), 2))
+    deep = np.zeros((len(nodes), len(nodes)))
+    for (one, other), depth in zip(
+        pairs, _deepest(depths, [(nodes[one], nodes[other]) for one, other in pairs], margin), strict=True
+    ):
+        deep[one, other] = deep[other, one] = depth if depth > free else 0.0
+    best: list[tuple[float, tuple[int, ...]]] = [(float(deep[0, node]), (node,)) for node in range(len(nodes))]
+    for _ in ways:
+        for via, node in permutations(range(1, len(nodes)), 2):
+            depth = max(best[via][0], float(deep[via, node]))
+            if (depth, len(best[via][1]) + 1) < (best[node][0], len(best[node][1])):
+                best[node] = depth, (*best[via][1], node)
+    depth, corners = best[-1]
+    return Path(tuple(nodes[corner] for corner in corners), depth)
+
+
+def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[int, Path]:
+    """Return from which of several postures a goal is best reached straight, the first if it is free, and the path."""
+    for margin in (MARGIN, 0.0):
+        deepest = _deepest(depths, [(start, goal) for start in starts], margin)
+        free = [number for number, depth in enumerate(deepest) if depth <= (ALLOWED if margin == 0 else 0.0)]
+        if free:
+            return free[0], Path((goal,))
+    return int(np.argmin(deepest)), Path((goal,), min(deepest))
+
+
+def line(start: Array, goal: Array) -> Array:
+    """Return postures (n, d) from a start, which is not among them, straight to a goal, which is."""
+    count = max(1, int(np.ceil(np.abs(goal - start).max() / _STEP)))
+    return start + np.linspace(0, 1, count + 1)[1:, None] * (goal - start)
+
+
+def _counted(depth: float) -> float:
+    """Return a depth, or 0 if it is no more than things have that touch."""
+    return depth if depth > ALLOWED else 0.0
+
+
+def _deepest(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[float]:
+    lines = [line(*edge) for edge in edges]
+    found = depths(np.concatenate(lines), margin)
+    ends = np.cumsum([len(one) for one in lines])[:-1]
+    return [float(part.max()) for part in np.split(found, ends)]
+
+
+def _grow(
+    depths: Depths, start: Array, goal: Array, limits: tuple[Array, Array], allowed: float, rng: np.random.Generator
+) -> list[Array] | None:
+    """Grow two random trees towards each other; return the postures from start to goal, or None."""
+    low = np.maximum(limits[0], np.minimum(start, goal) - _WIDE)
+    high = np.minimum(limits[1], np.maximum(start, goal) + _WIDE)
+    trees: list[tuple[list[Array], list[int]]] = [([start], [-1]), ([goal], [-1])]
+    for turn in range(_TRIES):
+        one, other = trees[turn % 2], trees[1 - turn % 2]
+        reached = _extend(depths, one, rng.uniform(low, high), allowed)
+        if reached is None:
+            continue
+        _extend(depths, other, one[0][reached], allowed)
+        if np.array_equal(other[0][-1], one[0][reached]):
+            ways = [_back(one, reached), _back(other, len(other[0]) - 1)]
+            first, second = ways if turn % 2 == 0 else ways[::-1]
+            return [*first[::-1], *second[1:]]
+    return None
+
+
+def _extend(depths: Depths, tree: tuple[list[Array], list[int]], goal: Array, allowed: float) -> int | None:
+    """Go straight from the nearest posture of a tree towards a goal while it is free; return the last one's number."""
+    postures, parents = tree
+    nearest = int(np.abs(np.stack(postures) - goal).max(axis=1).argmin())
+    steps = line(postures[nearest], goal)
+    bad = np.flatnonzero(depths(steps, 0.0) > allowed)
+    count = int(bad[0]) if len(bad) else len(steps)
+    for step in sorted({count // 2, count} - {0}):
+        postures.append(steps[step - 1])
+        parents.append(len(postures) - 2 if step == count and count > 1 else nearest)
+    return len(postures) - 1 if count else None
+
+
+def _back(tree: tuple[list[Array], list[int]], number: int) -> list[Array]:
+    """Return the postures from one of a tree back to its root."""
+    postures, parents = tree
+    found = [postures[number]]
+    while parents[number] >= 0:
+        number = parents[number]
+        found.append(postures[number])
+    return found
+
+
+def _shortened(depths: Depths, postures: list[Array], allowed: float) -> tuple[Array, ...]:
+    """Leave out what a straight move passes by; the first posture is the start and is not returned."""
+    kept, here = [], 0
+    while here < len(postures) - 1:
+        rest = range(len(postures) - 1, here, -1)
+        deepest = _deepest(depths, [(postures[here], postures[there]) for there in rest], 0.0)
+        here = next((there for there, depth in zip(rest, deepest, strict=True) if depth <= allowed), here + 1)
+        kept.append(postures[here])
+    return tuple(kept)
+
+
+def as_posture(configuration: ArrayLike, turn: float = 0.0) -> Array:
+    """Return a configuration and the yaw of what is held as one array."""
+    return np.append(np.asarray(configuration, dtype=float), turn)

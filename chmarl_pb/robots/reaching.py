@@ -1,0 +1,77 @@
+"""How an arm reaches a point: of all configurations that do, one that is free and can be got to and away from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.robots.planning import ALLOWED, Path
+
+Array: TypeAlias = NDArray[np.float64]
+#: From which posture the arm gets above a point, how, and away from there again; True: at any cost of search.
+Connect: TypeAlias = Callable[[Array, bool], tuple[int, Path, Path]]
+
+_BLOCKS = (1, 150)  # postures that are looked at together, the most comfortable first; then all others
+_SPREAD = 8  # free postures of a block, as different as can be, that the arm tries to get to
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """How a point is reached.
+
+    Attributes:
+        target: posture with the fingertips at the point.
+        above: posture above it, from which it is reached straight.
+        start: number of the posture from which it is reached.
+        there: the way above the point.
+        back: the way from there, when the point has been reached.
+    """
+
+    target: Array
+    above: Array
+    start: int
+    there: Path
+    back: Path
+
+    @property
+    def depth(self) -> float:
+        """How deep both ways are."""
+        return self.there.depth + self.back.depth
+
+
+def choose_reach(targets: Array, above: Array, depths: Callable[[Array, Array], Array], connect: Connect) -> Reach:
+    """Choose how to reach a point.
+
+    Args:
+        targets: (n, d) postures that reach it, the most comfortable first.
+        above: (n, d) the postures above it.
+        depths: how deep (k,) pairs of such postures stand in something.
+        connect: how the arm gets to a posture above the point, and back.
+    """
+    deep = np.zeros(0)
+    tried: list[tuple[float, int, Reach]] = []
+    for block in np.split(np.arange(len(targets)), _BLOCKS):
+        if not len(block):
+            continue
+        deep = np.concatenate([deep, depths(targets[block], above[block])])
+        for number in _spread(targets, block[deep[block] <= ALLOWED]):
+            reach = Reach(targets[number], above[number], *connect(above[number], False))
+            if reach.depth <= 0:
+                return reach
+            tried.append((reach.depth, number, reach))
+    number = min(tried)[1] if tried else int(deep.argmin())
+    return Reach(targets[number], above[number], *connect(above[number], True))
+
+
+def _spread(postures: Array, numbers: NDArray[np.intp]) -> list[int]:
+    """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
+    if not len(numbers):
+        return []
+    some = postures[numbers]
+    chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
+    while len(chosen) < min(_SPREAD, len(numbers)):
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
+    return [int(number) for number in numbers[chosen]]

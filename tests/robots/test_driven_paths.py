@@ -1,0 +1,124 @@
+"""Driven arms keep clear of what stands there: depths agree with PyBullet, paths are free, collisions are counted."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pybullet
+import pytest
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.homes.home import load_home
+from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.robots.arm import Arm
+from chmarl_pb.robots.arm_boxes import ArmBoxes
+from chmarl_pb.robots.clearance import Obstacles
+from chmarl_pb.robots.execution import DEEP, Snapshot, collisions
+from chmarl_pb.robots.planning import Path, find_path, line
+from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.robots.travel import choose_postures
+from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.world import World, yaw_quaternion
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[World]:
+    world = World(load_home("home_1"))
+    yield world
+    world.close()
+
+
+def test_depths_agree_with_closest_points(world: World) -> None:
+    model = team_of(TEAM)["humanoid"]
+    body = model.load(world.client)
+    arm, shape, rng = Arm(world.client, body, model.urdf), ArmBoxes(world.client, body), np.random.default_rng(0)
+    configurations = rng.uniform(arm.lower, arm.upper, (60, 10))
+    bases = np.column_stack([rng.uniform(*world.home.bounds, (60, 2)), rng.uniform(-3, 3, 60)])
+    solids = Obstacles((solid.polygon, solid.bottom, solid.top) for solid in world.home.solids)
+    found = solids.depth(shape.place(configurations)[0].at(*bases.T))
+    links = {
+        pybullet.getJointInfo(body, number, physicsClientId=world.client)[12].decode(): number
+        for number in range(pybullet.getNumJoints(body, physicsClientId=world.client))
+    }
+    floors = {number for name, number in world.links.items() if "/floor" in name}
+    touched = 0
+    for configuration, (x, y, yaw), depths in zip(configurations, bases.tolist(), found, strict=True):
+        pybullet.resetBasePositionAndOrientation(body, (x, y, 0), yaw_quaternion(yaw), physicsClientId=world.client)
+        arm.set(configuration.tolist())
+        for name, depth in zip(shape.links, depths, strict=True):
+            points = pybullet.getClosestPoints(
+                body, world.physics.home, 0.0, links[name], physicsClientId=world.client
+            )  # fmt: skip
+            true = max([-point[8] for point in points if point[4] not in floors], default=0.0)
+            assert depth == pytest.approx(max(true, 0.0), abs=0.004)
+            touched += depth > 0.01
+    pybullet.removeBody(body, physicsClientId=world.client)
+    assert touched > 20
+
+
+def wall(postures: np.ndarray, margin: float) -> np.ndarray:
+    """Return how deep points of a plane stand in a wall at x = 0 that leaves y > 0.5 free."""
+    x, y = postures.T
+    return np.maximum(0.0, np.minimum(0.1 - np.abs(x), 0.5 - y) + margin)
+
+
+START, GOAL = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
+LIMITS = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
+
+
+@pytest.mark.parametrize("ways", [[np.array([0.0, 2.0])], [np.array([-1.0, 1.5]), np.array([1.0, 1.5])], []])
+def test_a_path_goes_round(ways: list[np.ndarray]) -> None:
+    path = find_path(wall, START, GOAL, ways, LIMITS)
+    assert path.depth == 0
+    corners = [START, *path.postures]
+    assert (corners[-1] == GOAL).all()
+    for one, other in pairwise(corners):
+        assert wall(line(one, other), 0.0).max() <= 0.003
+    again = find_path(wall, START, GOAL, ways, LIMITS)
+    assert np.array_equal(path.postures, again.postures)
+
+
+def test_where_there_is_no_way_the_path_says_how_deep_it_is() -> None:
+    path = find_path(lambda postures, margin: np.maximum(0.0, 0.1 - np.abs(postures[:, 0])), START, GOAL, [], LIMITS)
+    assert path.postures[-1] is GOAL and path.depth == pytest.approx(0.1, abs=0.06)
+
+
+def test_the_posture_changes_for_the_leg_that_needs_it() -> None:
+    legs = [np.column_stack([np.full(9, float(number)), np.zeros((9, 2))]) for number in range(3)]
+    options = [np.array([0.0]), np.array([1.0])]
+
+    def along(posture: np.ndarray, bases: np.ndarray, margin: float) -> np.ndarray:
+        return np.where((bases[:, 0] == 1) & (posture[0] == 0), 0.2, 0.0)
+
+    chosen = choose_postures(legs, 0, 0, options, along, lambda one, other, base, searching: Path((other,)))
+    assert [leg.option for leg in chosen] == [0, 1, 0] and all(leg.depth == 0 for leg in chosen)
+
+
+@pytest.mark.parametrize(("task", "step"), [("train-3000", 6), ("val-unseen-000", 3)])
+def test_motions_that_went_through_furniture_are_free(task: str, step: int) -> None:
+    """The arm hit a wall on the drive by 135 mm, and the fridge beside what was picked by 142 mm."""
+    states = []
+    for execution in ("instant", "simulated"):
+        env = HouseholdEnv(home=find_task(task).home)
+        observations, infos = env.reset(options={"task": find_task(task)})
+        policy = make_policy("planner", env)
+        policy.reset(0)
+        for number in range(step + 1):
+            if number == step:
+                env.options = replace(env.options, execution=execution)
+            observations, _, _, _, infos = env.step(policy.act(observations, infos))
+        states.append(env.world.state)
+        assert env.collisions == 0
+        env.close()
+    assert states[0] == states[1]
+
+
+def test_robots_that_pass_through_something_are_counted() -> None:
+    depths = [
+        {"humanoid": 0.0, "drone": 0.0},
+        {"humanoid": 2 * DEEP, "drone": 0.0},
+        {"humanoid": DEEP / 2, "drone": 0.0},
+    ]
+    snapshots = [Snapshot({}, {}, {}, depth) for depth in depths]
+    assert collisions(snapshots) == 1 and collisions(snapshots[::2]) == 0 and collisions(()) == 0
