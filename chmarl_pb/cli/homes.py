@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from chmarl_pb.cli.arguments import add_verb, output_file, verbs
+from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, verbs
 from chmarl_pb.cli.authoring import add_authoring
 from chmarl_pb.homes.home import home_names, home_path, load_home
 from chmarl_pb.navigation.check import check_home
@@ -21,6 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     draw.set_defaults(run=_preview)
     for verb in (check, draw):
         verb.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
+    add_catalog(check)
     draw.add_argument("--out", type=output_file, required=True, metavar="PNG", help="picture to write")
     add_authoring(all_verbs)
 
@@ -37,7 +38,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     """Print what keeps a home from being played; return 1 if anything does."""
-    report = check_home(options.file)
+    report = check_home(options.file, catalog_of(options.catalog))
     World(report.home).close()  # says so if PyBullet cannot load it
     for problem in report.problems:
         print(f"{report.home.path}: {problem}", file=sys.stderr)

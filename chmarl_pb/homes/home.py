@@ -9,6 +9,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.generate.store import generate_home
@@ -94,6 +95,7 @@ class Home:
         links: all of them with their shapes, as physics and cameras need them.
         files: the URDF and all that it names, as they were read.
         content: the sha256 of those files.
+        catalog: the classes of things that it is read with: what is a receptacle, and what stands on it.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Home:
     links: tuple[Link, ...]
     files: tuple[Path, ...]
     content: str
+    catalog: Catalog = BENCHMARK
 
     @property
     def goto_rooms(self) -> tuple[str, ...]:
@@ -128,7 +131,8 @@ class Home:
     @cached_property
     def receptacles(self) -> dict[str, Thing]:
         """Name -> thing, for the things of the catalogue's receptacle classes that are solid."""
-        return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES and thing.solids}
+        known = self.catalog.receptacles
+        return {thing.name: thing for thing in self.things if thing.class_name in known and thing.solids}
 
 
 def home_names() -> list[str]:
@@ -158,26 +162,30 @@ def home_path(name_or_path: str | Path) -> Path:
     )
 
 
-def load_home(name_or_path: str | Path) -> Home:
-    """Read a home by name or path; an unchanged file is read once per process.
+def load_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Home:
+    """Read a home by name or path; an unchanged file is read once per process and catalogue.
+
+    Args:
+        name_or_path: of the home.
+        known: the classes of things.
 
     Raises:
         HomeError: see :func:`chmarl_pb.homes.urdf.read_links`; also a link name against the
             convention, a room without a floor, or no room at all.
     """
     path = home_path(name_or_path)
-    return _read_home(path, path.stat().st_mtime_ns)
+    return _read_home(path, path.stat().st_mtime_ns, known)
 
 
 @lru_cache(maxsize=32)
-def _read_home(path: Path, _modified: int) -> Home:
+def _read_home(path: Path, _modified: int, known: Catalog) -> Home:
     source = Source(path)
     links = tuple(link for link in read_links(source) if link.visuals or link.collisions)
     things = [_thing(path, link) for link in links]
     rooms = _rooms(path, things)
     structure = tuple(thing for thing in things if thing.class_name in catalog.STRUCTURE)
     furniture = tuple(thing for thing in things if thing.class_name not in catalog.STRUCTURE)
-    return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content)
+    return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content, known)
 
 
 def _thing(path: Path, link: Link) -> Thing:

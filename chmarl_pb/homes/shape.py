@@ -87,7 +87,7 @@ class Shape:
         Raises:
             ValueError: it spans no volume.
         """
-        return solid_from_vertices(self._placed(self._hull_points(), frame))
+        return solid_from_vertices(self.points(frame))
 
     def check_place(self, frame: Points) -> None:
         """Check that it lies near the world's origin, from its link's frame.
@@ -98,6 +98,10 @@ class Shape:
         centre = (frame[:3, :3] @ self.origin.xyz + frame[:3, 3]).tolist()
         if not math.hypot(*centre) + math.hypot(*self._reach()) <= FARTHEST:  # False for NaN, too
             raise ValueError(f"it reaches farther than {FARTHEST:,} m from the origin; a URDF's unit is the metre")
+
+    def points(self, frame: Points) -> Points:
+        """Return points (n, 3) whose convex hull it is in the world, from its link's frame."""
+        return self._placed(self._hull_points(), frame)
 
     def _placed(self, points: Points, frame: Points) -> Points:
         return (frame @ self.origin.frame @ np.column_stack([points, np.ones(len(points))]).T).T[:, :3]

@@ -62,6 +62,11 @@ class Link:
     collisions: tuple[Shape, ...]
     solids: tuple[Solid, ...]
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """All its visuals and collisions."""
+        return self.visuals + self.collisions
+
 
 def read_links(source: Source) -> tuple[Link, ...]:
     """Return all links of a home's URDF in the order of the file.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.navigation.free_space import Size, Space, grip_point, space_of
@@ -31,13 +32,13 @@ class HomeReport:
     problems: tuple[str, ...]
 
 
-def check_home(name_or_path: str | Path) -> HomeReport:
-    """Check a home.
+def check_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> HomeReport:
+    """Check a home, read with a catalogue.
 
     Raises:
         HomeError: the URDF cannot be read as a home at all, or a room cannot be reached.
     """
-    home = load_home(name_or_path)
+    home = load_home(name_or_path, known)
     space = space_of(home)
     problems = limits(home)
     try:
@@ -52,7 +53,7 @@ def check_home(name_or_path: str | Path) -> HomeReport:
                 "0.25 m x 0.25 m between 0.25 m and 1.45 m high, and free floor within 0.9 m of it"
             )
     for thing in home.things:
-        if thing.class_name in catalog.RECEPTACLES and not thing.solids:
+        if thing.class_name in home.catalog.receptacles and not thing.solids:
             problems.append(f"link {thing.name!r} has no <collision>, so nothing can stand on it; add one")
     if len({thing.class_name for thing in home.receptacles.values()}) < 2:
         problems.append("a task needs receptacles of at least two classes; add furniture")
