@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.assets import SCENES_DIR
-from chmarl_pb.catalog import RECEPTACLES, room_kind
+from chmarl_pb.catalog import BENCHMARK, room_kind
 from chmarl_pb.errors import TaskError
 from chmarl_pb.files import append_line
 from chmarl_pb.homes.furniture import load_model
@@ -97,8 +97,8 @@ def like(layout: Layout) -> Likeness:
         "rooms": len(layout.rooms),
         "doors": len(layout.doors),
         "furniture": len(classes),
-        "receptacles": sum(name in RECEPTACLES for name in classes),
-        "receptacle classes": len({name for name in classes if name in RECEPTACLES}),
+        "receptacles": sum(name in BENCHMARK.receptacles for name in classes),
+        "receptacle classes": len({name for name in classes if name in BENCHMARK.receptacles}),
         "graph": graph_of(layout),
         "classes": dict(Counter(classes)),
         **{f"area of a {kind}": value for kind, value in _by_kind(areas).items()},

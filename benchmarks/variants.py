@@ -34,12 +34,14 @@ def dress_homes(objects: int, known: int = 100) -> None:
 
 
 def _add_classes(count: int) -> None:
-    originals, urdf_of = list(catalog.GRASPABLES.values()), catalog.graspable_urdf
+    originals, urdf_of = list(catalog.BENCHMARK.graspables.values()), catalog.graspable_urdf
+    more = []
     for number in range(len(originals), count):
         original = originals[number % len(originals)]
-        name = f"{original.name}_{'x' * (number // len(originals))}"
-        catalog.GRASPABLES[name] = catalog.CLASSES[name] = replace(original, name=name)
-        catalog.CLASS_IDS[name] = len(catalog.CLASS_IDS) + 1
+        more.append(replace(original, name=f"{original.name}_{'x' * (number // len(originals))}"))
+    larger = vars(catalog.BENCHMARK.extended(more, catalog.BENCHMARK.content))
+    vars(catalog.BENCHMARK).clear()
+    vars(catalog.BENCHMARK).update(larger)
     catalog.graspable_urdf = lambda name: urdf_of(name.rstrip("x").rstrip("_") if "_x" in name else name)
 
 

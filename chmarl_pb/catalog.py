@@ -1,11 +1,14 @@
 """The classes of things: graspables, receptacles, scenery, rooms and robots, with states and names.
 
-A class is known by its identifier (``coffee_pot``). Its row here gives the symbolic states that a
-task's seed chooses from and the words people use for it; its model is a URDF file named after it.
-Class lists: CH-MARL, section 3 (45 graspables, 16 receptacles, 4 room kinds).
+A class is known by its identifier (``coffee_pot``). Its row gives the symbolic states that a task's seed chooses from,
+the words people use for it, and its model. All rows together are a :class:`Catalog`, which a home is read with. The
+benchmark's is :data:`BENCHMARK`: CH-MARL, section 3 (45 graspables, 16 receptacles, 4 room kinds). Users' own
+classes stand after these, see :func:`chmarl_pb.homes.catalog_file.load_catalog`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -39,12 +42,16 @@ class ThingClass:
         kind: what the class is used for.
         states: symbolic states that a task's seed draws from; the first is the usual one.
         names: names in plain English, the first is the canonical one.
+        places: receptacle classes that tasks put it on; none named: all.
+        model: name and content of the files that PyBullet loads it from, the URDF first; none: the packaged ones.
     """
 
     name: str
     kind: Kind
     states: tuple[str, ...]
     names: tuple[Name, ...]
+    places: tuple[str, ...] = ()
+    model: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
 
     @property
     def synonyms(self) -> tuple[str, ...]:
@@ -57,23 +64,111 @@ class ThingClass:
         return self.names[0].text
 
 
-def _rows(kind: Kind, table: str, default: tuple[str, ...]) -> dict[str, ThingClass]:
-    """Parse rows of ``identifier | names | names held out of training | states``; later columns may be absent.
+@dataclass(frozen=True, eq=False)
+class Catalog:
+    """All classes of things that a home, its tasks and its observations know of; equal if their content is.
 
-    The identifier's own words are the first name, unless the row begins with them: "some" before a
-    name says that it takes no "a", and a final s then that it is a plural.
+    Attributes:
+        rows: the classes in the order of their ids.
+        states: all state names in the order of their ids; "held" is given by the world, others by the task's seed.
+        furniture: model of the user's own -> its class and its URDF.
+        content: the sha256 of the user's files; empty for the benchmark's.
     """
-    classes = {}
+
+    rows: tuple[ThingClass, ...]
+    states: tuple[str, ...]
+    furniture: dict[str, tuple[str, Path]] = field(default_factory=dict)
+    content: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether it is of the same content."""
+        return isinstance(other, Catalog) and other.content == self.content
+
+    def __hash__(self) -> int:
+        """Return a number that is the same for the same content."""
+        return hash(self.content)
+
+    def extended(
+        self, rows: Sequence[ThingClass], content: str, furniture: dict[str, tuple[str, Path]] | None = None
+    ) -> "Catalog":
+        """Return a catalogue with more classes; all ids that this one gives stay.
+
+        Args:
+            rows: the classes, of other names.
+            content: what tells it from other catalogues.
+            furniture: as the attribute.
+        """
+        new = dict.fromkeys(state for row in rows for state in row.states if state not in self.states)
+        return Catalog((*self.rows, *rows), (*self.states, *new), {**self.furniture, **(furniture or {})}, content)
+
+    @cached_property
+    def classes(self) -> dict[str, ThingClass]:
+        """Class name -> row, over all kinds."""
+        return {row.name: row for row in self.rows}
+
+    @cached_property
+    def class_ids(self) -> dict[str, int]:
+        """Scene-graph class id of each class; 0 is padding."""
+        return {row.name: number for number, row in enumerate(self.rows, start=1)}
+
+    @cached_property
+    def state_ids(self) -> dict[str, int]:
+        """Scene-graph state id of each state; 0 is padding."""
+        return {name: number for number, name in enumerate(self.states, start=1)}
+
+    @cached_property
+    def graspables(self) -> dict[str, ThingClass]:
+        """What robots can pick."""
+        return self._of("graspable")
+
+    @cached_property
+    def receptacles(self) -> dict[str, ThingClass]:
+        """What things can be placed on."""
+        return self._of("receptacle")
+
+    @cached_property
+    def scenery(self) -> dict[str, ThingClass]:
+        """What stands in a home besides."""
+        return self._of("scenery")
+
+    @cached_property
+    def rooms(self) -> dict[str, ThingClass]:
+        """Kinds of rooms."""
+        return self._of("room")
+
+    @cached_property
+    def robots(self) -> dict[str, ThingClass]:
+        """Kinds of robots."""
+        return self._of("robot")
+
+    def _of(self, kind: Kind) -> dict[str, ThingClass]:
+        return {row.name: row for row in self.rows if row.kind == kind}
+
+
+def _rows(kind: Kind, table: str, default: tuple[str, ...]) -> list[ThingClass]:
+    """Parse rows of ``identifier | names | names held out of training | states``; later columns may be absent."""
+    classes = []
     for line in table.strip().splitlines():
         columns = [[entry.strip() for entry in column.split(",") if entry.strip()] for column in line.split("|")]
         columns += [[]] * (4 - len(columns))
         (identifier,), shown, held_out, states = columns
-        names = [_name(text, False) for text in shown] + [_name(text, True) for text in held_out]
-        canonical = Name(identifier.replace("_", " "))
-        if not names or names[0].text != canonical.text:
-            names.insert(0, canonical)
-        classes[identifier] = ThingClass(identifier, kind, tuple(states) or default, tuple(names))
+        classes.append(ThingClass(identifier, kind, tuple(states) or default, names_of(identifier, shown, held_out)))
     return classes
+
+
+def names_of(identifier: str, shown: Sequence[str], held_out: Sequence[str]) -> tuple[Name, ...]:
+    """Return the names of a class.
+
+    Args:
+        identifier: its own words are the first name, unless ``shown`` begins with them.
+        shown: names for all tasks; "some" before one says that it takes no "a", and a final s then that it is a plural.
+        held_out: names that tasks for training never use.
+    """
+    names = [_name(text, False) for text in shown] + [_name(text, True) for text in held_out]
+    canonical = Name(identifier.replace("_", " "))
+    if not names or names[0].text != canonical.text:
+        names.insert(0, canonical)
+    return tuple(names)
 
 
 def _name(text: str, held_out: bool) -> Name:
@@ -82,7 +177,7 @@ def _name(text: str, held_out: bool) -> Name:
     return Name(text.removeprefix("some "), "plural" if text.endswith("s") else "mass", held_out)
 
 
-GRASPABLES = _rows(
+_GRASPABLES = _rows(
     "graspable",
     """
     apple | red apple | fresh apple
@@ -134,7 +229,7 @@ GRASPABLES = _rows(
     ("intact",),
 )
 
-RECEPTACLES = _rows(
+_RECEPTACLES = _rows(
     "receptacle",
     """
     bathroom_counter | bathroom vanity | vanity unit
@@ -157,7 +252,7 @@ RECEPTACLES = _rows(
     ("fixed",),
 )
 
-SCENERY = _rows(
+_SCENERY = _rows(
     "scenery",
     """
     bathtub | bath
@@ -192,7 +287,7 @@ SCENERY = _rows(
 #: Kinds of rooms that robots can be sent to, in the order of the ``goto`` actions.
 ROOM_KINDS = ("kitchen", "bedroom", "bathroom", "livingroom")
 
-ROOMS = _rows(
+_ROOMS = _rows(
     "room",
     """
     kitchen | kitchen area | cooking area
@@ -204,22 +299,15 @@ ROOMS = _rows(
     ("fixed",),
 )
 
-ROBOTS = _rows("robot", "humanoid | robot\ndrone | flying robot", ("free", "holding"))
+_ROBOTS = _rows("robot", "humanoid | robot\ndrone | flying robot", ("free", "holding"))
 
 #: Structure of a home: solid and visible, but never a node of the scene graph.
 STRUCTURE = ("floor", "wall")
 
-#: Class name to row, over all kinds, in the order of the scene graph's class ids.
-CLASSES: dict[str, ThingClass] = {**GRASPABLES, **RECEPTACLES, **SCENERY, **ROOMS, **ROBOTS}
+_ALL = (*_GRASPABLES, *_RECEPTACLES, *_SCENERY, *_ROOMS, *_ROBOTS)
 
-#: Scene-graph class id of each class; 0 is padding.
-CLASS_IDS = {name: number for number, name in enumerate(CLASSES, start=1)}
-
-#: All state names; "held" is given by the world, the others by the task's seed.
-STATES = tuple(sorted({state for row in CLASSES.values() for state in row.states} | {"held"}))
-
-#: Scene-graph state id of each state; 0 is padding.
-STATE_IDS = {name: number for number, name in enumerate(STATES, start=1)}
+#: The benchmark's classes, whose ids never move.
+BENCHMARK = Catalog(_ALL, tuple(sorted({state for row in _ALL for state in row.states} | {"held"})))
 
 #: Relations between two nodes, in the order of their ids; 0 is padding.
 RELATIONS = ("on", "inside", "near", "held_by", "in_room")

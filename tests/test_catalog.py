@@ -3,6 +3,7 @@
 import pytest
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import AssetError
 
 GRASPABLES = """apple banana board_game book bowl bread candle cereal_box chocolate_syrup clock coffee_pot cooking_pot
@@ -14,32 +15,38 @@ RECEPTACLES = """bathroom_counter bed bench bookshelf cabinet chair coffee_table
 
 
 def test_classes_are_those_of_the_benchmark() -> None:
-    assert list(catalog.GRASPABLES) == GRASPABLES and len(GRASPABLES) == 45
-    assert list(catalog.RECEPTACLES) == RECEPTACLES and len(RECEPTACLES) == 16
+    assert list(BENCHMARK.graspables) == GRASPABLES and len(GRASPABLES) == 45
+    assert list(BENCHMARK.receptacles) == RECEPTACLES and len(RECEPTACLES) == 16
     assert catalog.ROOM_KINDS == ("kitchen", "bedroom", "bathroom", "livingroom")
 
 
 def test_no_class_stands_twice() -> None:
-    tables = (catalog.GRASPABLES, catalog.RECEPTACLES, catalog.SCENERY, catalog.ROOMS, catalog.ROBOTS)
-    assert len(catalog.CLASSES) == sum(map(len, tables))
-    assert not set(catalog.STRUCTURE) & set(catalog.CLASSES)
+    tables = (
+        BENCHMARK.graspables,
+        BENCHMARK.receptacles,
+        BENCHMARK.scenery,
+        BENCHMARK.rooms,
+        BENCHMARK.robots,
+    )
+    assert len(BENCHMARK.classes) == sum(map(len, tables))
+    assert not set(catalog.STRUCTURE) & set(BENCHMARK.classes)
 
 
-@pytest.mark.parametrize("row", catalog.CLASSES.values(), ids=lambda row: row.name)
+@pytest.mark.parametrize("row", BENCHMARK.classes.values(), ids=lambda row: row.name)
 def test_row_is_complete(row: catalog.ThingClass) -> None:
-    assert row.states and set(row.states) <= set(catalog.STATES)
+    assert row.states and set(row.states) <= set(BENCHMARK.states)
     assert row.synonyms and row.noun == row.name.replace("_", " ")
     assert len(set(row.synonyms)) == len(row.synonyms)
 
 
-@pytest.mark.parametrize("table", [catalog.GRASPABLES, catalog.RECEPTACLES])
+@pytest.mark.parametrize("table", [BENCHMARK.graspables, BENCHMARK.receptacles])
 def test_a_word_names_one_class(table: dict[str, catalog.ThingClass]) -> None:
     words = [word for row in table.values() for word in row.synonyms]
     assert len(words) == len(set(words))
 
 
 def test_ids_start_at_one_and_have_no_holes() -> None:
-    for ids in (catalog.CLASS_IDS, catalog.STATE_IDS, catalog.RELATION_IDS):
+    for ids in (BENCHMARK.class_ids, BENCHMARK.state_ids, catalog.RELATION_IDS):
         assert sorted(ids.values()) == list(range(1, len(ids) + 1))
 
 
@@ -63,7 +70,7 @@ def test_room_of_and_room_kind() -> None:
 
 
 def test_urdf_of_every_graspable() -> None:
-    assert all(catalog.graspable_urdf(name).is_file() for name in catalog.GRASPABLES)
+    assert all(catalog.graspable_urdf(name).is_file() for name in BENCHMARK.graspables)
 
 
 @pytest.mark.parametrize("find", [catalog.graspable_urdf, catalog.furniture_urdf])

@@ -116,3 +116,8 @@ def test_hint_adviser(capsys: pytest.CaptureFixture[str]) -> None:
     example("hint_adviser").main()
     said = capsys.readouterr().out.splitlines()
     assert said[0].endswith("The best plan has 6 steps, you have taken 1.") and said[-1].startswith("place")
+
+
+def test_own_objects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example("own_objects").main(str(tmp_path / "own"))
+    assert "success after" in capsys.readouterr().out and (tmp_path / "own" / "duck.png").is_file()

@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from chmarl_pb.catalog import Catalog
+from chmarl_pb.envs.options import Options
 from chmarl_pb.robots.registry import TEAM, listed
 
 OBSERVATIONS = ("scene_graph", "visual")
@@ -28,6 +30,27 @@ def add_robots(parser: argparse.ArgumentParser) -> None:
         "--robots", type=listed, default=TEAM, metavar="R,R",
         help=f"1 to 8 robots: names or robot files (.toml), with commas between them (default: {','.join(TEAM)})",
     )  # fmt: skip
+
+
+def add_home(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option that names a home, and what follows from it."""
+    parser.add_argument("--home", metavar="H", help=f"play in this home, a name or a URDF: {what}")
+
+
+def add_catalog(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names a catalogue file."""
+    parser.add_argument(
+        "--catalog", metavar="TOML", help="catalogue file of own things (default: the one that CHMARL_CATALOG names)"
+    )
+
+
+def catalog_of(path: str | None) -> Catalog:
+    """Return the classes of things that --catalog means.
+
+    Raises:
+        AssetError: the file cannot be used.
+    """
+    return Options(catalog=path).things
 
 
 def output_file(text: str) -> Path:

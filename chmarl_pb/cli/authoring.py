@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from chmarl_pb.cli.arguments import add_verb, output_file, output_folder
+from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, output_folder
 from chmarl_pb.errors import ChmarlError, OptionError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.assemble import build_home
@@ -26,6 +26,7 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     build = add_verb(verbs, "build", "build a home's URDF from its layout")
     build.set_defaults(run=_build)
     build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
+    add_catalog(build)
     build.add_argument("--out", type=output_file, metavar="URDF", help="file to write (default: beside the layout)")
     build.add_argument(
         "--watch", action="store_true", help="build whenever the layout is saved, and draw it as a PNG beside the URDF"
@@ -57,14 +58,14 @@ def _new(options: argparse.Namespace) -> int:
 def _build(options: argparse.Namespace) -> int:
     """Build a home's URDF from its layout, once or whenever the layout is saved."""
     if not options.watch:
-        print(build_home(options.layout, options.out))
+        print(build_home(options.layout, options.out, catalog_of(options.catalog)))
         return 0
     built: tuple[int, int] | None = None
     while True:
         now = _stamp(options.layout)
         if now != built:
             built = now
-            _build_and_draw(options.layout, options.out)
+            _build_and_draw(options.layout, options.out, options.catalog)
         time.sleep(_GLANCE)
 
 
@@ -77,10 +78,10 @@ def _stamp(layout: Path) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
-def _build_and_draw(layout: Path, out: Path | None) -> None:
+def _build_and_draw(layout: Path, out: Path | None, catalog: str | None) -> None:
     """Build and draw once; a mistake in the layout is printed, and the last home stays."""
     try:
-        home = build_home(layout, out)
+        home = build_home(layout, out, catalog_of(catalog))
         print(f"{time.strftime('%H:%M:%S')} {home} {preview(home, home.with_suffix('.png'))}", flush=True)
     except ChmarlError as error:
         print(f"{time.strftime('%H:%M:%S')} {error}", file=sys.stderr, flush=True)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_robots, add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_verb, output_file, output_folder, verbs
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import find_datasets
@@ -36,6 +36,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
     making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
     add_robots(making)
+    add_home(making, "tasks are drawn for it, --limit or 100")
+    add_catalog(making)
     verifying = add_verb(all_verbs, "verify", "check the files of data sets and replay their episodes")
     verifying.set_defaults(run=verify_datasets)
     verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
@@ -61,11 +63,12 @@ def generate_datasets(options: argparse.Namespace) -> int:
     """
     check_workers(options.workers)
     root = options.out or default_root()
+    chosen = options.split or (SPLITS if options.home is None else ("train",))
     modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
     recipes = [
-        Recipe(split, mode, options.noise, options.seed, options.limit, options.robots)
+        Recipe(split, mode, options.noise, options.seed, options.limit, options.robots, options.home, options.catalog)
         for mode in modes
-        for split in options.split or SPLITS
+        for split in chosen
     ]
     made = []
     for recipe in recipes:

@@ -6,9 +6,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, add_robots, output_file
+from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, output_file
 from chmarl_pb.envs.options import MAX_STEPS, SENSORS
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
@@ -38,6 +39,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
     )
     add_robots(parser)
+    add_home(parser, "--draw tasks are drawn for it, the same every time")
+    parser.add_argument("--draw", type=int, default=20, metavar="N", help="tasks for --home (default: %(default)s)")
+    add_catalog(parser)
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
@@ -53,12 +57,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
+    tasks = options.task
+    if options.home is not None:
+        tasks = draw_tasks(options.home, options.draw, 0, options.catalog, options.robots)
     with progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {options.split}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            tasks=options.task, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
+            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
             feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
+            catalog=options.catalog,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)

@@ -5,7 +5,7 @@ import json
 import sys
 
 from chmarl_pb.catalog import room_of
-from chmarl_pb.cli.arguments import add_verb, output_file, verbs
+from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, verbs
 from chmarl_pb.cli.authoring import add_authoring
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.home import home_names, home_path, load_home
@@ -26,6 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     draw.set_defaults(run=_preview)
     for verb in (check, draw):
         verb.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
+    add_catalog(check)
     draw.add_argument("--out", type=output_file, required=True, metavar="PNG", help="picture to write")
     add_authoring(all_verbs)
 
@@ -42,7 +43,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     """Print all that was found in a home; return 1 if it cannot be played."""
-    report = judge(options.file)
+    report = judge(options.file, known=catalog_of(options.catalog))
     if options.json:
         text = json.dumps(report.as_dict(), indent=2, ensure_ascii=False)
         if options.json == "-":

@@ -15,6 +15,7 @@ from chmarl_pb.signals import Interrupted, handled
 COMMANDS = {
     "demo": "let the planner solve a task, as a video and a page",
     "homes": "list, check, draw, build and generate homes",
+    "things": "import, list and check own objects and furniture",
     "tasks": "make the benchmark's task files",
     "dataset": "make, verify and describe data sets of planner trajectories",
     "evaluate": "play all tasks of a split with a policy and print its metrics",

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+from chmarl_pb.envs.options import Options
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.benchmark_env import Observation
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
@@ -57,6 +58,7 @@ def _main(arguments: Sequence[str]) -> int:
     config, folder, workers, device = parse(arguments)
     if config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys:
         config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
+    config = replace(config, catalog_sha256=Options(catalog=config.catalog).things.content)
     run(config, folder, workers, quiet=False, device=device)
     best = json.loads((folder / RESULT).read_text())["best"]
     print(
@@ -64,7 +66,8 @@ def _main(arguments: Sequence[str]) -> int:
     )
     goal = " --goal" if PRESETS[config.preset].goal else ""
     robots = f" --robots {config.robots}" if listed(config.robots) != TEAM else ""
-    options = f"--observation {config.observation}{goal}{robots}"
+    own = f" --catalog {config.catalog}" if config.catalog else ""
+    options = f"--observation {config.observation}{goal}{robots}{own}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
     return 0
 

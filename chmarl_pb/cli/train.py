@@ -40,6 +40,7 @@ class Env:
         image_size: pixels of an image.
         robots: names and robot files (.toml), with commas between them.
         home: name or path of a home to train in instead of the split's.
+        catalog: catalogue file of own things; None: the one that CHMARL_CATALOG names, if any.
     """
 
     observation: Observation = "scene_graph"
@@ -48,6 +49,7 @@ class Env:
     image_size: int = count(128)
     robots: str = ",".join(TEAM)
     home: str | None = None
+    catalog: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits."""
@@ -161,7 +163,9 @@ def _run(arguments: Sequence[str]) -> int:
     command.run(folder)
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
     robots = f" --robots {command.setting.robots}" if listed(command.setting.robots) != TEAM else ""
-    options = f"--observation {command.setting.observation}{robots}"
+    catalog = getattr(command.setting, "catalog", None)
+    own = f" --catalog {catalog}" if catalog else ""
+    options = f"--observation {command.setting.observation}{robots}{own}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
     return 0
 
@@ -194,7 +198,7 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
     env_fn, setting = benchmark(
         env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
-        robots=listed(env.robots), home=env.home,
+        robots=listed(env.robots), home=env.home, catalog=env.catalog,
     )  # fmt: skip
     expert = ALGORITHMS[algorithm].expert
     imitated = partial(make_policy, expert) if expert else None

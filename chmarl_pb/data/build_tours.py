@@ -31,7 +31,7 @@ _BEAM = 12  # tours of each length that are tried further
 _TYPICAL = 6  # joint steps of the planner: L* is 6.1 on average in training
 _HOPE = 0.65  # what a picked object counts of the score that placing it in three steps would bring
 _TURNS = range(-HEADINGS // 2 + 1, HEADINGS // 2 + 1)  # to the left
-_RECEPTACLES = np.array(list(catalog.RECEPTACLES))
+_RECEPTACLES = np.array(list(catalog.BENCHMARK.receptacles))
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS
+from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS, Options
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
 from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
 NAMESPACE = "chmarl"
+_DRAWN = 100  # tasks for a home of the user's
 FORMAT = 0  # of the contents; the version at the end of every data set's id
 
 ENV_IDS = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
@@ -31,6 +33,8 @@ class Recipe:
         seed: of the random actions.
         limit: number of tasks, from the first; None plays all.
         robots: see :class:`chmarl_pb.envs.options.Options`, but no objects.
+        home: name or path of a home, for which tasks are drawn in place of the split's, ``limit`` or 100 of them.
+        catalog: catalogue file of own things; None: the one that ``CHMARL_CATALOG`` names, if any.
     """
 
     split: str = "train"
@@ -39,6 +43,8 @@ class Recipe:
     seed: int = 0
     limit: int | None = None
     robots: tuple[str, ...] = TEAM
+    home: str | None = None
+    catalog: str | None = None
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -48,6 +54,7 @@ class Recipe:
             AssetError: there is no such robot.
         """
         team_of(self.robots)
+        object.__setattr__(self, "catalog", Options(catalog=self.catalog).catalog)
         for name, value, known in (
             ("split", self.split, SPLITS),
             ("observation", self.observation, OBSERVATIONS),
@@ -69,7 +76,8 @@ class Recipe:
         """
         robots = "" if self.robots == TEAM else "".join(f"-{Path(robot).stem}" for robot in self.robots)
         noise = f"-noise{round(100 * self.noise)}" if self.noise else ""
-        return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}{robots}-v{FORMAT}"
+        own = "".join(f"-{Path(file).stem.replace('-', '_')}" for file in (self.home, self.catalog) if file)
+        return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}{robots}{own}-v{FORMAT}"
 
     @property
     def env_id(self) -> str:
@@ -79,7 +87,13 @@ class Recipe:
     @property
     def tasks(self) -> list[Task]:
         """The tasks, one for each episode, in order."""
-        return load_tasks(self.split)[: self.limit]
+        return self._all_tasks[: self.limit]
+
+    @property
+    def _all_tasks(self) -> list[Task]:
+        if self.home is None:
+            return load_tasks(self.split)
+        return [*draw_tasks(self.home, self.limit or _DRAWN, self.seed, self.catalog, self.robots)]
 
     def facts(self) -> dict[str, Any]:
         """Return everything that the contents depend on, but the code.
@@ -89,6 +103,11 @@ class Recipe:
         options = asdict(self) | {"robots": list(self.robots)}
         if self.robots == TEAM:  # as in data sets from before there was a choice
             del options["robots"]
+        for name in ("home", "catalog"):
+            if options[name] is None:
+                del options[name]
+        if self.catalog is not None:
+            options["catalog_sha256"] = Options(catalog=self.catalog).things.content
         return {
             **options,
             "noise": float(self.noise),
@@ -106,7 +125,7 @@ class Recipe:
 
     def key(self) -> str:
         """Return a short text that another recipe or another code would not have."""
-        tasks = tasks_hash(load_tasks(self.split))  # of all, so that episodes serve a higher limit as well
+        tasks = tasks_hash(self._all_tasks)  # of all, so that episodes serve a higher limit as well
         facts = {**self.facts(), "limit": None, "tasks_sha256": tasks, "source": source_hash()}
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
 

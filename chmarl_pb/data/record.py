@@ -72,7 +72,8 @@ class Recording:
 
 def make_env(recipe: Recipe) -> gymnasium.Env:
     """Return the joint environment that a data set is recorded in."""
-    options: dict[str, Any] = {} if recipe.robots == TEAM else {"robots": recipe.robots}
+    given = {"robots": None if recipe.robots == TEAM else recipe.robots, "home": recipe.home, "catalog": recipe.catalog}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return gymnasium.make(recipe.env_id, split=recipe.split, disable_env_checker=True, **options)
 
 

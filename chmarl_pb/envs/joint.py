@@ -142,7 +142,7 @@ class HumanoidEnv(gymnasium.Env):
         self._robot = next(name for name in names if grasps(names[name]))
         self.action_space = self.parallel.action_space(self._robot)
         self.observation_space = self.parallel.observation_space(self._robot)
-        searches = SearchPolicy(names, self.parallel.rooms).searches
+        searches = SearchPolicy(names, self.parallel.rooms, self.parallel.catalog).searches
         self._others = {name: search for name, search in searches.items() if name != self._robot}
         self._other_actions: dict[str, int] = {}
 

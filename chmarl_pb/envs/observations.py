@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
@@ -29,7 +30,7 @@ class Observer:
         space: of one robot's observation; all robots have the same.
     """
 
-    def __init__(self, options: Options, rooms: tuple[str, ...]):
+    def __init__(self, options: Options, rooms: tuple[str, ...], known: Catalog = BENCHMARK):
         """Observe with the sensors of an environment.
 
         ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
@@ -38,11 +39,11 @@ class Observer:
         Raises:
             OptionError: two sensors have a key in common, or one has a key of the environment itself.
         """
-        self._sensors = options.sensors
+        self._sensors, self._catalog = options.sensors_of(known), known
         parts: dict[str, spaces.Space[Any]] = {}
         for sensor in self._sensors:
             _add(parts, sensor.spaces(), type(sensor).__name__)
-        tokens = language.vocabulary_size() - 1
+        tokens = language.vocabulary_size(known) - 1
         self._words = language.INSTRUCTION_LENGTH * options.kind.objects
         own: dict[str, spaces.Space[Any]] = {
             "instruction": spaces.Box(0, tokens, (self._words,), np.int16),
@@ -51,14 +52,14 @@ class Observer:
             "self": spaces.Box(-1, 1, (len(rooms) + 4,), np.float32),
         }
         if options.goal:
-            own["goal"] = spaces.Box(0, np.array([len(catalog.CLASSES)] * 2 + [1] * 2, np.int16), dtype=np.int16)
+            own["goal"] = spaces.Box(0, np.array([len(known.rows)] * 2 + [1] * 2, np.int16), dtype=np.int16)
         _add(parts, own, "the environment")
         self.space = spaces.Dict(parts)
         self._parts = parts
 
     def tokens(self, instruction: str) -> np.ndarray:
         """Return an instruction as token ids."""
-        return language.tokenize(instruction, self._words)
+        return language.tokenize(instruction, self._words, self._catalog)
 
     def observe(
         self, simulation: Simulation, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None
@@ -80,12 +81,12 @@ class Observer:
                     value = as_bytes(value, self._parts[key].shape[0])  # type: ignore[index]
                 observation[key] = value
         observation["instruction"] = instruction.copy()
-        observation["feedback"] = language.tokenize(view.feedback, language.FEEDBACK_LENGTH)
+        observation["feedback"] = language.tokenize(view.feedback, language.FEEDBACK_LENGTH, self._catalog)
         observation["messages"] = view.messages
         observation["self"] = _self(simulation, view.state, view.robot)
         if wanted is not None:
             in_view = {catalog.class_of(name) for name in view.seen}
-            numbers = [*(catalog.CLASS_IDS[name] for name in wanted), *(name in in_view for name in wanted)]
+            numbers = [*(self._catalog.class_ids[name] for name in wanted), *(name in in_view for name in wanted)]
             observation["goal"] = np.array(numbers, dtype=np.int16)
         return observation, texts
 

@@ -1,5 +1,6 @@
 """The keyword arguments that all environments share, checked once."""
 
+import os
 from copy import deepcopy
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -7,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
 from chmarl_pb.errors import OptionError
+from chmarl_pb.homes.catalog_file import load_catalog
 from chmarl_pb.policies.sources import name_of
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
@@ -55,6 +58,8 @@ class Options:
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
         robots: one to eight robots in the order in which they act: names of the package's, paths of robot files, or
             :class:`RobotModel` objects.
+        catalog: catalogue file (TOML) of own objects and furniture; None: the one that
+            ``CHMARL_CATALOG`` names, if any.
     """
 
     observation: Observed = "scene_graph"
@@ -70,6 +75,7 @@ class Options:
     task: str | TaskKind = "rearrange"
     renderer: str = "fast"
     robots: tuple[str | Path | RobotModel, ...] = TEAM
+    catalog: str | Path | None = None
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -79,6 +85,8 @@ class Options:
         """
         for part in self._observed():
             _one_of("observation", part, SENSORS, Sensor)
+        if self.catalog is None:  # fixed here: copies in other processes are to know the same things
+            object.__setattr__(self, "catalog", os.environ.get("CHMARL_CATALOG") or None)
         _one_of("split", self.split, SPLITS)
         _one_of("execution", self.execution, EXECUTIONS)
         _one_of("render_mode", self.render_mode, RENDER_MODES)
@@ -101,15 +109,23 @@ class Options:
             raise OptionError(f"observation={self.observation!r} names no sensor; use one of: {', '.join(SENSORS)}")
         return tuple(name for part in given for name in (part.split("+") if isinstance(part, str) else (part,)))
 
-    @property
-    def sensors(self) -> tuple[Sensor, ...]:
-        """What every robot observes with, in order."""
-        return tuple(self._sensor(part) if isinstance(part, str) else part for part in self._observed())
+    def sensors_of(self, known: Catalog) -> tuple[Sensor, ...]:
+        """Return what every robot observes the classes of a catalogue with, in order."""
+        return tuple(self._sensor(part, known) if isinstance(part, str) else part for part in self._observed())
 
-    def _sensor(self, name: str) -> Sensor:
+    def _sensor(self, name: str, known: Catalog) -> Sensor:
         if name in CAMERA_SENSORS:
-            return CAMERA_SENSORS[name](self.image_size)
-        return TextSensor() if name == "text" else SceneGraphSensor()
+            return CAMERA_SENSORS[name](self.image_size, known)
+        return TextSensor() if name == "text" else SceneGraphSensor(known)
+
+    @property
+    def things(self) -> Catalog:
+        """The classes of things.
+
+        Raises:
+            AssetError: the catalogue file cannot be used.
+        """
+        return BENCHMARK if self.catalog is None else load_catalog(self.catalog)
 
     @property
     def channel(self) -> Channel:

@@ -18,6 +18,7 @@ from chmarl_pb.robots.motion import Motion
 from chmarl_pb.robots.robot import decide
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.kinds import speaking_of
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome, reward
 from chmarl_pb.tasks.setting import Setting
@@ -51,6 +52,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     >>> env.close()
 
     Attributes:
+        catalog: the classes of things: the benchmark's, and the user's own after them.
         task: the task of the present episode.
         outcome: the facts after the last step.
         snapshots: how the last step's motion went at 30 Hz; empty unless ``execution="simulated"``.
@@ -81,19 +83,21 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._models = self.options.models
         self.possible_agents = list(self._models)
         self.agents: list[str] = []
-        self._tasks = TaskSource(self.options.split, self.options.home, self.options.kind)
+        self.catalog = self.options.things
+        self._kind = speaking_of(self.options.kind, self.catalog)
+        self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
         self._simulations: dict[str, Simulation] = {}
         if self.options.home is not None:
-            require_playable(self.options.home, self._models)
+            require_playable(self.options.home, self._models, self.catalog)
         self.simulation = self._enter(self.options.homes[0])
         self.rooms, self.action_names = self.simulation.rooms, self.simulation.actions
-        self._observer = Observer(self.options, self.rooms)
-        self._channel, self._adviser, self._kind = self.options.channel, self.options.adviser, self.options.kind
+        self._observer = Observer(self.options, self.rooms, self.catalog)
+        self._channel, self._adviser = self.options.channel, self.options.adviser
         self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
         self.observation_spaces = {name: self.observation_space(name) for name in self.possible_agents}
         self.action_spaces = {name: self.action_space(name) for name in self.possible_agents}
         said = self._channel.begin(self.rooms).size
-        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self._models), said),), np.float32)
+        self.state_space = spaces.Box(-np.inf, np.inf, (state_size(len(self._models), said, self.catalog),), np.float32)
         self._masks = {name: np.ones(len(names), dtype=np.int8) for name, names in self.action_names.items()}
         self._rng = np.random.default_rng()
         self.snapshots: tuple[Snapshot, ...] = ()
@@ -146,7 +150,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.messages = self._say(self._channel.begin(self.rooms))
         self.instruction = self._kind.instruction(self.task)
         self._instruction_tokens = self._observer.tokens(self.instruction)
-        self._wanted = language.parse_instruction(self.instruction) if self.options.goal else None
+        self._wanted = language.parse_instruction(self.instruction, self.catalog) if self.options.goal else None
         self.agents, self.steps, self.snapshots, self.collisions = list(self._models), 0, (), 0
         if self._adviser:
             self._adviser.begin(self.simulation, self.task, self.setting.goals)
@@ -253,7 +257,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
     def _enter(self, home: str) -> Simulation:
         """Return the simulation of a home, loaded at its first use."""
         if home not in self._simulations:
-            simulation = Simulation(home, self._models, self.options.renderer)
+            simulation = Simulation(home, self._models, self.options.renderer, self.catalog)
             first = next(iter(self._simulations.values()), simulation)
             if simulation.rooms != first.rooms:
                 simulation.close()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.navigation.lattice import heading_angle
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
@@ -13,9 +14,9 @@ from chmarl_pb.tasks.targets import target_of
 _NEAREST_TARGETS = 3
 
 
-def state_size(robots: int, said: int) -> int:
+def state_size(robots: int, said: int, known: Catalog = BENCHMARK) -> int:
     """Return the length of the state vector of so many robots when messages are so many numbers."""
-    return robots * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(catalog.GRASPABLES) + len(catalog.RECEPTACLES)
+    return robots * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(known.graspables) + len(known.receptacles)
 
 
 def global_state(
@@ -55,6 +56,7 @@ def global_state(
     parts += messages.ravel().tolist()
     parts += [outcome.held is not None, outcome.success, outcome.potential / (10 * len(setting.goals)), elapsed]
     classes = [catalog.class_of(name) for name in (goal.item, goal.receptacles[0])]
-    for known, wanted in zip((catalog.GRASPABLES, catalog.RECEPTACLES), classes, strict=True):
-        parts += [name == wanted for name in known]
+    known = simulation.home.catalog
+    for names, wanted in zip((known.graspables, known.receptacles), classes, strict=True):
+        parts += [name == wanted for name in names]
     return np.array(parts, dtype=np.float32)

@@ -19,7 +19,11 @@ from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb episode 1"
 _OPTIONS = ("observation", "messages", "feedback", "max_steps", "image_size", "execution")
-_DEFAULTS: dict[str, Any] = {"robots": TEAM, "task": "rearrange"}  # options that are there if they are others
+_DEFAULTS: dict[str, Any] = {
+    "robots": TEAM,
+    "task": "rearrange",
+    "catalog": None,
+}  # options that are there if they are others
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,8 @@ class EpisodeFile:
         task: the task.
         policy: name of the policy that played it.
         seed: of the policy.
-        options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots and
-            task where they are not the benchmark's.
+        options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots,
+            task and catalog where they are not the benchmark's.
         actions: T times the number of each robot's action.
         rewards: T shared rewards.
         states: T + 1 state hashes, the first after the reset.
@@ -94,7 +98,8 @@ def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
     given = env.options
     options = {option: getattr(given, option) for option in _OPTIONS} | {"observation": given.observation_name}
     robots = tuple(str(robot) if isinstance(robot, Path) else robot for robot in given.robots)
-    others = {"robots": robots, "task": given.task}
+    catalog = None if given.catalog is None else str(given.catalog)
+    others = {"robots": robots, "task": given.task, "catalog": catalog}
     names = (*options.values(), *robots, given.task)
     if ":" in options["observation"] or not all(isinstance(name, str | int) for name in names):
         raise OptionError(

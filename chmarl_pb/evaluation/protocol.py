@@ -23,7 +23,7 @@ from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
 from chmarl_pb.processes import check_workers
-from chmarl_pb.tasks.splits import SPLITS, find_task
+from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
@@ -84,7 +84,7 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
-    setup = Setup(policy, Options(observation, split, **options), env_fn)
+    setup = Setup(policy, Options(observation, split, home=_own_home(split, tasks), **options), env_fn)
     source = find_policy(policy)
     if tasks is None and not setup.options.kind.tasks(split):
         raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
@@ -131,6 +131,12 @@ def _chosen(split: str, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
     return chosen
 
 
+def _own_home(split: str, tasks: Sequence[AnyTask | str] | None) -> str | None:
+    """Return the home of tasks that are all in one home outside of the split, whose rooms may be others."""
+    homes = {None if isinstance(task, str) else task.home for task in tasks or ()}
+    return homes.pop() if len(homes) == 1 and homes.isdisjoint((*SPLIT_HOMES.get(split, ()), None)) else None
+
+
 def _seeds(seeds: Sequence[int]) -> list[int]:
     if not isinstance(seeds, Iterable):
         raise OptionError(f"seeds={seeds!r}: give several in a row, e.g. range({seeds!r})")
@@ -166,6 +172,8 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     values = options.recorded()
     if "robots" in values:
         changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
+    if "catalog" in values:
+        changes = {**changes, "catalog_sha256": options.things.content}
     return {
         "policy": source.name,
         "policy_sha256": source.sha256,

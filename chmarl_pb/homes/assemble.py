@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import yourdfpy
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
 from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
@@ -34,18 +35,19 @@ MESHES = "meshes"
 DIGITS = 6
 
 
-def build_home(layout_path: str | Path, out_path: str | Path | None = None) -> Path:
+def build_home(layout_path: str | Path, out_path: str | Path | None = None, known: Catalog = BENCHMARK) -> Path:
     """Build the URDF of a layout file, with its meshes beside it, and return its path.
 
     Args:
         layout_path: the layout (TOML).
         out_path: the URDF to write; by default the layout's path with the suffix ``.urdf``.
+        known: the classes of things.
 
     Raises:
         HomeError: the layout cannot be used.
     """
     path = Path(out_path) if out_path else Path(layout_path).with_suffix(".urdf")
-    return write_home(load_layout(layout_path), path)
+    return write_home(load_layout(layout_path, known), path)
 
 
 def write_home(layout: Layout, path: Path) -> Path:
@@ -53,7 +55,7 @@ def write_home(layout: Layout, path: Path) -> Path:
     files: dict[str, bytes] = {}
     robot = assemble(layout, files)
     for model in dict.fromkeys(piece.model for piece in layout.furniture):
-        _copy_meshes(load_model(model), path.parent)
+        _copy_meshes(load_model(model, layout.catalog), path.parent)
     for name, content in files.items():
         _write(path.parent / MESHES / name, content)
     _write(path, to_xml(robot))
@@ -85,8 +87,8 @@ def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.
     for lintel in lintels(layout.rects, layout.gaps) if layout.door_height else ():
         fix(f"{lintel.owner}/wall", _lintel(lintel, layout, made), _wall_pose(lintel))
     for piece in layout.furniture:
-        thing = f"{piece.room}/{load_model(piece.model).thing_class}"
-        fix(thing, _furniture(piece), _pose(*piece.position, yaw=math.radians(piece.yaw)))
+        thing = f"{piece.room}/{load_model(piece.model, layout.catalog).thing_class}"
+        fix(thing, _furniture(piece, layout.catalog), _pose(*piece.position, yaw=math.radians(piece.yaw)))
     return robot
 
 
@@ -213,9 +215,9 @@ def _sides(wall: Wall, layout: Layout) -> list[tuple[int, Room]]:
     return [(side, rooms[name]) for side, name in zip((1, -1), names, strict=True) if name]
 
 
-def _furniture(piece: Furniture) -> yourdfpy.Link:
+def _furniture(piece: Furniture, known: Catalog) -> yourdfpy.Link:
     """Return a model's link with the colours of this piece, its meshes found beside the home."""
-    link = deepcopy(load_model(piece.model).link)
+    link = deepcopy(load_model(piece.model, known).link)
     recoloured = {"primary": piece.color, "secondary": piece.secondary}
     for visual in link.visuals:
         colour = recoloured.get(visual.material.name) or visual.material.color.rgba
@@ -228,10 +230,8 @@ def _furniture(piece: Furniture) -> yourdfpy.Link:
 
 def _copy_meshes(model: Model, folder: Path) -> None:
     """Copy the mesh files of a model into the home's mesh folder."""
-    for shape in (*model.link.visuals, *model.link.collisions):
-        if shape.geometry.mesh is not None:
-            source = model.folder / shape.geometry.mesh.filename
-            _write(folder / MESHES / source.name, source.read_bytes())
+    for name, content in model.meshes.items():
+        _write(folder / MESHES / name, content)
 
 
 def _write(path: Path, content: bytes) -> None:

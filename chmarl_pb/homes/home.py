@@ -9,6 +9,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.generate.store import generate_home
@@ -96,6 +97,7 @@ class Home:
         links: all of them with their shapes, as physics and cameras need them.
         files: the URDF and all that it names, as they were read.
         content: the sha256 of those files.
+        catalog: the classes of things that it is read with: what is a receptacle, and what stands on it.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Home:
     links: tuple[Link, ...]
     files: tuple[Path, ...]
     content: str
+    catalog: Catalog = BENCHMARK
 
     @property
     def goto_rooms(self) -> tuple[str, ...]:
@@ -130,7 +133,8 @@ class Home:
     @cached_property
     def receptacles(self) -> dict[str, Thing]:
         """Name -> thing, for the things of the catalogue's receptacle classes that are solid."""
-        return {thing.name: thing for thing in self.things if thing.class_name in catalog.RECEPTACLES and thing.solids}
+        known = self.catalog.receptacles
+        return {thing.name: thing for thing in self.things if thing.class_name in known and thing.solids}
 
 
 def home_names() -> list[str]:
@@ -179,20 +183,24 @@ class _FaultyError(Exception):
     """What was read has errors: it is not kept, for its files may be mended."""
 
 
-def load_home(name_or_path: str | Path) -> Home:
-    """Read a home by name or path; an unchanged file is read once per process.
+def load_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Home:
+    """Read a home by name or path; an unchanged file is read once per process and catalogue.
+
+    Args:
+        name_or_path: of the home.
+        known: the classes of things.
 
     Raises:
         HomeError: there is no such home, it is unsafe or larger than a home can be, or a part of it is broken: see
             :func:`chmarl_pb.homes.urdf.read_links`; a link name is against the convention, or a room has no floor.
     """
-    reading = read_home(name_or_path)
+    reading = read_home(name_or_path, known)
     raise_first(reading.found.errors)
     assert reading.home is not None
     return reading.home
 
 
-def read_home(name_or_path: str | Path) -> Reading:
+def read_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Reading:
     """Read a home by name or path as far as that can be done, and list all that is wrong with its files.
 
     Raises:
@@ -200,17 +208,17 @@ def read_home(name_or_path: str | Path) -> Reading:
     """
     path = home_path(name_or_path)
     try:
-        return _read(path, path.stat().st_mtime_ns)
+        return _read(path, path.stat().st_mtime_ns, known)
     except _FaultyError as faulty:
         reading: Reading = faulty.args[0]
         return reading
 
 
 @lru_cache(maxsize=32)
-def _read(path: Path, _modified: int) -> Reading:
+def _read(path: Path, _modified: int, known: Catalog) -> Reading:
     found = Findings(path)
     try:
-        home = _home(path, found)
+        home = _home(path, found, known)
     except Refused as refused:
         found.error(*refused.args)
         home = None
@@ -220,7 +228,7 @@ def _read(path: Path, _modified: int) -> Reading:
     return reading
 
 
-def _home(path: Path, found: Findings) -> Home | None:
+def _home(path: Path, found: Findings, known: Catalog) -> Home | None:
     source = Source(path)
     links = read_links(source, found)
     found.locate({link.name: middle_of(link) for link in links})
@@ -234,7 +242,7 @@ def _home(path: Path, found: Findings) -> Home | None:
     structure = tuple(thing for thing in things if thing.class_name in catalog.STRUCTURE)
     furniture = tuple(thing for thing in things if thing.class_name not in catalog.STRUCTURE)
     links = tuple(link for link in links if catalog.room_of(link.name) in rooms)
-    return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content)
+    return Home(path.stem, path, rooms, furniture, structure, links, source.files, source.content, known)
 
 
 def middle_of(link: Link) -> tuple[float, ...]:

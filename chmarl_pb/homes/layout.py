@@ -9,7 +9,7 @@ from typing import cast
 
 from PIL import Image
 
-from chmarl_pb.catalog import ROOMS, room_kind
+from chmarl_pb.catalog import BENCHMARK, Catalog, room_kind
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.furniture import Model, load_model
 from chmarl_pb.homes.layout_file import Colour, Table, read_each, read_tables, refuse
@@ -29,6 +29,7 @@ STARTER = Path(__file__).with_name("starter.toml")
 SCHEMA = Path(__file__).with_name("layout.schema.json")
 """The JSON Schema of layouts, for editors."""
 
+_MODEL = r"[a-z][a-z0-9_]*|[^\x00-\x1f]{1,300}\.urdf"
 _LOWEST_LINTEL = 2.0  # metres: robots pass below
 _TOLERANCE = 0.01
 _MOST_PICTURE_BYTES = 2**22
@@ -88,6 +89,7 @@ class Layout:
     doors: tuple[Door, ...]
     furniture: tuple[Furniture, ...]
     door_height: float | None = None
+    catalog: Catalog = BENCHMARK
 
     @property
     def rects(self) -> dict[str, tuple[Rect, ...]]:
@@ -102,8 +104,8 @@ class Layout:
         return [gap for gap in found if gap]
 
 
-def load_layout(path: str | Path) -> Layout:
-    """Read and check a layout file.
+def load_layout(path: str | Path, known: Catalog = BENCHMARK) -> Layout:
+    """Read and check a layout file, whose furniture is of the classes of a catalogue.
 
     Raises:
         HomeError: the file cannot be read, or a table or value in it cannot be used; the message names it.
@@ -121,9 +123,10 @@ def load_layout(path: str | Path) -> Layout:
     walls = boundary({room.name: room.rects for room in rooms})
     doors = read_each(top.tables("door", _MOST_DOORS), lambda table: _read_door(table, rooms, walls), problems)
     pieces = top.tables("furniture", _MOST_FURNITURE)
-    furniture = read_each(pieces, lambda table: _read_furniture(table, rooms, thickness), problems)
+    own = Path(path).parent, known
+    furniture = read_each(pieces, lambda table: _read_furniture(table, rooms, thickness, *own), problems)
     refuse(problems)
-    return Layout(name, height, thickness, rooms, doors, furniture, lintel)
+    return Layout(name, height, thickness, rooms, doors, furniture, lintel, known)
 
 
 def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:
@@ -150,8 +153,8 @@ def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:
 def _read_room(table: Table) -> Room:
     table.allow("name rect rects floor wall floor_texture wall_texture")
     name = table.text("name")
-    if room_kind(name) not in ROOMS:
-        raise table.error(f"unknown room kind {room_kind(name)!r}; known kinds: {', '.join(ROOMS)}", "name")
+    if room_kind(name) not in BENCHMARK.rooms:
+        raise table.error(f"unknown room kind {room_kind(name)!r}; known kinds: {', '.join(BENCHMARK.rooms)}", "name")
     if ("rect" in table.values) == ("rects" in table.values):
         raise table.error(f"{name!r} needs either 'rect' or 'rects'")
     rows = table.values["rects"] if "rects" in table.values else [table.values["rect"]]
@@ -207,14 +210,16 @@ def _read_door(table: Table, rooms: Sequence[Room], walls: Sequence[Wall]) -> Do
     return door
 
 
-def _read_furniture(table: Table, rooms: Sequence[Room], thickness: float) -> Furniture:
+def _read_furniture(table: Table, rooms: Sequence[Room], thickness: float, folder: Path, known: Catalog) -> Furniture:
     table.allow("room model position yaw z against at gap color secondary")
-    name, model_name = table.text("room"), table.text("model")
+    name, model_name = table.text("room"), table.text("model", _MODEL)
     room = next((room for room in rooms if room.name == name), None)
     if room is None:
         raise table.error(f"unknown room {name!r}; rooms: {', '.join(room.name for room in rooms)}", "room")
+    if model_name.endswith(".urdf"):  # the user's own
+        model_name = str((folder / model_name).resolve())
     try:
-        model = load_model(model_name)
+        model = load_model(model_name, known)
     except AssetError as problem:
         raise table.error(f"unknown model {model_name!r}: {problem}", "model") from problem
     x, y, yaw = _read_against(table, room, model, thickness) if "against" in table.values else _read_pose(table)

@@ -21,7 +21,6 @@ _MOST_PAIRS = 1000  # of solids inside one another that are measured
 _HIDDEN = 0.04  # square metres of a mesh that may be level and inside its hull
 _GAP = 0.05  # metres between a thing and what carries it
 _OFF = 0.3  # metres between the middles of what is seen and of what is solid, beside half of their size
-_FURNITURE = {**catalog.RECEPTACLES, **catalog.SCENERY}
 _UNREAD = {
     "colours": "it is white, for the colours of its mesh file are not read; give it a <material> with a <color>",
     "up axis": "its mesh file says that another axis than z is up, which is not read; export it with z up",
@@ -31,18 +30,19 @@ _AT_WALLS = ("picture", "mirror", "window", "tv", "radiator", "towel_rack", "doo
 
 def find_oddities(home: Home, found: Findings) -> None:
     """Add a warning for everything about a home that looks like a mistake."""
+    rooms, furniture = home.catalog.rooms, {**home.catalog.receptacles, **home.catalog.scenery}
     for room in home.rooms:
-        if catalog.room_kind(room) not in catalog.ROOMS:
+        if catalog.room_kind(room) not in rooms:
             name = f"{room}/floor_1"
             found.warning(
                 f"room {room!r} is of no known kind, so robots cannot be sent there; "
-                f"{_advice(catalog.room_kind(room), catalog.ROOMS)}", name,
+                f"{_advice(catalog.room_kind(room), rooms)}", name,
             )  # fmt: skip
     for thing in home.things:
-        if thing.class_name not in _FURNITURE:
+        if thing.class_name not in furniture:
             found.warning(
                 f"class {thing.class_name!r} is not known, so it is scenery without a name; "
-                f"{_advice(thing.class_name, _FURNITURE)}", thing.name,
+                f"{_advice(thing.class_name, furniture)}", thing.name,
             )  # fmt: skip
         _check_room(home, thing, found)
     for link in home.links:

@@ -5,10 +5,11 @@ meshes in the working directory first. So they never see a user's file: every ho
 with all things fixed to it, in the plainest words of URDF and OBJ. Frames without geometry are left out.
 """
 
+import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -16,9 +17,12 @@ from pathlib import Path
 from threading import Lock
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.mesh import Mesh
 from chmarl_pb.homes.shape import Origin, Shape
+from chmarl_pb.homes.solids import Points
 from chmarl_pb.homes.urdf import Link
 
 ROOT = "home"
@@ -41,6 +45,41 @@ def plain_copy(links: Sequence[Link]) -> Iterator[Path]:
     Raises:
         HomeError: it cannot be written.
     """
+    with _new_folder() as folder:
+        yield _write(links, folder)
+
+
+def plain_mesh(corners: Points, normals: Points) -> tuple[str, bytes]:
+    """Return name and content of an OBJ file of triangles (n, 3, 3) in metres; the name tells contents apart."""
+    lines, numbers = [], []
+    for kind, rows in (("v", corners), ("vn", normals)):
+        distinct, inverse = np.unique(np.round(rows.reshape(-1, 3), 5) + 0.0, axis=0, return_inverse=True)
+        lines += [f"{kind} {x:.5f} {y:.5f} {z:.5f}" for x, y, z in distinct.tolist()]
+        numbers.append(inverse.reshape(-1, 3) + 1)
+    for vertices, directions in zip(*(rows.tolist() for rows in numbers), strict=True):
+        lines.append("f " + " ".join(f"{v}//{vn}" for v, vn in zip(vertices, directions, strict=True)))
+    content = ("\n".join(lines) + "\n").encode()
+    return f"{hashlib.sha256(content).hexdigest()[:16]}.obj", content
+
+
+@contextmanager
+def plain_files(files: Mapping[str, bytes]) -> Iterator[Path]:
+    """Write files for PyBullet and yield the path of the first one; they are there as long as the context lasts.
+
+    Raises:
+        HomeError: they cannot be written.
+    """
+    with _new_folder() as folder:
+        try:
+            for name, content in files.items():
+                (folder / name).write_bytes(content)
+        except OSError as error:
+            raise _cannot_copy(error) from error
+        yield folder / next(iter(files))
+
+
+@contextmanager
+def _new_folder() -> Iterator[Path]:
     with _one_at_a_time:
         try:
             folder = _folder(os.getpid())
@@ -48,7 +87,7 @@ def plain_copy(links: Sequence[Link]) -> Iterator[Path]:
         except OSError as error:
             raise _cannot_copy(error) from error
         try:
-            yield _write(links, folder)
+            yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -66,7 +105,7 @@ def _write(links: Sequence[Link], folder: Path) -> Path:
 def _cannot_copy(error: OSError) -> HomeError:
     where = error.filename or tempfile.tempdir or "no folder for temporary files"
     return HomeError(
-        f"{where}: the home cannot be copied there for PyBullet ({error.strerror}); "
+        f"{where}: the home or an object cannot be copied there for PyBullet ({error.strerror}); "
         "make room, or name another folder by TMPDIR"
     )
 

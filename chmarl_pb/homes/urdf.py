@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
-from chmarl_pb.homes.problem import Findings, Refused
+from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.shape import SIZES, Numbers, Origin, Shape, numbers_of, read_mesh, read_origin, read_shape
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source, safe_xml
@@ -65,6 +65,11 @@ class Link:
     collisions: tuple[Shape, ...]
     solids: tuple[Solid, ...]
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """All its visuals and collisions."""
+        return self.visuals + self.collisions
+
 
 def read_links(source: Source, found: Findings) -> tuple[Link, ...]:
     """Return the links of a home's URDF in the order of the file, as far as they can be read.
@@ -85,6 +90,21 @@ def read_links(source: Source, found: Findings) -> tuple[Link, ...]:
     read = [(name, *place, *shapes.of(links[name])) for name, place in places.items()]
     shapes.check_hulls()
     return tuple([_link(*parts, found) for parts in read])
+
+
+def read_whole(source: Source) -> tuple[Link, ...]:
+    """Return the links of the URDF of one thing.
+
+    Raises:
+        HomeError: a part of it is broken; the message is of the first.
+    """
+    found, links = Findings(source.urdf), tuple[Link, ...]()
+    try:
+        links = read_links(source, found)
+    except Refused as refused:
+        found.error(*refused.args)
+    raise_first(found.errors)
+    return links
 
 
 def _root(source: Source) -> Element:

@@ -5,7 +5,8 @@ from functools import partial
 from typing import Any, Literal
 
 import chmarl_pb
-from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.envs.options import Options
+from chmarl_pb.learning.config import CATALOG, FROZEN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -41,7 +42,9 @@ def benchmark(
     frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in FROZEN_ENCODERS else None
     shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
     env_fn = partial(_environment, frozen, observation, **shared, **options)
-    return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else ""}
+    known = Options(catalog=options.get("catalog")).things.content
+    own = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
+    return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 
 def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:

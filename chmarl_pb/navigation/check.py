@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, Room, Thing, read_home
 from chmarl_pb.homes.oddities import find_oddities
@@ -96,13 +97,13 @@ class HomeReport:
         }
 
 
-def check_home(name_or_path: str | Path) -> HomeReport:
-    """Check a home.
+def check_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> HomeReport:
+    """Check a home, read with a catalogue.
 
     Raises:
         HomeError: there is no such home.
     """
-    reading = read_home(name_or_path)
+    reading = read_home(name_or_path, known)
     found, home, tops = reading.found.copy(), reading.home, dict[str, Top]()
     if home is not None:
         for problem in limits(home):
@@ -147,7 +148,7 @@ def _tops(home: Home, found: Findings) -> dict[str, Top]:
         if not top.reached:
             found.error(_why_not(home.receptacles[name], top), name)
     for thing in home.things:
-        if thing.class_name in catalog.RECEPTACLES and not thing.solids:
+        if thing.class_name in home.catalog.receptacles and not thing.solids:
             found.error("it has no <collision>, so nothing can stand on it; add one", thing.name)
     if len({thing.class_name for thing in home.receptacles.values()}) < 2:
         found.error("a task needs receptacles of at least two classes; add furniture")

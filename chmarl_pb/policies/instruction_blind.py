@@ -4,18 +4,23 @@ It follows the messages as the blind policy does, and by elimination: what stood
 of X is not X, nor is anything that a Pick did not take; Y likewise. So it picks what is left.
 """
 
+from functools import partial
+
 import numpy as np
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.blind import VERBS, BlindDrone, BlindHumanoid
 from chmarl_pb.policies.narrow_views import Chooser, Narrowed, SeeingView, seeing_view
 from chmarl_pb.policies.policy import grasps
 
-_KINDS = (frozenset(catalog.GRASPABLES), frozenset(catalog.RECEPTACLES))  # that X and Y are of
-
 
 class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
     """Goes where messages say, and tries what it sees there until it was the right thing."""
+
+    def __init__(self, rooms: tuple[str, ...], known: Catalog):
+        """Remember the names of the rooms, and the classes that X and Y can be of."""
+        super().__init__(rooms)
+        self._kinds = frozenset(known.graspables), frozenset(known.receptacles)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last episode."""
@@ -34,16 +39,16 @@ class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
         return super().choose(view)
 
     def _worth_trying(self, view: SeeingView) -> bool:
-        return bool((view.classes & _KINDS[view.holding]) - self._ruled_out[view.holding])
+        return bool((view.classes & self._kinds[view.holding]) - self._ruled_out[view.holding])
 
 
 class InstructionBlindPolicy(Narrowed[SeeingView]):
     """All robots, by :class:`SeeingView` alone."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Remember the names of each robot's actions and of the rooms."""
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
+        """Remember the names of each robot's actions and of the rooms, and the classes that there are."""
         choosers: dict[str, Chooser[SeeingView]] = {
-            name: InstructionBlindHumanoid(rooms) if grasps(names) else BlindDrone(names, rooms)
+            name: InstructionBlindHumanoid(rooms, known) if grasps(names) else BlindDrone(names, rooms)
             for name, names in actions.items()
         }
-        super().__init__(actions, rooms, seeing_view, choosers)
+        super().__init__(actions, rooms, partial(seeing_view, known=known), choosers)

@@ -11,13 +11,12 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.tasks.language import parse_instructions
 
 Observation = dict[str, np.ndarray]
 Info = dict[str, Any]
-
-_NAMES = tuple(catalog.CLASSES)  # in the order of their ids, which begin at 1
 
 
 @dataclass(frozen=True)
@@ -64,16 +63,17 @@ def blind_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> 
     return BlindView(**_blind(rooms, observation))
 
 
-def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> SeeingView:
+def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> SeeingView:
     """Return the view of a policy that sees but does not read."""
-    return SeeingView(**_blind(rooms, observation), classes=_classes(observation, info))
+    return SeeingView(**_blind(rooms, observation), classes=_classes(observation, info, known))
 
 
-def full_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> FullView:
+def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> FullView:
     """Return the view of a policy that sees and reads."""
     blind = _blind(rooms, observation)
-    wanted = frozenset(pair[int(blind["holding"])] for pair in parse_instructions(info["instruction"]))
-    return FullView(**blind, classes=_classes(observation, info), wanted=wanted)
+    pairs = parse_instructions(info["instruction"], known)
+    wanted = frozenset(pair[int(blind["holding"])] for pair in pairs)
+    return FullView(**blind, classes=_classes(observation, info, known), wanted=wanted)
 
 
 def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
@@ -85,10 +85,10 @@ def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _classes(observation: Observation, info: Info) -> frozenset[str]:
+def _classes(observation: Observation, info: Info, known: Catalog) -> frozenset[str]:
     """Return the classes in view: those of the nodes, or with pictures, where nothing is recognised, the true ones."""
     if "node_class" in observation:
-        return frozenset(_NAMES[number - 1] for number in observation["node_class"].tolist() if number)
+        return frozenset(known.rows[number - 1].name for number in observation["node_class"].tolist() if number)
     return frozenset(map(catalog.class_of, info["visible"]))
 
 

@@ -9,6 +9,7 @@ from functools import cache
 from itertools import chain, cycle
 from pathlib import Path
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.tasks.language import parse_instructions
 
@@ -18,9 +19,9 @@ FILE = Path(__file__).parent / "open_loop.json"
 class OpenLoopPolicy:
     """Reads the instruction once and plays the tour of its Y to the end, over and over; who cannot grasp stays."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]]):
-        """Remember the names of each robot's actions."""
-        self.actions = actions
+    def __init__(self, actions: dict[str, tuple[str, ...]], known: Catalog = BENCHMARK):
+        """Remember the names of each robot's actions, and the classes that instructions name."""
+        self.actions, self._catalog = actions, known
         self.reset(None)
 
     def reset(self, seed: int | None) -> None:
@@ -34,8 +35,8 @@ class OpenLoopPolicy:
         return {robot: names.index(next(self._tours[robot])) for robot, names in self.actions.items()}
 
     def _begin(self, robot: str, instruction: str) -> Iterator[str]:
-        (_, target), *_ = parse_instructions(instruction)
-        tour = tours()[target] if grasps(self.actions[robot]) else []
+        (_, target), *_ = parse_instructions(instruction, self._catalog)
+        tour = tours().get(target, _any_tour()) if grasps(self.actions[robot]) else []
         return cycle(_possible(tour, self.actions[robot]) or ["stay"])
 
 
@@ -43,6 +44,11 @@ class OpenLoopPolicy:
 def tours() -> dict[str, list[str]]:
     """Return class of Y -> names of the humanoid's actions."""
     return {target: line.split() for target, line in json.loads(FILE.read_text(encoding="utf-8")).items()}
+
+
+def _any_tour() -> list[str]:
+    """Return the tour for a class of the user's own."""
+    return next(iter(tours().values()))
 
 
 def _possible(tour: Sequence[str], actions: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import OptionError
 
 Observations = dict[str, dict[str, np.ndarray]]
@@ -57,10 +58,12 @@ class PolicyEnv(Protocol):
     Attributes:
         action_names: robot -> names of its actions, in the order of their numbers.
         rooms: rooms of the home, in the order of the messages.
+        catalog: the classes of things.
     """
 
     action_names: dict[str, tuple[str, ...]]
     rooms: tuple[str, ...]
+    catalog: Catalog
     simulation: Any
     setting: Any
 

@@ -1,7 +1,10 @@
 """The reactive policy: robots that grasp have no memory; the others search as in the search policy."""
 
+from functools import partial
+
 import numpy as np
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.narrow_views import Chooser, FullView, Narrowed, full_view
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
@@ -36,13 +39,13 @@ class ReactiveHumanoid:
 class ReactivePolicy:
     """Robots that grasp by what they are shown now, the others by the search policy, which has a memory."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Remember the names of each robot's actions and of the rooms."""
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
+        """Remember the names of each robot's actions and of the rooms, and the classes that there are."""
         choosers: dict[str, Chooser[FullView]] = {
             name: ReactiveHumanoid(rooms) for name, names in actions.items() if grasps(names)
         }  # fmt: skip
-        self._reactive = Narrowed(actions, rooms, full_view, choosers)
-        searches = SearchPolicy(actions, rooms).searches
+        self._reactive = Narrowed(actions, rooms, partial(full_view, known=known), choosers)
+        searches = SearchPolicy(actions, rooms, known).searches
         self._searches = {name: search for name, search in searches.items() if name not in choosers}
 
     def reset(self, seed: int | None) -> None:

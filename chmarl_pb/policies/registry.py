@@ -22,17 +22,17 @@ SHORTCUTS = {
 
 
 def _search(env: PolicyEnv) -> Policy:
-    return SearchPolicy(env.action_names, env.rooms)
+    return SearchPolicy(env.action_names, env.rooms, env.catalog)
 
 
 #: Name -> what makes the policy for an environment.
 BUILT_IN: dict[str, Factory] = {
     "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
-    "open-loop": lambda env: OpenLoopPolicy(env.action_names),
-    "reactive": lambda env: ReactivePolicy(env.action_names, env.rooms),
+    "open-loop": lambda env: OpenLoopPolicy(env.action_names, env.catalog),
+    "reactive": lambda env: ReactivePolicy(env.action_names, env.rooms, env.catalog),
     "blind": lambda env: BlindPolicy(env.action_names, env.rooms),
-    "instruction-blind": lambda env: InstructionBlindPolicy(env.action_names, env.rooms),
-    "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms),
+    "instruction-blind": lambda env: InstructionBlindPolicy(env.action_names, env.rooms, env.catalog),
+    "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms, env.catalog),
     "search-silent": lambda env: Unheard(_search(env)),
     "search": _search,
     "planner": PlannerPolicy,

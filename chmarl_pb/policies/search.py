@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.tasks.language import parse_instructions
@@ -39,9 +40,15 @@ class HumanoidSearch:
     As a policy it does what it proposes. A teacher's proposals are followed or not: it goes on from what was done.
     """
 
-    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...], order: tuple[str, ...] | None = None):
+    def __init__(
+        self,
+        actions: tuple[str, ...],
+        rooms: tuple[str, ...],
+        order: tuple[str, ...] | None = None,
+        known: Catalog = BENCHMARK,
+    ):
         """Remember the names of actions and rooms, in the order of their numbers, and the order in which to search."""
-        self.actions, self.rooms, self._order = actions, rooms, order or rooms
+        self.actions, self.rooms, self._order, self._catalog = actions, rooms, order or rooms, known
         self.reset(None)
 
     def reset(self, seed: int | None) -> None:
@@ -74,7 +81,7 @@ class HumanoidSearch:
             self._looks.pop()
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
-        pairs, holding = parse_instructions(info["instruction"]), bool(observation["self"][-1])
+        pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
         seen = frozenset(map(catalog.class_of, info["visible"]))
         wanted = self._tidying.wanted(pairs, holding, seen, self._tried, info["action_success"])
         verb, row = ("place", 1) if holding else ("pick", 0)
@@ -125,9 +132,15 @@ class DroneSearch:
     One that flies sweeps a room by ``SWEEP``, one that drives by turning round.
     """
 
-    def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...], order: tuple[str, ...] | None = None):
+    def __init__(
+        self,
+        actions: tuple[str, ...],
+        rooms: tuple[str, ...],
+        order: tuple[str, ...] | None = None,
+        known: Catalog = BENCHMARK,
+    ):
         """Remember the names of actions and rooms, in the order of their numbers, and the order in which to search."""
-        self.actions, self.rooms, self._order = actions, rooms, order or rooms
+        self.actions, self.rooms, self._order, self._catalog = actions, rooms, order or rooms, known
         self._round = sweep_of(actions)
         self.reset(None)
 
@@ -145,7 +158,7 @@ class DroneSearch:
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
-        pairs = parse_instructions(info["instruction"])
+        pairs = parse_instructions(info["instruction"], self._catalog)
         wanted = {name for pair in pairs for name in pair}
         self._seen |= {catalog.class_of(name) for name in info["visible"]}
         if len(pairs) == 1:  # else the board does not say which object has been seen
@@ -171,14 +184,20 @@ class DroneSearch:
 class SearchPolicy:
     """The searches of all robots together."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Remember the names of each robot's actions and of the rooms, in the order of their numbers."""
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
+        """Remember the names of each robot's actions and of the rooms, in the order of their numbers.
+
+        Args:
+            actions: robot -> names of its actions.
+            rooms: names of the rooms.
+            known: the classes that instructions name.
+        """
         self.searches: dict[str, HumanoidSearch | DroneSearch] = {}
         for kind, able in ((HumanoidSearch, True), (DroneSearch, False)):
             robots = [name for name, names in actions.items() if grasps(names) == able]
             for number, name in enumerate(robots):
                 first = number * len(rooms) // len(robots)
-                self.searches[name] = kind(actions[name], rooms, rooms[first:] + rooms[:first])
+                self.searches[name] = kind(actions[name], rooms, rooms[first:] + rooms[:first], known)
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
 from chmarl_pb.tasks.language import parse_instructions
 
@@ -29,9 +30,15 @@ class Unheard:
 class Alone:
     """Robots that grasp without the others, which stay at their starts; messages hold what each has seen itself."""
 
-    def __init__(self, policy: Policy, action_names: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
+    def __init__(
+        self,
+        policy: Policy,
+        action_names: dict[str, tuple[str, ...]],
+        rooms: tuple[str, ...],
+        known: Catalog = BENCHMARK,
+    ):
         """Take the robots that cannot grasp out of a policy."""
-        self.policy, self.rooms = policy, rooms
+        self.policy, self.rooms, self._catalog = policy, rooms, known
         self._staying = {name: names.index("stay") for name, names in action_names.items() if not grasps(names)}
         self._notes = {name: np.zeros((2, len(rooms)), dtype=np.int8) for name in action_names}
 
@@ -51,7 +58,8 @@ class Alone:
 
     def _note(self, notes: np.ndarray, messages: np.ndarray, info: dict[str, Any]) -> None:
         """Keep the bits that a robot's own view explains; X is in one room until it is carried."""
-        graspables, receptacles = (set(names) for names in zip(*parse_instructions(info["instruction"]), strict=True))
+        pairs = parse_instructions(info["instruction"], self._catalog)
+        graspables, receptacles = (set(names) for names in zip(*pairs, strict=True))
         for name in info["visible"]:
             if catalog.class_of(name) in graspables:
                 notes[0] |= messages[0]

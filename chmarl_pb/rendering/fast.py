@@ -15,7 +15,7 @@ from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
 from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, lens, view_matrix
 from chmarl_pb.rendering.home_views import HomeView, HomeViews, Shown, home_views
-from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, image_over, movables, team_in
+from chmarl_pb.rendering.movables import Bodies, Joints, Movables, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
 from chmarl_pb.rendering.triangles import clean_canvas
 from chmarl_pb.robots.model import RobotModel
@@ -42,13 +42,14 @@ class FastRenderer:
         """Share the process's views of the home and models of what moves."""
         self._world, self._models = world, robots
         self._views = home_views(world.home)
+        known = world.home.catalog
         self._team = team_in(world, robots)
-        self._movables = movables(self._team)
+        self._movables = movables(self._team, known)
         self._bodies = Bodies(self._movables)
         self._body_numbers = self._movables.numbers
         self.names = renderer_names(world)
         self._first = len(world.links)
-        self._counts = {robot: can_be_visible(self.names, robots, robot) for robot in robots}
+        self._counts = {robot: can_be_visible(self.names, robots, robot, known) for robot in robots}
         self._objects: Objects | None = None  # those that the bodies and what follows are of
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
@@ -125,7 +126,7 @@ class FastRenderer:
         if len(self._stands) == _KEPT:
             self._stands.clear()
         posture = _postures.setdefault(state.joints, len(_postures))
-        return state, (name, state.pose, posture), _sees_itself(self._team, name, state.joints)
+        return state, (name, state.pose, posture), _sees_itself(self._movables, self._team, name, state.joints)
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""
@@ -190,11 +191,11 @@ def _seen_of(objects: Objects, team: Team) -> Seen:
 
 
 @cache
-def _sees_itself(team: Team, robot: str, joints: Joints) -> bool:
+def _sees_itself(own: Movables, team: Team, robot: str, joints: Joints) -> bool:
     """Return whether a robot's camera shows its own body: it is drawn alone, in four headings."""
-    models, bodies = {name: model for name, model, _ in team}, Bodies(movables(team))
+    models, bodies = {name: model for name, model, _ in team}, Bodies(own)
     camera, mount = camera_of(models[robot]), models[robot].camera
-    number = np.array([movables(team).numbers[robot]], np.int32)
+    number = np.array([own.numbers[robot]], np.int32)
     for yaw in np.arange(4) * np.pi / 2:
         base = (0.0, 0.0, 0.0), yaw_quaternion(float(yaw))
         bodies.put_robot(robot, base, joints)

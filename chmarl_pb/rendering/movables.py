@@ -1,7 +1,7 @@
 """What moves: the models of every graspable object and of the robots, and where they are.
 
-One :class:`Movables` serves all worlds of a process with the same robots. A :class:`Bodies` holds where the bodies
-of one world are, ready to be drawn; only what has moved since the last look is worked out again.
+One :class:`Movables` serves all worlds of a process with the same robots and classes of objects. A :class:`Bodies`
+holds where the bodies of one world are, ready to be drawn; only what has moved since the last look is worked out again.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
@@ -18,7 +18,7 @@ from chmarl_pb.rendering.home_views import HomeView
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
 from chmarl_pb.rendering.triangles import Canvas, clean_canvas
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.world import UPRIGHT, Client, Pose, World, load_graspable, quiet
+from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspable, quiet
 from chmarl_pb.world.bullet import pybullet
 
 _KEPT = 8192  # poses of robots
@@ -46,17 +46,20 @@ class Movables:
         scratch: room for drawing, see :func:`chmarl_pb.rendering.raster.draw`.
     """
 
-    def __init__(self, robots: Team) -> None:
-        """Load all graspables and the robots once, to read their meshes."""
+    def __init__(self, robots: Team, known: Catalog = BENCHMARK) -> None:
+        """Load all graspables of a catalogue and the robots once, to read their meshes."""
         self._connection = Client()
         self._client = client = self._connection.number
+        objects, parts = {}, {}
         with quiet():
-            objects = {f"{name}_1": load_graspable(client, name) for name in catalog.GRASPABLES}
+            for name in known.graspables:
+                with loaded_graspable(client, name, known) as thing:
+                    objects[f"{name}_1"], parts[f"{name}_1"] = thing, parts_of(client, thing.body)
             self._robots = {name: model.load(client) for name, model, _ in robots}
         self._joints = {name: joints for name, _, joints in robots}
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
         bodies = {name: thing.body for name, thing in objects.items()} | self._robots
-        parts = {name: parts_of(client, body) for name, body in bodies.items()}
+        parts |= {name: parts_of(client, body) for name, body in self._robots.items()}
         for thing in objects.values():
             pybullet.removeBody(thing.body, physicsClientId=client)
         self.numbers = {name: number for number, name in enumerate(bodies)}
@@ -125,9 +128,9 @@ def _links(parts: Iterable[Part]) -> list[int]:
 
 
 @lru_cache(maxsize=8)
-def movables(robots: Team) -> Movables:
-    """Return the process's models of what moves where these robots are."""
-    return Movables(robots)
+def movables(robots: Team, known: Catalog = BENCHMARK) -> Movables:
+    """Return the process's models of what moves where these robots and objects of these classes are."""
+    return Movables(robots, known)
 
 
 class Bodies:

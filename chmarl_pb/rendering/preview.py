@@ -16,7 +16,7 @@ from chmarl_pb.files import replacing
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.problem import Problem
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
-from chmarl_pb.world import Client, loaded_home
+from chmarl_pb.world import Client, loaded_home, quiet
 from chmarl_pb.world.bodies import link_names
 from chmarl_pb.world.bullet import pybullet
 
@@ -30,6 +30,7 @@ _BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an in
 _PLATE = 250
 _INK = (45, 45, 45)
 _COLOURS = {"error": (214, 32, 32), "warning": (236, 140, 0)}  # of the marks of problems
+_SIDES = (30.0, 120.0, 210.0, 300.0)  # azimuths of the views of a model, degrees
 
 
 def preview(
@@ -48,17 +49,49 @@ def preview(
         OptionError: the picture's name does not end in .png.
         WriteError: the picture cannot be written.
     """
-    if Path(out_png).suffix.lower() != ".png":
-        raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
+    _check_name(out_png)
     home, half = home if isinstance(home, Home) else load_home(home), size[0] // 2
     with closing(Client()) as client, loaded_home(client.number, home) as body:
         plan = _plan(client.number, home, (half, size[1]), marks)
         _open_front(client.number, body, home)
-        house = _render(client.number, home, (size[0] - half, size[1]))
-    picture = np.hstack([plan, house])[:, :, ::-1]
-    with replacing(Path(out_png)) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+        solids = [solid for thing in home.structure for solid in thing.solids]
+        low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
+        high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
+        house = _render(client.number, low, high, _TOWARDS_CAMERA, (size[0] - half, size[1]))
+    _write([plan, house], Path(out_png))
     return Path(out_png)
+
+
+def preview_model(urdf: Path, out_png: Path, size: int = 400) -> Path:
+    """Draw a model from four sides and return the picture's path.
+
+    Args:
+        urdf: of the model, which has been read and found good, see :mod:`chmarl_pb.homes.catalog_file`.
+        out_png: the picture to write.
+        size: width and height of each view in pixels.
+
+    Raises:
+        OptionError: the picture's name does not end in .png.
+        WriteError: the picture cannot be written.
+    """
+    _check_name(out_png)
+    with closing(Client()) as client:
+        with quiet():
+            body = pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client.number)
+        low, high = (np.array(corner) for corner in pybullet.getAABB(body, physicsClientId=client.number))
+        _write([_render(client.number, low, high, (side, 25.0), (size, size)) for side in _SIDES], out_png)
+    return out_png
+
+
+def _check_name(out_png: str | Path) -> None:
+    if Path(out_png).suffix.lower() != ".png":
+        raise OptionError(f"{out_png}: the picture is a PNG; let its name end in .png")
+
+
+def _write(panels: list[Array], out_png: Path) -> None:
+    """Write pictures side by side."""
+    with replacing(out_png) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", np.hstack(panels)[:, :, ::-1])[1].tobytes())
 
 
 def _plan(client: int, home: Home, size: tuple[int, int], marks: Sequence[Problem]) -> Array:
@@ -91,12 +124,17 @@ def _open_front(client: int, body: int, home: Home) -> None:
             pybullet.changeVisualShape(body, link, rgbaColor=(1, 1, 1, 0), physicsClientId=client)
 
 
-def _render(client: int, home: Home, size: tuple[int, int]) -> Array:
-    """Return the smoothed colour picture (height x width x 3, uint8) from the south-west that the home just fills."""
-    solids = [solid for thing in home.structure for solid in thing.solids]
-    low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
-    high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
-    turn, lift = np.radians(_TOWARDS_CAMERA)
+def _render(client: int, low: Array, high: Array, towards: tuple[float, float], size: tuple[int, int]) -> Array:
+    """Return the smoothed colour picture (height x width x 3, uint8) that a box just fills.
+
+    Args:
+        client: PyBullet client id.
+        low: low corner of the box, metres.
+        high: high corner of the box.
+        towards: the camera, from +x and over the horizon, degrees.
+        size: width and height in pixels.
+    """
+    turn, lift = np.radians(towards)
     away = np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
     centre, reach = (low + high) / 2, _DISTANCE * float(np.linalg.norm(high - low))
     view = pybullet.computeViewMatrix(centre + reach * away, centre, (0, 0, 1))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.rendering.camera import Picture
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import World
@@ -72,7 +73,9 @@ def classes_of(names: Iterable[str], robots: Mapping[str, RobotModel]) -> list[s
     return [robots[name].class_name if name in robots else catalog.class_of(name) for name in names]
 
 
-def can_be_visible(names: tuple[str, ...], robots: Mapping[str, RobotModel], robot: str) -> NDArray[np.bool_]:
-    """Return which of some names count if a robot's picture shows them."""
-    known = [name in catalog.CLASSES for name in classes_of(names, robots)]
-    return np.array([name != robot and counts for name, counts in zip(names, known, strict=True)])
+def can_be_visible(
+    names: tuple[str, ...], robots: Mapping[str, RobotModel], robot: str, known: Catalog
+) -> NDArray[np.bool_]:
+    """Return which of some names count if a robot's picture shows them: those of known classes, but its own."""
+    has_class = [name in known.classes for name in classes_of(names, robots)]
+    return np.array([name != robot and counts for name, counts in zip(names, has_class, strict=True)])

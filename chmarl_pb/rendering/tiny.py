@@ -39,8 +39,8 @@ class TinyRenderer:
         """Return the names of the things that a robot sees."""
         segmentation = self.picture(robot, VISIBILITY_SIZE).segmentation
         pixels = np.bincount(segmentation.ravel() + 1, minlength=len(self.names) + 1)[1:]
-        seen = can_be_visible(self.names, self._robots, robot) & (pixels >= VISIBLE_PIXELS)
-        return tuple(self.names[number] for number in np.flatnonzero(seen))
+        counts = can_be_visible(self.names, self._robots, robot, self._world.home.catalog)
+        return tuple(self.names[number] for number in np.flatnonzero(counts & (pixels >= VISIBLE_PIXELS)))
 
     def could_see(self, robot: str, item: str) -> bool:
         """Return True: what is seen is found out by drawing all."""

@@ -72,14 +72,14 @@ def _read(path: Path, content: bytes) -> RobotModel:
 
 def _flying(rows: "_Table", **facts: Any) -> RobotModel:
     return RobotModel(
-        **facts, flies=True, class_name=rows.choice("class", tuple(catalog.ROBOTS), "drone"),
+        **facts, flies=True, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "drone"),
         altitude=rows.number("altitude", 2.0, 20.0, 3.5), speed=rows.number("speed", *_SPEEDS, 2.5),
     )  # fmt: skip
 
 
 def _driving(rows: "_Table", **facts: Any) -> RobotModel:
     return RobotModel(
-        **facts, class_name=rows.choice("class", tuple(catalog.ROBOTS), "humanoid"),
+        **facts, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "humanoid"),
         footprint=_footprint(rows.table("footprint", optional=True)), speed=rows.number("speed", *_SPEEDS, 1.2),
         turn_speed=float(np.radians(rows.number("turn_speed", 5.0, 720.0, 126.0))), reach=_reach(rows),
     )  # fmt: skip

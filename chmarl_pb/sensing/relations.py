@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from chmarl_pb import catalog
 from chmarl_pb.compiled import compiled
 
-_FIXED = catalog.STATE_IDS["fixed"]
+_FIXED = catalog.BENCHMARK.state_ids["fixed"]  # of every catalogue
 _IN_ROOM, _NEAR = catalog.RELATION_IDS["in_room"], catalog.RELATION_IDS["near"]
 _REACH = 0.75  # metres between two movable things that are near each other
 _NEIGHBOURS = 4  # nearest neighbours that get a relation

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.rendering.renderer import classes_of
 from chmarl_pb.robots.model import RobotModel
@@ -31,12 +32,14 @@ class SceneGraph:
         node_class: (MAX_NODES,) int16.
         node_state: (MAX_NODES,) int16.
         edges: (MAX_EDGES, 3) int16 source node, target node, relation.
+        catalog: what the ids are of.
     """
 
     names: tuple[str, ...]
     node_class: NDArray[np.int16]
     node_state: NDArray[np.int16]
     edges: NDArray[np.int16]
+    catalog: Catalog = BENCHMARK
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return new ``node_class``, ``node_state`` and ``edges`` by name."""
@@ -47,7 +50,7 @@ class SceneGraph:
     @property
     def states(self) -> tuple[str, ...]:
         """The states of the nodes."""
-        return tuple(catalog.STATES[number - 1] for number in self.node_state[: len(self.names)].tolist())
+        return tuple(self.catalog.states[number - 1] for number in self.node_state[: len(self.names)].tolist())
 
     def relations(self) -> Iterator[tuple[str, str, str]]:
         """Yield the names of source, target and relation of each edge."""
@@ -56,7 +59,11 @@ class SceneGraph:
 
 
 class SceneGraphs:
-    """Makes the scene graphs of one home."""
+    """Makes the scene graphs of one home.
+
+    Attributes:
+        catalog: what the ids are of.
+    """
 
     def __init__(self, space: Space, links: Collection[str], names: tuple[str, ...], robots: Mapping[str, RobotModel]):
         """Prepare to describe a home.
@@ -67,15 +74,16 @@ class SceneGraphs:
             names: every name that can be visible, see :class:`chmarl_pb.rendering.renderer.Renderer`.
             robots: robot -> its kind.
         """
+        self.catalog = space.home.catalog
         self._rooms = list(space.home.rooms)
         self._numbers = {name: number for number, name in enumerate(names)}
         self._room_classes = np.array(
-            [catalog.CLASS_IDS.get(catalog.class_of(room), 0) for room in self._rooms], dtype=np.int16
+            [self.catalog.class_ids.get(catalog.class_of(room), 0) for room in self._rooms], dtype=np.int16
         )
         static = [self._rooms.index(catalog.room_of(name)) if name in links else -1 for name in names]
         count = len(names)
         self._facts = Facts(
-            kind=np.array([catalog.CLASS_IDS.get(name, 0) for name in classes_of(names, robots)], dtype=np.int16),
+            kind=np.array([self.catalog.class_ids.get(name, 0) for name in classes_of(names, robots)], dtype=np.int16),
             state=np.zeros(count, dtype=np.int16),
             room=np.array(static, dtype=np.int32),
             carrier=np.full(count, -1, dtype=np.int32),
@@ -119,7 +127,8 @@ class SceneGraphs:
         node_class, node_state = np.zeros(MAX_NODES, dtype=np.int16), np.zeros(MAX_NODES, dtype=np.int16)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
         present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
-        return SceneGraph((*seen, *[self._rooms[room] for room in present.tolist()]), node_class, node_state, edges)
+        names = (*seen, *[self._rooms[room] for room in present.tolist()])
+        return SceneGraph(names, node_class, node_state, edges, self.catalog)
 
     def _learn_robots(self, state: WorldState) -> None:
         facts = self._facts
@@ -162,7 +171,7 @@ class SceneGraphs:
     def _learn_states(self, state: WorldState, states: Mapping[str, str]) -> None:
         robots = {name: "holding" if name in state.grips else "free" for name in state.robots}
         known = {**states, **robots, **dict.fromkeys(state.held, "held")}
-        self._facts.state[:] = [catalog.STATE_IDS[known.get(name, "fixed")] for name in self._numbers]
+        self._facts.state[:] = [self.catalog.state_ids[known.get(name, "fixed")] for name in self._numbers]
 
     def _is_covered(self, support: Support) -> bool:
         return any(abs(height - support.height) < 0.01 for height in self._covered.get(support.receptacle, ()))

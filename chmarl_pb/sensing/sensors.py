@@ -1,14 +1,14 @@
 """Sensors: each gives some keys of a robot's observation; the built-in ones by name, others as objects."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.rendering.camera import Camera, camera_of
 from chmarl_pb.rendering.renderer import Renderer, classes_of
 from chmarl_pb.robots.model import RobotModel
@@ -69,7 +69,7 @@ class View(NamedTuple):
     def classes(self, size: int) -> NDArray[np.int16]:
         """Return the class id of what each pixel shows, (size, size); 0 is anything without a class, as walls."""
         picture = self.renderer.picture(self.robot, size)
-        ids = [catalog.CLASS_IDS.get(name, 0) for name in classes_of(self.renderer.names, self.models)]
+        ids = [self.graphs.catalog.class_ids.get(name, 0) for name in classes_of(self.renderer.names, self.models)]
         ids.append(0)  # for -1, which is nothing
         classes: NDArray[np.int16] = np.array(ids, dtype=np.int16)[picture.segmentation]
         return classes
@@ -108,11 +108,15 @@ def text_space(length: int) -> spaces.Box:
 class SceneGraphSensor:
     """The scene graph of what the robot sees: ``node_class``, ``node_state``, ``edges``."""
 
+    def __init__(self, known: Catalog = BENCHMARK):
+        """Observe ids of a catalogue."""
+        self._known = known
+
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the spaces of the three arrays."""
         return {
-            "node_class": spaces.Box(0, len(catalog.CLASSES), (MAX_NODES,), np.int16),
-            "node_state": spaces.Box(0, len(catalog.STATES), (MAX_NODES,), np.int16),
+            "node_class": spaces.Box(0, len(self._known.rows), (MAX_NODES,), np.int16),
+            "node_state": spaces.Box(0, len(self._known.states), (MAX_NODES,), np.int16),
             "edges": spaces.Box(0, MAX_NODES, (MAX_EDGES, 3), np.int16),
         }
 
@@ -123,9 +127,10 @@ class SceneGraphSensor:
 
 @dataclass(frozen=True)
 class _CameraSensor:
-    """What a robot's camera shows, as pictures of this width and height in pixels."""
+    """What a robot's camera shows, as pictures of this width and height in pixels; class ids are a catalogue's."""
 
     size: int
+    known: Catalog = field(default=BENCHMARK, repr=False)
 
 
 class ImageSensor(_CameraSensor):
@@ -157,15 +162,15 @@ class SegmentationSensor(_CameraSensor):
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of pictures."""
-        return {"segmentation": spaces.Box(0, len(catalog.CLASSES), (self.size, self.size), np.int16)}
+        return {"segmentation": spaces.Box(0, len(self.known.rows), (self.size, self.size), np.int16)}
 
     def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
         """Return the picture."""
         return {"segmentation": view.classes(self.size)}
 
 
-#: Name -> what makes the sensor, for a picture size in pixels; :mod:`chmarl_pb.sensing.text` adds "text".
-CAMERA_SENSORS: dict[str, Callable[[int], Sensor]] = {
+#: Name -> what makes the sensor, for a size in pixels and a catalogue; :mod:`chmarl_pb.sensing.text` adds "text".
+CAMERA_SENSORS: dict[str, Callable[[int, Catalog], Sensor]] = {
     "visual": ImageSensor,
     "depth": DepthSensor,
     "segmentation": SegmentationSensor,

@@ -122,7 +122,7 @@ class SpokenAdviser:
 
     def begin(self, simulation: Simulation, task: AnyTask, goals: Goals) -> None:
         """Watch an episode that begins in a simulation."""
-        self._task, self._goals = task, goals
+        self._task, self._goals, self._catalog = task, goals, simulation.home.catalog
         self._critics = {robot: self.critic(simulation, robot, goals) for robot in simulation.oracles}
 
     def before(self, actions: dict[str, str], outcome: Outcome) -> None:
@@ -147,7 +147,7 @@ class SpokenAdviser:
         grip = outcome.state.grips.get(robot)
         holding = grip is not None and grip.item == goal.item
         advice = language.Advice(self._actions[robot], succeeded, better, holding)
-        return language.say(self._task.moves[self._goals.index(goal)], step, advice)
+        return language.say(self._task.moves[self._goals.index(goal)], step, advice, self._catalog)
 
 
 #: Style of feedback -> the critic behind it.

@@ -4,17 +4,18 @@ A :class:`chmarl_pb.tasks.task.Task` is one row of data, as the splits have them
 them out, says what they ask for and judges what has become of them.
 """
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.outcome import Outcome, outcome_of
-from chmarl_pb.tasks.sampling import receptacle_classes, sample_seed, sample_task
+from chmarl_pb.tasks.sampling import DRAWS, may_stand, receptacle_classes, sample_seed, sample_task
 from chmarl_pb.tasks.setting import Setting, set_up
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
@@ -63,9 +64,14 @@ class TaskKind(Protocol):
 
 @dataclass(frozen=True)
 class Rearrange:
-    """The paper's kind: one object X is to be brought to a receptacle Y."""
+    """The paper's kind: one object X is to be brought to a receptacle Y.
+
+    Attributes:
+        catalog: whose words instructions are of; an environment sets its own.
+    """
 
     objects: ClassVar[int] = 1
+    catalog: Catalog = field(default=BENCHMARK, repr=False)
 
     def tasks(self, split: str) -> list[AnyTask]:
         """Return the benchmark's tasks."""
@@ -88,7 +94,7 @@ class Rearrange:
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence."""
         assert isinstance(task, Task)
-        return language.instruction(task)
+        return language.instruction(task, self.catalog)
 
 
 @dataclass(frozen=True)
@@ -100,10 +106,12 @@ class Tidy:
     Attributes:
         fewest: objects in a task.
         most: objects in a task.
+        catalog: whose words instructions are of; an environment sets its own.
     """
 
     fewest: int = FEWEST
     most: int = MOST
+    catalog: Catalog = field(default=BENCHMARK, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -127,13 +135,11 @@ class Tidy:
         """Draw the number of objects, then the classes of objects, targets and sources, uniformly."""
         count = int(rng.integers(self.fewest, self.most + 1))
         classes = receptacle_classes(space, max(count, 2))
-        items = rng.choice(list(catalog.GRASPABLES), size=count, replace=False)
-        targets = rng.choice(classes, size=count, replace=False)
-        sources = [rng.choice([name for name in classes if name != target]) for target in targets]
+        items, sources, targets = _draw_moves(space.home.catalog, classes, count, rng)
         seed = sample_seed(rng)
         name = task_id or f"{space.home.name}-tidy-{seed}"
         moves = tuple(
-            Task(f"{name}.{number}", home, str(item), str(source), str(target), seed + number)
+            Task(f"{name}.{number}", home, item, source, target, seed + number)
             for number, (item, source, target) in enumerate(zip(items, sources, targets, strict=True))
         )
         return TidyTask(name, home, moves, seed)
@@ -153,10 +159,32 @@ class Tidy:
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence for each object."""
         assert isinstance(task, TidyTask)
-        return " ".join(map(language.instruction, task.moves))
+        return " ".join(language.instruction(move, self.catalog) for move in task.moves)
+
+
+def _draw_moves(
+    known: Catalog, classes: list[str], count: int, rng: np.random.Generator
+) -> tuple[list[str], list[str], list[str]]:
+    """Return classes of objects, sources and targets; own objects where they may stand."""
+    for _ in range(DRAWS):
+        items = rng.choice(list(known.graspables), size=count, replace=False).tolist()
+        targets = rng.choice(classes, size=count, replace=False).tolist()
+        sources = [str(rng.choice([name for name in classes if name != target])) for target in targets]
+        if all(may_stand(known, *move) for move in zip(items, sources, targets, strict=True)):
+            return items, sources, targets
+    raise TaskError(f"no {count} objects were found that may stand on {', '.join(classes)}; widen their 'places'")
 
 
 REARRANGE = Rearrange()
 
 #: Name -> kind.
 KINDS: dict[str, TaskKind] = {"rearrange": REARRANGE, "tidy": Tidy()}
+
+
+def speaking_of(kind: TaskKind, known: Catalog) -> TaskKind:
+    """Return a kind whose instructions name the classes of a catalogue; one of the user's own as it is."""
+    if not isinstance(kind, Rearrange | Tidy) or kind.catalog == known:
+        return kind
+    speaking = copy(kind)
+    object.__setattr__(speaking, "catalog", known)
+    return speaking

@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.tasks.task import Task
 
 _SEEDS = 2**31 - 1
+#: Draws of classes until all objects may stand where they are to.
+DRAWS = 1000
 
 
 def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> Task:
@@ -20,13 +22,22 @@ def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str 
         task_id: the task's id; made of the home's name and the task's seed if None.
 
     Raises:
-        TaskError: the home has receptacles of less than two classes.
+        TaskError: the home has receptacles of less than two classes, or none for any object.
     """
-    classes = receptacle_classes(space, 2)
-    source, target = rng.choice(classes, size=2, replace=False)
-    graspable = rng.choice(list(catalog.GRASPABLES))
-    seed = sample_seed(rng)
-    return Task(task_id or f"{space.home.name}-{seed}", home, str(graspable), str(source), str(target), seed)
+    classes, known = receptacle_classes(space, 2), space.home.catalog
+    for _ in range(DRAWS):
+        source, target = rng.choice(classes, size=2, replace=False)
+        graspable = rng.choice(list(known.graspables))
+        if may_stand(known, graspable, source, target):
+            seed = sample_seed(rng)
+            return Task(task_id or f"{space.home.name}-{seed}", home, str(graspable), str(source), str(target), seed)
+    raise TaskError(f"{space.home.path}: no object was found that may stand on two of its classes; widen 'places'")
+
+
+def may_stand(known: Catalog, graspable: str, *receptacles: str) -> bool:
+    """Tell whether tasks put things of a class on receptacles of these classes."""
+    places = known.graspables[graspable].places
+    return not places or set(receptacles) <= set(places)
 
 
 def receptacle_classes(space: Space, least: int) -> list[str]:

@@ -7,18 +7,20 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, grip_point
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.sampling import may_stand
+from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Objects, World, yaw_quaternion
 
 DISTRACTORS = 18  # other objects that dress the home in every task
 _PLACES, _STARTS, _STATES = 0, 3, 4  # streams of a task's seed; words use 1 and 2
-_OBJECTS = np.array([f"{name}_1" for name in catalog.GRASPABLES])
 _KEPT = 2048  # layouts of one home, 8 kB each
 _TRIES = 40  # places that are drawn for one object before its receptacle counts as full
 
@@ -73,6 +75,8 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
     Raises:
         TaskError: X does not fit on the source.
     """
+    for move in moves:
+        move.check(space.home.catalog)
     goals = tuple(Goal(move.item, receptacles_of(space.home, move.target)) for move in moves)
     kept = _layouts.setdefault(space, {})
     layout = kept.get(task)
@@ -100,7 +104,7 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...])
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
     targets = {name for move in moves for name in receptacles_of(space.home, move.target)}
-    _dress(world, space, [move.item for move in moves], targets, things)
+    _dress(world, space, task, [move.item for move in moves], targets, things)
     return Layout(world.state.objects, _states(space.home, world.objects, moods))
 
 
@@ -146,12 +150,19 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
-def _dress(world: World, space: Space, items: list[str], targets: set[str], rng: np.random.Generator) -> None:
+def _dress(
+    world: World, space: Space, task: AnyTask, items: list[str], targets: set[str], rng: np.random.Generator
+) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit."""
-    receptacles = np.array(list(space.home.receptacles))
+    receptacles, known = np.array(list(space.home.receptacles)), space.home.catalog
+    # The benchmark's tasks are dressed as ever, whatever objects a user has.
+    objects = np.array([f"{name}_1" for name in (BENCHMARK if split_of(task.id) else known).graspables])
     placed = 0
-    for item in rng.permutation(_OBJECTS[~np.isin(_OBJECTS, items)]).tolist():
-        order = rng.permutation(receptacles)[:6].tolist()
+    for item in rng.permutation(objects[~np.isin(objects, items)]).tolist():
+        order = [
+            name for name in rng.permutation(receptacles)[:6].tolist()
+            if may_stand(known, catalog.class_of(item), catalog.class_of(name))
+        ]  # fmt: skip
         placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:
             return
@@ -170,11 +181,11 @@ def _clear(world: World, items: list[str], targets: set[str]) -> None:
 def _states(home: Home, objects: list[str], rng: np.random.Generator) -> tuple[str, ...]:
     """Return the symbolic state of every static thing, then of every object, drawn from those of its class."""
     classes = [*(thing.class_name for thing in home.things), *map(catalog.class_of, objects)]
-    choices = [_choices(class_name) for class_name in classes]
+    choices = [_choices(home.catalog, class_name) for class_name in classes]
     numbers = rng.integers([len(states) for states in choices]).tolist()
     return tuple(states[number] for states, number in zip(choices, numbers, strict=True))
 
 
-def _choices(class_name: str) -> tuple[str, ...]:
-    row = catalog.CLASSES.get(class_name)
+def _choices(known: Catalog, class_name: str) -> tuple[str, ...]:
+    row = known.classes.get(class_name)
     return ("fixed",) if row is None else row.states

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import limits
@@ -33,19 +34,26 @@ class Simulation(Uncopied):
         oracles: robot that can grasp -> the privileged planner of what it does.
     """
 
-    def __init__(self, home: str, models: Mapping[str, RobotModel] | None = None, renderer: str = "fast"):
+    def __init__(
+        self,
+        home: str,
+        models: Mapping[str, RobotModel] | None = None,
+        renderer: str = "fast",
+        known: Catalog = BENCHMARK,
+    ):
         """Load a home.
 
         Args:
             home: its name or path.
             models: robot -> its kind; the benchmark's robots if None.
             renderer: one of :data:`chmarl_pb.rendering.registry.RENDERERS`.
+            known: the classes of things.
 
         Raises:
             HomeError: the home cannot be used.
             AssetError: a robot cannot be loaded.
         """
-        self.home, self.models = load_home(home), team_of(TEAM) if models is None else models
+        self.home, self.models = load_home(home, known), team_of(TEAM) if models is None else models
         for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)

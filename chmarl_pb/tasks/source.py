@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.simulation import Simulation
@@ -18,16 +19,18 @@ _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
 class TaskSource:
     """Draws tasks of a split; for a home outside the split, solvable tasks made up for that home."""
 
-    def __init__(self, split: str, home: str | Path | None, kind: TaskKind):
+    def __init__(self, split: str, home: str | Path | None, kind: TaskKind, known: Catalog = BENCHMARK):
         """Remember where to draw from.
 
         Args:
             split: name of a split.
             home: name or path of the only home to play in, or None for all of the split.
             kind: of the tasks.
+            known: the classes of things; with others than the benchmark's, tasks for training are drawn, too.
         """
         self._kind, self._homes = kind, SPLIT_HOMES[split] if home is None else (str(home),)
-        self._tasks = [task for task in kind.tasks(split) if home is None or task.home == str(home)]
+        fixed = () if split == "train" and known != BENCHMARK else kind.tasks(split)
+        self._tasks = [task for task in fixed if home is None or task.home == str(home)]
 
     def named(self, task: AnyTask | str) -> AnyTask:
         """Return a task given by itself or by its id.

@@ -4,6 +4,7 @@ import csv
 from functools import cache
 from pathlib import Path
 
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import TaskError
 from chmarl_pb.tasks.task import Task
 
@@ -33,14 +34,20 @@ def load_tasks(split: str) -> list[Task]:
     return list(_tasks(split))
 
 
+def split_of(task_id: str) -> str | None:
+    """Return the split that a task's id is of, or None for one that was drawn."""
+    split = task_id.rpartition("-")[0]
+    return split if split in SPLITS else None
+
+
 def find_task(task_id: str) -> Task:
     """Return a task of any split by its id.
 
     Raises:
         TaskError: there is no such task.
     """
-    split = task_id.rpartition("-")[0]
-    for task in _tasks(split) if split in SPLITS else ():
+    split = split_of(task_id)
+    for task in _tasks(split) if split else ():
         if task.id == task_id:
             return task
     raise TaskError(f"unknown task {task_id!r}; ids read like 'test-unseen-007', of the splits {', '.join(SPLITS)}")
@@ -72,6 +79,8 @@ def read_tasks(path: Path) -> list[Task]:
 
 def _task(path: Path, number: int, row: dict[str, str]) -> Task:
     try:
-        return Task(**{**row, "seed": int(row["seed"]), "optimal_steps": int(row["optimal_steps"])})  # type: ignore[arg-type]
+        task = Task(**{**row, "seed": int(row["seed"]), "optimal_steps": int(row["optimal_steps"])})  # type: ignore[arg-type]
+        task.check(BENCHMARK)
+        return task
     except (TypeError, ValueError) as error:
         raise TaskError(f"{path}: line {number}: {error}; restore the file") from error

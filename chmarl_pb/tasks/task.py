@@ -1,8 +1,10 @@
 """A task: which object, from where, to where, in which home; its seed fixes everything else."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from difflib import get_close_matches
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import TaskError
 
 
@@ -29,20 +31,31 @@ class Task:
     optimal_steps: int = 0
 
     def __post_init__(self) -> None:
-        """Check the classes.
+        """Check what needs no catalogue; whether the classes are known is asked when the task is laid out.
 
         Raises:
-            TaskError: a class is unknown, the seed is negative, or the task would be solved at its start.
+            TaskError: the seed is negative, or the task would be solved at its start.
         """
-        if self.graspable not in catalog.GRASPABLES:
-            raise TaskError(f"task {self.id!r}: unknown graspable {self.graspable!r}; see catalog.GRASPABLES")
-        for role in (self.source, self.target):
-            if role not in catalog.RECEPTACLES:
-                raise TaskError(f"task {self.id!r}: unknown receptacle {role!r}; see catalog.RECEPTACLES")
         if self.source == self.target:
             raise TaskError(f"task {self.id!r}: source and target are both {self.source!r}; choose another target")
         if self.seed < 0:
             raise TaskError(f"task {self.id!r}: the seed {self.seed} is negative; use 0 or more")
+
+    def check(self, known: Catalog) -> None:
+        """Check that its classes are those of a catalogue.
+
+        Raises:
+            TaskError: one is not.
+        """
+        self._check("graspable", self.graspable, known.graspables)
+        self._check("receptacle", self.source, known.receptacles)
+        self._check("receptacle", self.target, known.receptacles)
+
+    def _check(self, kind: str, name: str, rows: Collection[str]) -> None:
+        if name not in rows:
+            near = get_close_matches(name, rows, 1, 0.8)
+            hint = f"did you mean {near[0]!r}?" if near else "own classes need catalog=, the file that they stand in"
+            raise TaskError(f"task {self.id!r}: unknown {kind} {name!r}; {hint}")
 
     @property
     def item(self) -> str:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.problem import Findings, Problem
 from chmarl_pb.navigation.free_space import grip_point
@@ -209,7 +208,7 @@ def _try_pair(simulation: Simulation, source: str, target: str, rng: np.random.G
     """Draw tasks until the planner solves one, and let the first robot that can grasp act as planned, with physics."""
     home, oracle, reason = simulation.home, simulation.oracle, ""
     for number in range(_TRIES):
-        item = str(rng.choice(list(catalog.GRASPABLES)))
+        item = str(rng.choice(list(home.catalog.graspables)))
         task = Task(f"trial of {home.name}", str(home.path), item, source, target, _SEED + number)
         try:
             goals = simulation.begin(task).goals

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from chmarl_pb import __version__
 from chmarl_pb.assets import SCENES_DIR
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import cache_folder, write_atomically
 from chmarl_pb.homes.generate.names import seed_of
@@ -24,7 +25,9 @@ from chmarl_pb.tasks.trial import try_home
 TRIAL = 1
 
 
-def judge(name_or_path: str | Path, robots: Sequence[str | Path | RobotModel] = TEAM) -> HomeReport:
+def judge(
+    name_or_path: str | Path, robots: Sequence[str | Path | RobotModel] = TEAM, known: Catalog = BENCHMARK
+) -> HomeReport:
     """Check a home's files and geometry, and if they are good, try it; what a trial found is kept by the files' hash.
 
     Raises:
@@ -32,13 +35,13 @@ def judge(name_or_path: str | Path, robots: Sequence[str | Path | RobotModel] = 
         OptionError: the robots are not known.
         AssetError: a robot cannot be used.
     """
-    report, models = check_home(name_or_path), team_of(robots)
+    report, models = check_home(name_or_path, known), team_of(robots)
     if report.errors or report.home is None:
         return report
     return report.with_problems(_trial(report.home, models))
 
 
-def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel]) -> None:
+def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel], known: Catalog = BENCHMARK) -> None:
     """Raise the first error that :func:`judge` finds; homes of the package and generated ones are good.
 
     Raises:
@@ -46,16 +49,22 @@ def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel])
     """
     name = str(name_or_path)
     if seed_of(name) is None and not (SCENES_DIR / f"{name}.urdf").exists():
-        raise_first(judge(name_or_path, tuple(models.values())).errors)
+        raise_first(judge(name_or_path, tuple(models.values()), known).errors)
 
 
 def _trial(home: Home, models: Mapping[str, RobotModel]) -> tuple[Problem, ...]:
     """Return what a trial of a home finds, or has found when the same files were tried before."""
-    parts = [home.content, __version__, str(TRIAL), *(f"{name} {_facts(model)}" for name, model in models.items())]
+    parts = [
+        home.content,
+        home.catalog.content,
+        __version__,
+        str(TRIAL),
+        *(f"{name} {_facts(model)}" for name, model in models.items()),
+    ]
     key = sha256_of(part.encode() for part in parts)
     problems = _known(key, cache_folder())
     if problems is None:
-        simulation = Simulation(str(home.path), models)
+        simulation = Simulation(str(home.path), models, known=home.catalog)
         try:
             problems = try_home(simulation)
         finally:

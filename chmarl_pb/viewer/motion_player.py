@@ -57,7 +57,7 @@ class Replay:
 
     def __init__(self, home: Home, team: Team):
         """Share the process's models of the home and of what moves."""
-        self._views, self._movables = home_views(home), movables(team)
+        self._views, self._movables = home_views(home), movables(team, home.catalog)
         self._models = {name: model for name, model, _ in team}
         self._bodies = Bodies(self._movables)
         self._homes: dict[tuple[str, int], HomeView] = {}

@@ -56,8 +56,8 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
         robot_heads="".join(f"<th>{escape(wording.robot_words(robot))}</th>" for robot in recording.models),
         item=_css(ITEM),
         target=_css(TARGET),
-        item_words=escape(wording.item_words(recording.task)),
-        target_words=escape(wording.target_words(recording.task)),
+        item_words=escape(wording.item_words(recording)),
+        target_words=escape(wording.target_words(recording)),
         plan=_data_uri(plan.rgb, ".png"),
         plan_shape=f"{width} / {height}",
         last=recording.steps,
@@ -97,16 +97,16 @@ def _robot(recording: Recording, moment: Moment, place: int, robot: str, picture
 def _action(recording: Recording, moment: Moment, robot: str) -> str:
     if not moment.actions:
         return "At the start"
-    words = escape(wording.action_words(moment.actions[robot], recording.task))
+    words = escape(wording.action_words(moment.actions[robot], recording))
     return words if moment.succeeded[robot] else f'{words} <b class="failed">failed</b>'
 
 
 def _seen(recording: Recording, moment: Moment, robot: str) -> str:
     """Return what a robot sees; X and Y are marked."""
-    special = {wording.item_words(recording.task): "x", wording.target_words(recording.task): "y"}
+    special = {wording.item_words(recording): "x", wording.target_words(recording): "y"}
     words = [
         f'<b class="{special[noun]}">{escape(noun)}</b>' if noun in special else escape(noun)
-        for noun in wording.seen_words(moment, robot)
+        for noun in wording.seen_words(recording, moment, robot)
     ]
     return f"Sees {', '.join(words) or 'nothing'}"
 
@@ -124,9 +124,7 @@ def _lamps(recording: Recording, moment: Moment) -> str:
     """Return a small table of the rooms in which X and Y have been seen."""
     head = "".join(f"<th>{wording.room_words(room)}</th>" for room in recording.rooms)
     rows = ""
-    for row, (mark, noun) in enumerate(
-        (("x", wording.item_words(recording.task)), ("y", wording.target_words(recording.task)))
-    ):
+    for row, (mark, noun) in enumerate((("x", wording.item_words(recording)), ("y", wording.target_words(recording)))):
         cells = "".join(
             f'<td><span class="lamp{f" {mark}" if bit else ""}">{mark.upper() if bit else ""}</span></td>'
             for bit in moment.messages[row]

@@ -83,8 +83,8 @@ def _instruction(sheet: Canvas, x: float, words: str, width: float) -> None:
 def _legend(sheet: Canvas, recording: Recording) -> None:
     x: float = COLUMNS[2]
     for letter, colour, words in (
-        ("X", ITEM, wording.item_words(recording.task)),
-        ("Y", TARGET, wording.target_words(recording.task)),
+        ("X", ITEM, wording.item_words(recording)),
+        ("Y", TARGET, wording.target_words(recording)),
     ):
         sheet.disc(x + 8, 85, 8, colour)
         sheet.text(x + 8, 85, letter, 11, CARD, "mm")
@@ -100,12 +100,12 @@ def _robot_card(
     x, width = left + _PAD, COLUMN_WIDTH - 2 * _PAD
     sheet.text(x, _CARD_TOP + 26, wording.robot_words(robot), 13, MUTED)
     action = now.actions.get(robot)
-    words = "Start" if action is None else wording.action_words(action, recording.task)
+    words = "Start" if action is None else wording.action_words(action, recording)
     end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
     if known is now and action is not None:
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])
     feedback = now.feedback[robot] if known is now else ""
-    seen = ", ".join(wording.seen_words(known, robot)) or "nothing"
+    seen = ", ".join(wording.seen_words(recording, known, robot)) or "nothing"
     lines = [
         (line, MUTED) for line in wrap(f"{'Sees' if known is now else 'Saw'} {seen}", 14, width, 2 if feedback else 4)
     ]
@@ -153,7 +153,7 @@ def _lamps(sheet: Canvas, recording: Recording, known: Moment, x: float, end: fl
             sheet.disc(middle, y, 10, colour if lit else FAINT)
             if lit:
                 sheet.text(middle, y, letter, 13, CARD, "mm")
-    for row, words in enumerate((wording.item_words(recording.task), wording.target_words(recording.task))):
+    for row, words in enumerate((wording.item_words(recording), wording.target_words(recording))):
         lines = wrap(words, 13, 74, 2)
         for number, line in enumerate(lines):
             sheet.text(x, top + 31 + 36 * row - 7 * (len(lines) - 1) + 15 * number, line, 13)

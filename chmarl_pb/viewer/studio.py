@@ -4,13 +4,12 @@ import os
 import pickle
 from collections.abc import Iterator
 from functools import cache, partial
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.homes.home import load_home
+from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.movables import Team
 from chmarl_pb.viewer.film import Shot
@@ -24,18 +23,19 @@ _MOST_WORKERS = 8
 _FEW = 16  # shots that are not worth a second process
 
 
-def draw_views(home: Path, team: Team, shots: list[Shot]) -> Iterator[dict[str, Image]]:
+def draw_views(home: Home, team: Team, shots: list[Shot]) -> Iterator[dict[str, Image]]:
     """Yield, for each shot, robot -> its view (VIEW_SIZE, VIEW_SIZE, 3).
 
     Args:
-        home: URDF of the home.
+        home: where it was played.
         team: the robots.
         shots: what to draw.
 
     Raises:
         WorkerError: a process died.
     """
-    draw = partial(_draw, home, pickle.dumps(team))  # bytes, so that a process knows the robots of the last shot again
+    # Bytes, so that a process knows the scene of the last shot again.
+    draw = partial(_draw, pickle.dumps((home.path, home.catalog, team)))
     workers = min(os.cpu_count() or 1, _MOST_WORKERS)
     if workers == 1 or len(shots) <= _FEW:
         yield from map(draw, shots)
@@ -43,8 +43,8 @@ def draw_views(home: Path, team: Team, shots: list[Shot]) -> Iterator[dict[str, 
     yield from in_processes(draw, shots, workers, ordered=True)
 
 
-def _draw(home: Path, team: bytes, shot: Shot) -> dict[str, Image]:
-    replay = _replay(home, team)
+def _draw(scene: bytes, shot: Shot) -> dict[str, Image]:
+    replay = _replay(scene)
     size = VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE)
     return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in shot.scene.robots}
 
@@ -54,6 +54,7 @@ def _shrink(picture: Image) -> Image:
 
 
 @cache
-def _replay(home: Path, team: bytes) -> Replay:
+def _replay(scene: bytes) -> Replay:
     """Return this process's drawer of a home and its robots."""
-    return Replay(load_home(home), pickle.loads(team))
+    path, known, team = pickle.loads(scene)
+    return Replay(load_home(path, known), team)

@@ -11,7 +11,7 @@ from chmarl_pb.viewer.record import Moment, Recording
 def print_table(recording: Recording, console: Console) -> None:
     """Print the instruction, one row a step, and how it ended."""
     task = recording.task
-    item, target = wording.item_words(task), wording.target_words(task)
+    item, target = wording.item_words(recording), wording.target_words(recording)
     console.print(f"\n[bold]{escape(recording.instruction)}[/bold]")
     console.print(f"{escape(task.id)} in {recording.home.name}, {recording.policy} policy; X: {item}, Y: {target}\n")
     table = Table(header_style="bold", pad_edge=False, box=None, padding=(0, 1))

@@ -1,7 +1,7 @@
 """How the demo names things, rooms and actions."""
 
 from chmarl_pb import catalog
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.viewer.record import Moment, Recording
 
 
@@ -15,14 +15,14 @@ def room_words(room: str) -> str:
     return room.replace("livingroom", "living room").replace("_", " ")
 
 
-def action_words(action: str, task: Task) -> str:
+def action_words(action: str, recording: Recording) -> str:
     """Return an action as a command: ``goto_livingroom`` -> ``Go to the living room``."""
     if action.startswith("goto_"):
         return f"Go to the {room_words(action.removeprefix('goto_'))}"
     if action == "pick":
-        return f"Pick up the {item_words(task)}"
+        return f"Pick up the {item_words(recording)}"
     if action == "place":
-        return f"Place it on the {target_words(task)}"
+        return f"Place it on the {target_words(recording)}"
     return action.replace("_", " ").capitalize()
 
 
@@ -33,24 +33,25 @@ def short_action_words(action: str) -> str:
     return action.replace("_", " ")
 
 
-def item_words(task: Task) -> str:
+def item_words(recording: Recording) -> str:
     """Return the noun of X."""
-    return catalog.GRASPABLES[task.graspable].noun
+    return recording.home.catalog.graspables[recording.task.graspable].noun
 
 
-def target_words(task: Task) -> str:
+def target_words(recording: Recording) -> str:
     """Return the noun of Y."""
-    return catalog.RECEPTACLES[task.target].noun
+    return recording.home.catalog.receptacles[recording.task.target].noun
 
 
-def thing_words(name: str) -> str:
+def thing_words(name: str, known: Catalog) -> str:
     """Return a thing's noun: ``kitchen/stove_1`` -> ``stove``."""
-    return catalog.CLASSES[catalog.class_of(name)].noun
+    return known.classes[catalog.class_of(name)].noun
 
 
-def seen_words(moment: Moment, robot: str) -> list[str]:
+def seen_words(recording: Recording, moment: Moment, robot: str) -> list[str]:
     """Return the nouns of what a robot sees, each once, in the order of the scene graph."""
-    return list(dict.fromkeys(thing_words(name) for name in moment.visible[robot]))
+    known = recording.home.catalog
+    return list(dict.fromkeys(thing_words(name, known) for name in moment.visible[robot]))
 
 
 def reward_words(reward: float) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
+from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.plain import plain_copy
+from chmarl_pb.homes.plain import plain_copy, plain_files
 from chmarl_pb.navigation.free_space import Size
 from chmarl_pb.world.bullet import pybullet, quiet
 
@@ -48,9 +49,9 @@ def yaw_quaternion(yaw: float) -> Vector:
     return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
 
 
-def _parking_place(class_name: str) -> Vector:
+def _parking_place(class_name: str, known: Catalog) -> Vector:
     x, y, z = _PARKING
-    return (x, y, z + 0.5 * list(catalog.GRASPABLES).index(class_name))
+    return (x, y, z + 0.5 * list(known.graspables).index(class_name))
 
 
 @contextmanager
@@ -82,14 +83,30 @@ def _plain_file(home: Home) -> Iterator[Path]:
         yield urdf
 
 
-def load_graspable(client: int, class_name: str) -> Graspable:
-    """Load one object of a class, parked and frozen.
+@contextmanager
+def _model_file(row: ThingClass) -> Iterator[Path]:
+    """Yield the URDF of a class; of a user's own it is there as long as the context lasts."""
+    if not row.model:
+        yield catalog.graspable_urdf(row.name)
+        return
+    with plain_files(dict(row.model)) as urdf:
+        yield urdf
+
+
+@contextmanager
+def loaded_graspable(client: int, class_name: str, known: Catalog = BENCHMARK) -> Iterator[Graspable]:
+    """Load one object of a class, parked and frozen; while the context lasts, its meshes are where PyBullet says.
 
     Raises:
         AssetError: its URDF is missing or is not one link with one collision shape.
     """
-    path = catalog.graspable_urdf(class_name)
-    body = pybullet.loadURDF(str(path), _parking_place(class_name), physicsClientId=client)
+    with _model_file(known.graspables[class_name]) as path:
+        yield _load_graspable(client, path, _parking_place(class_name, known))
+
+
+def _load_graspable(client: int, path: Path, parked: Vector) -> Graspable:
+    flags = pybullet.URDF_USE_IMPLICIT_CYLINDER  # else a cylinder becomes a hull of unknown size
+    body = pybullet.loadURDF(str(path), parked, flags=flags, physicsClientId=client)
     parking, _ = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
     dynamics = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
     shapes = pybullet.getCollisionShapeData(body, -1, physicsClientId=client)

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
 from chmarl_pb.homes.home import Home
-from chmarl_pb.world.bodies import UPRIGHT, Pose, Vector, link_names, load_graspable, loaded_home, yaw_quaternion
+from chmarl_pb.world.bodies import UPRIGHT, Pose, Vector, link_names, loaded_graspable, loaded_home, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet
 from chmarl_pb.world.client import Client, Uncopied
 
@@ -70,7 +69,10 @@ class Physics(Uncopied):
             with loaded_home(self.client, home) as body:
                 self.home = body
             self.links = {name: number for number, name in enumerate(link_names(self.client, self.home))}
-            self.objects = {f"{name}_1": load_graspable(self.client, name) for name in catalog.GRASPABLES}
+            self.objects = {}
+            for name in home.catalog.graspables:
+                with loaded_graspable(self.client, name, home.catalog) as thing:
+                    self.objects[f"{name}_1"] = thing
         except BaseException:
             self.close()
             raise

@@ -55,7 +55,7 @@ def test_goal_is_what_the_words_and_the_view_tell(episodes: Any) -> None:
     bits = set()
     for seen, infos in (step for episode in episodes["scene_graph"] for step in episode):
         for robot in TEAM:
-            wanted = [catalog.CLASS_IDS[name] for name in parse_instruction(infos[robot]["instruction"])]
+            wanted = [catalog.BENCHMARK.class_ids[name] for name in parse_instruction(infos[robot]["instruction"])]
             in_view = [number in seen[robot]["node_class"] for number in wanted]
             assert seen[robot]["goal"].tolist() == [*wanted, *in_view] and seen[robot]["goal"].dtype == np.int16
             bits.add((robot, *in_view))
@@ -100,7 +100,7 @@ def test_vectors_share_it() -> None:
     env = chmarl_pb.vector_env(2, "CHMARL/SceneGraphHumanoid-v0", workers=2, split="val-unseen", goal=True)
     seen, infos = env.reset(seed=0)
     for goal, text in zip(seen["goal"], infos["instruction"], strict=True):
-        assert goal[:2].tolist() == [catalog.CLASS_IDS[name] for name in parse_instruction(text)]
+        assert goal[:2].tolist() == [catalog.BENCHMARK.class_ids[name] for name in parse_instruction(text)]
     env.close()
 
 

@@ -26,9 +26,9 @@ def _phrases(actions: tuple[str, ...], form: str) -> dict[str, str]:
 DOING, BASE = _phrases(ACTIONS, "doing"), _phrases(ACTIONS, "base")
 BETTER = {phrase: action for form in ("base", "past", "doing") for phrase, action in _phrases(MOVES, form).items()}
 SLOTS = {
-    "the_x": _either(_names(catalog.GRASPABLES)),
-    "y": _either(_names(catalog.RECEPTACLES)),
-    "goal": _either(_names(catalog.GRASPABLES) + _names(catalog.RECEPTACLES)),
+    "the_x": _either(_names(catalog.BENCHMARK.graspables)),
+    "y": _either(_names(catalog.BENCHMARK.receptacles)),
+    "goal": _either(_names(catalog.BENCHMARK.graspables) + _names(catalog.BENCHMARK.receptacles)),
     "it": "it|them",
     "was": "was|were",
     "done": _either([*DOING, *(f"trying to {phrase}" for phrase in BASE)]),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from chmarl_pb.assets import SCENES_DIR, URDF_DIR
-from chmarl_pb.catalog import RECEPTACLES, ROOM_KINDS, class_of, room_kind, room_of
+from chmarl_pb.catalog import BENCHMARK, ROOM_KINDS, class_of, room_kind, room_of
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.home import load_home
@@ -54,7 +54,7 @@ def things(home: str) -> list[str]:
 
 
 def receptacle_classes(home: str) -> set[str]:
-    return {class_of(name) for name in things(home)} & set(RECEPTACLES)
+    return {class_of(name) for name in things(home)} & set(BENCHMARK.receptacles)
 
 
 def depth(one: np.ndarray, two: np.ndarray) -> float:
@@ -132,7 +132,7 @@ def test_size_and_contents_of_a_home(home):
 
 
 def test_all_receptacle_classes_are_in_the_seen_homes():
-    assert set.union(*(receptacle_classes(home) for home in HOMES[:5])) == set(RECEPTACLES)
+    assert set.union(*(receptacle_classes(home) for home in HOMES[:5])) == set(BENCHMARK.receptacles)
 
 
 @pytest.mark.parametrize("home", HOMES)

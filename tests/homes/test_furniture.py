@@ -16,7 +16,7 @@ from tools.assets.furniture import build
 
 FOLDER = URDF_DIR / "furniture"
 MODELS = sorted(file.stem for file in FOLDER.glob("*.urdf"))
-KNOWN = {**catalog.RECEPTACLES, **catalog.SCENERY}
+KNOWN = {**catalog.BENCHMARK.receptacles, **catalog.BENCHMARK.scenery}
 SEVERAL = ("bathroom_counter bed bench bookshelf cabinet chair coffee_table desk dresser kitchen_counter kitchen_table "
            "nightstand sofa stove towel_rack tv_stand fridge picture plant rug wardrobe").split()  # fmt: skip
 #: Flat on a floor: drawn only, nothing collides with them.
@@ -28,7 +28,7 @@ def class_of(model: str) -> str:
     return max((name for name in KNOWN if model.startswith(f"{name}_")), key=len, default="")
 
 
-RECEPTACLES = [model for model in MODELS if class_of(model) in catalog.RECEPTACLES]
+RECEPTACLES = [model for model in MODELS if class_of(model) in catalog.BENCHMARK.receptacles]
 
 
 @dataclass(frozen=True)

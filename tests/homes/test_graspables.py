@@ -7,9 +7,10 @@ import numpy as np
 import pybullet as p
 import pytest
 
-from chmarl_pb.catalog import GRASPABLES, graspable_urdf
+from chmarl_pb.catalog import BENCHMARK, graspable_urdf
 from tools.assets.graspables import FOLDER, build, models
 
+GRASPABLES = list(BENCHMARK.graspables)
 LONGEST = 0.34
 TRIANGLES = 300
 

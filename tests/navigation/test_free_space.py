@@ -102,7 +102,7 @@ def test_every_receptacle_holds_a_small_object(simulation: Simulation) -> None:
 
 
 def test_every_object_fits_somewhere_within_reach(simulation: Simulation) -> None:
-    for name in catalog.GRASPABLES:
+    for name in catalog.BENCHMARK.graspables:
         size = simulation.world.size(f"{name}_1")
         assert any(
             simulation.space.stand(grip_point((x, y, z), size)) is not None

@@ -43,7 +43,7 @@ class Simulation:
         rng = np.random.default_rng(seed)
         self.world.clear()
         receptacles = rng.permutation(list(self.space.home.receptacles)).tolist()
-        item = f"{rng.choice(list(catalog.GRASPABLES))}_1"
+        item = f"{rng.choice(list(catalog.BENCHMARK.graspables))}_1"
         carriers = [name for name in receptacles if put_somewhere(self.world, self.space, item, name, rng)]
         self.world.clear()
         put_somewhere(self.world, self.space, item, carriers[0], np.random.default_rng(seed))

@@ -21,7 +21,7 @@ def everything(simulation: Simulation) -> tuple[str, ...]:
 
 
 def nodes(simulation: Simulation) -> list[str]:
-    things = [thing.name for thing in simulation.home.things if thing.class_name in catalog.CLASSES]
+    things = [thing.name for thing in simulation.home.things if thing.class_name in catalog.BENCHMARK.classes]
     return [*things, *simulation.world.objects, "humanoid", "drone"]
 
 
@@ -48,8 +48,8 @@ def test_arrays_spell_the_graph(begun: tuple[Simulation, Setting]) -> None:
     graph = graph_of(simulation, setting, everything(simulation))
     arrays = graph.arrays()
     for number, name in enumerate(graph.names):
-        assert arrays["node_class"][number] == catalog.CLASS_IDS[catalog.class_of(name)]
-        assert arrays["node_state"][number] == catalog.STATE_IDS[graph.states[number]]
+        assert arrays["node_class"][number] == catalog.BENCHMARK.class_ids[catalog.class_of(name)]
+        assert arrays["node_state"][number] == catalog.BENCHMARK.state_ids[graph.states[number]]
     for row, (source, target, kind) in enumerate(graph.relations()):
         nodes = graph.names.index(source), graph.names.index(target)
         assert arrays["edges"][row].tolist() == [*nodes, catalog.RELATION_IDS[kind]]
@@ -85,7 +85,7 @@ def test_states_are_the_settings(begun: tuple[Simulation, Setting]) -> None:
     simulation, setting = begun
     graph = graph_of(simulation, setting, everything(simulation))
     for name, state in zip(graph.names, graph.states, strict=True):
-        assert state in catalog.CLASSES[catalog.class_of(name)].states
+        assert state in catalog.BENCHMARK.classes[catalog.class_of(name)].states
         if name in setting.states:
             assert state == setting.states[name]
 

@@ -65,7 +65,7 @@ def test_segmentation_shows_what_is_visible(env: Any) -> None:
     for seed in range(5):
         observations, infos = env.reset(seed=seed)
         shown = set(np.unique(observations["humanoid"]["segmentation"])) - {0}
-        visible = {catalog.CLASS_IDS[catalog.class_of(name)] for name in infos["humanoid"]["visible"]}
+        visible = {catalog.BENCHMARK.class_ids[catalog.class_of(name)] for name in infos["humanoid"]["visible"]}
         assert len(visible - shown) <= 1 + len(visible) // 5  # the rule of visibility is at 128 pixels, this is at 64
 
 

@@ -28,7 +28,7 @@ def test_there_are_forty_templates() -> None:
 @pytest.mark.parametrize("split", ["train", "test-seen"])
 def test_sentences_read_back_and_agree_with_their_nouns(split: str) -> None:
     rng = np.random.default_rng(0)
-    graspables, receptacles = list(catalog.GRASPABLES), list(catalog.RECEPTACLES)
+    graspables, receptacles = list(catalog.BENCHMARK.graspables), list(catalog.BENCHMARK.receptacles)
     said = set()
     for number, (done, succeeded, better, holding) in enumerate(
         [*product(ACTIONS, (True, False), ("pick", "place", *MOVES), (True, False))] * 3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from chmarl_pb import catalog
-from chmarl_pb.catalog import Name
+from chmarl_pb.catalog import BENCHMARK, Name
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.language.choice import may_use_held_out
@@ -17,7 +17,7 @@ from chmarl_pb.tasks.language.tokens import FILE
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
-TARGETS = list(catalog.RECEPTACLES)
+TARGETS = list(BENCHMARK.receptacles)
 TASK = Task("t", "home_1", "mug", "bed", "desk", 0)
 
 
@@ -31,7 +31,7 @@ def tasks_of(graspable: str, seeds: range) -> list[Task]:
     ]
 
 
-@pytest.mark.parametrize("graspable", catalog.GRASPABLES)
+@pytest.mark.parametrize("graspable", BENCHMARK.graspables)
 def test_instructions_read_back_and_are_well_formed(graspable: str) -> None:
     for task in tasks_of(graspable, range(96)):
         sentence = language.instruction(task)
@@ -49,7 +49,7 @@ def test_an_instruction_depends_on_the_seed_alone() -> None:
 
 
 def test_tokens_are_known_and_nothing_is_cut() -> None:
-    sentences = {language.instruction(task) for name in catalog.GRASPABLES for task in tasks_of(name, range(64))}
+    sentences = {language.instruction(task) for name in BENCHMARK.graspables for task in tasks_of(name, range(64))}
     for sentence in sentences:
         tokens = language.tokenize(sentence, language.INSTRUCTION_LENGTH)
         count = np.count_nonzero(tokens)
@@ -84,8 +84,8 @@ def test_ambiguous_instructions(text: str) -> None:
 
 TEMPLATES = INSTRUCTIONS.pool(held_out=True)
 ARTICLES = [*product((True, False), repeat=2)]
-NAMED = [(row.name, name) for row in catalog.GRASPABLES.values() for name in row.names]
-PLACES = [(row.name, name) for row in catalog.RECEPTACLES.values() for name in row.names]
+NAMED = [(row.name, name) for row in BENCHMARK.graspables.values() for name in row.names]
+PLACES = [(row.name, name) for row in BENCHMARK.receptacles.values() for name in row.names]
 
 
 def check_sentence(template: str, x: tuple[str, Name], y: tuple[str, Name]) -> None:
@@ -104,9 +104,9 @@ def test_there_are_forty_templates() -> None:
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_every_template_with_every_name(template: str) -> None:
     for x in NAMED:
-        check_sentence(template, x, ("desk", catalog.RECEPTACLES["desk"].names[0]))
+        check_sentence(template, x, ("desk", BENCHMARK.receptacles["desk"].names[0]))
     for y in PLACES:
-        check_sentence(template, ("mug", catalog.GRASPABLES["mug"].names[0]), y)
+        check_sentence(template, ("mug", BENCHMARK.graspables["mug"].names[0]), y)
 
 
 def test_every_object_with_every_place() -> None:
@@ -115,7 +115,9 @@ def test_every_object_with_every_place() -> None:
         assert phrase(TEMPLATES[0], x[1], y[1], True, True).lower() == f"put the {x[1].text} on the {y[1].text}."
 
 
-@pytest.mark.parametrize("row", [*catalog.GRASPABLES.values(), *catalog.RECEPTACLES.values()], ids=lambda row: row.name)
+@pytest.mark.parametrize(
+    "row", [*BENCHMARK.graspables.values(), *BENCHMARK.receptacles.values()], ids=lambda row: row.name
+)
 def test_every_class_has_synonyms_shown_and_held_out(row: catalog.ThingClass) -> None:
     assert len(names_of(row.name, held_out=False)) >= 2
     assert len(names_of(row.name, held_out=True)) > len(names_of(row.name, held_out=False))
@@ -141,7 +143,7 @@ def test_every_room_has_synonyms(room: str) -> None:
     ],
 )  # fmt: skip
 def test_grammar(template: str, graspable: str, name: int, expected: str) -> None:
-    x, y = catalog.GRASPABLES[graspable].names[name], catalog.RECEPTACLES["tv_stand"].names[0]
+    x, y = BENCHMARK.graspables[graspable].names[name], BENCHMARK.receptacles["tv_stand"].names[0]
     assert phrase(template, x, y, False, False) == expected
 
 

@@ -9,6 +9,7 @@ import pybullet
 import pytest
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
@@ -87,7 +88,7 @@ def test_unknown_task(task_id: str) -> None:
 )
 def test_bad_task(change: dict, words: str) -> None:
     with pytest.raises(TaskError, match=f"task 't-1'.*{words}"):
-        Task(**{**GOOD, **change})
+        Task(**{**GOOD, **change}).check(BENCHMARK)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from chmarl_pb.catalog import RECEPTACLES
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.homes.furniture import load_model
 from chmarl_pb.homes.generate import bathrooms, bedrooms, hallways, kitchens, livingrooms
 from chmarl_pb.homes.generate.dining import dining
@@ -60,7 +60,7 @@ def furnish(plan: Plan, doors: Sequence[Doorway], looks: Looks, draws: Draws) ->
         if draws.chance(20):
             radiator(site)
     classes = {load_model(thing.model).thing_class for thing in things}
-    return tuple(_in_order(plan, things)) if len(classes & RECEPTACLES.keys()) >= LEAST_CLASSES else None
+    return tuple(_in_order(plan, things)) if len(classes & BENCHMARK.receptacles.keys()) >= LEAST_CLASSES else None
 
 
 def _dine(sites: Sequence[Site]) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil
 
-from chmarl_pb.catalog import RECEPTACLES
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.homes.furniture import load_model
 
 Area = tuple[int, int, int, int]
@@ -141,7 +141,7 @@ def around(areas: Sequence[Area]) -> Area:
 def group(*parts: Part, keep: Sequence[Area] = (), margin: int = 0) -> Group:
     """Return a group with the free floor that its parts need."""
     fronts = [part.front(_front(part)) for part in parts if _front(part)]
-    stands = [_stands(part) for part in parts if part.thing_class in RECEPTACLES]
+    stands = [_stands(part) for part in parts if part.thing_class in BENCHMARK.receptacles]
     sided = any(part.model in _SIDED for part in parts)
     return Group(tuple(parts), (*keep, *fronts), tuple(stands), margin, sided)
 
@@ -166,7 +166,7 @@ def _front(part: Part) -> int:
     if part.z:
         return 0
     free = part.thing_class in ("chair", "bed", "nightstand", *_AROUND) or part.model == "kitchen_counter_island"
-    return _FRONTS.get(part.thing_class, FRONT if part.thing_class in RECEPTACLES and not free else 0)
+    return _FRONTS.get(part.thing_class, FRONT if part.thing_class in BENCHMARK.receptacles and not free else 0)
 
 
 def _stands(part: Part) -> tuple[Area, ...]:

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from chmarl_pb import catalog
 from chmarl_pb.learning.networks.parts import EMBEDDING, Part
 
-LABELS = (*catalog.GRASPABLES, *catalog.RECEPTACLES)  # the classes that are to be seen
+LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
 SHAPE = (len(LABELS), 4)
 HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
 

@@ -53,7 +53,7 @@ class Detector(nn.Module):
         """
         wanted = targets(torch.from_numpy(views.labels[rows]))
         logits = self(torch.from_numpy(views.images[rows])).float()
-        weights = torch.tensor([_GRASPABLE if name in catalog.GRASPABLES else 1.0 for name in LABELS] + [1.0])
+        weights = torch.tensor([_GRASPABLE if name in catalog.BENCHMARK.graspables else 1.0 for name in LABELS] + [1.0])
         return nn.functional.cross_entropy(logits, wanted, weights)
 
     def weights(self) -> dict[str, Tensor]:

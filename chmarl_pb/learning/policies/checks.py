@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.learning.config import CATALOG
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 
 
@@ -24,6 +25,17 @@ def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> Non
         raise CheckpointError(
             f"{path}: was trained with pictures of {wanted} pixels, not {own}; give image_size={wanted}"
         )
+
+
+def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
+    """Check that the classes of things are those of the training; ids and words would mean others.
+
+    Raises:
+        CheckpointError: they are not.
+    """
+    if setting.get(CATALOG, "") != env.catalog.content:
+        wanted = "the catalogue file that it was trained with" if setting.get(CATALOG) else "no catalog"
+        raise CheckpointError(f"{path}: was trained with other classes of things; give {wanted}")
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

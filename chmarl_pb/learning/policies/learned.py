@@ -14,7 +14,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_size, silenced
+from chmarl_pb.learning.policies.checks import check_catalog, check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.runs.collect import Explorer, greedy
 from chmarl_pb.learning.runs.threads import threads
@@ -72,6 +72,7 @@ class ValuePolicies:
 
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, content["setting"], self.path)
+        check_catalog(env, content["setting"], self.path)
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)

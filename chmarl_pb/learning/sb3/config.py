@@ -12,7 +12,7 @@ from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from chmarl_pb.envs.registration import ENV_IDS
-from chmarl_pb.learning.config import check, count, natural
+from chmarl_pb.learning.config import CATALOG, check, count, natural
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
 from chmarl_pb.robots.registry import TEAM, listed
@@ -98,7 +98,7 @@ PRESETS = {
 }
 
 #: Settings of runs that were written before there was a choice.
-BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM)}
+BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM), "home": None, "catalog": None, CATALOG: ""}
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,9 @@ class Config:
         tasks: number of validation tasks of each of the two splits.
         max_steps: of an episode.
         robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
+        home: name or path of a home to train in instead of the split's.
+        catalog: catalogue file of own things.
+        catalog_sha256: of that file and all that it names; empty without it.
     """
 
     algo: Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
@@ -149,6 +152,9 @@ class Config:
     tasks: int = count(50)
     max_steps: int = count(28)
     robots: str = ",".join(TEAM)
+    home: str | None = None
+    catalog: str | None = None
+    catalog_sha256: Hidden = ""
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, and unknown presets."""
@@ -179,6 +185,7 @@ class Config:
             shared["goal"] = True
         if listed(self.robots) != TEAM:
             shared["robots"] = listed(self.robots)
+        shared |= {name: value for name in ("home", "catalog") if (value := getattr(self, name)) is not None}
         return shared | ({"flat_actions": True} if self.algo == "dqn" and not self.alone else {})
 
     @property

@@ -23,7 +23,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, tr
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_size, silenced
+from chmarl_pb.learning.policies.checks import check_catalog, check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
@@ -74,6 +74,7 @@ class Sb3Policies:
         """
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
+        check_catalog(env, asdict(config), self.path)
         if PRESETS[config.preset].goal and not env.options.goal:
             raise CheckpointError(
                 f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
@@ -148,7 +149,7 @@ class Sb3Policy:
         """
         self._network: Any = network  # its kinds have no common type
         self._sampled, self._silenced, self._encoder = sampled, silenced, encoder
-        self._names, self._rooms = env.action_names, env.rooms
+        self._names, self._rooms, self._catalog = env.action_names, env.rooms, env.catalog
         self._keys = _keys_of(network)
         prefixes = tuple(f"{name}_" for name in self._names)
         self._alone = None if any(key.startswith(prefixes) for key in self._keys) else _learner(env)
@@ -156,7 +157,7 @@ class Sb3Policy:
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
         self._streams = [torch.Generator().manual_seed(seed or 0) for seed in seeds]
-        self._searches = [SearchPolicy(self._names, self._rooms).searches for _ in seeds]
+        self._searches = [SearchPolicy(self._names, self._rooms, self._catalog).searches for _ in seeds]
         if self._recurrent:
             layers, _, units = self._network.lstm_hidden_state_shape
             self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]

@@ -75,5 +75,5 @@ def _rooms(room: str, held_out: bool) -> list[str]:
     """Return the names of a room: ``livingroom`` -> the lounge, ``bedroom_2`` -> bedroom 2."""
     kind = catalog.room_kind(room)
     number = room.removeprefix(kind).strip("_")
-    names = [name.text for name in catalog.ROOMS[kind].names if held_out or not name.held_out]
+    names = [name.text for name in catalog.BENCHMARK.rooms[kind].names if held_out or not name.held_out]
     return [f"{name} {number}" if number else f"the {name}" for name in names]

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from chmarl_pb.tasks.splits import SPLITS
+from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
 
 T = TypeVar("T")
@@ -13,8 +13,7 @@ T = TypeVar("T")
 
 def may_use_held_out(task: Task) -> bool:
     """Return whether a task's words may be those held out of training: its id is one of validation or test."""
-    split = task.id.rpartition("-")[0]
-    return split in SPLITS and split != "train"
+    return split_of(task.id) not in (None, "train")
 
 
 def pick_from(ways: Sequence[T], rng: np.random.Generator) -> T:

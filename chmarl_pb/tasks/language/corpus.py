@@ -43,7 +43,7 @@ def corpus_statistics(sentences: Iterable[str]) -> CorpusStatistics:
 
 def all_words() -> list[str]:
     """Return every word that instructions and feedback can hold, sorted: what vocabulary.txt must say."""
-    rows = [*catalog.GRASPABLES.values(), *catalog.RECEPTACLES.values()]
+    rows = [*catalog.BENCHMARK.graspables.values(), *catalog.BENCHMARK.receptacles.values()]
     names = [name for row in rows for name in row.names]
     texts = [article(name) for name in names for article in (definite, indefinite)]
     gotos = [f"goto_{room}" for room in catalog.ROOM_KINDS]
@@ -56,8 +56,8 @@ def all_words() -> list[str]:
 
 def _sentences() -> list[str]:
     """Return every template filled with a singular, a mass and a plural name."""
-    x_names = {name.number: name for row in catalog.GRASPABLES.values() for name in row.names}.values()
-    y = catalog.RECEPTACLES["desk"].names[0]
+    x_names = {name.number: name for row in catalog.BENCHMARK.graspables.values() for name in row.names}.values()
+    y = catalog.BENCHMARK.receptacles["desk"].names[0]
     verb = actions.VERBS["turn_left"][0]
     filled = [instructions.phrase(text, x, y, True, True) for text in INSTRUCTIONS.pool(True) for x in x_names]
     for held in (False, True):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chmarl_pb.catalog import Name
+from chmarl_pb.catalog import BENCHMARK, Catalog, Name
 from chmarl_pb.tasks.language.actions import TRY, Verb, ways_to_say
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, sentence
@@ -30,19 +30,20 @@ class Advice:
     holding: bool
 
 
-def say(task: Task, step: int, advice: Advice) -> str:
+def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK) -> str:
     """Return an advice as a sentence; the task's seed and the step choose the words.
 
     Args:
         task: names X and Y.
         step: number of joint steps before the action.
         advice: what to say.
+        known: the classes of X and Y.
     """
     rng = np.random.default_rng([task.seed, 2, step])
     held_out = may_use_held_out(task)
     template = pick_from(templates_for(advice).pool(held_out), rng)
-    x = pick_from(names_of(task.graspable, held_out), rng)
-    y = pick_from(names_of(task.target, held_out), rng)
+    x = pick_from(names_of(task.graspable, held_out, known), rng)
+    y = pick_from(names_of(task.target, held_out, known), rng)
     done = pick_from(ways_to_say(advice.done, held_out), rng)
     better = pick_from(ways_to_say(advice.better, held_out), rng)
     return phrase(template, x, y, advice, done, better)

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK, Catalog, Name, ThingClass
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
@@ -14,22 +14,22 @@ from chmarl_pb.tasks.task import Task
 
 
 @lru_cache(maxsize=8192)
-def instruction(task: Task) -> str:
+def instruction(task: Task, known: Catalog = BENCHMARK) -> str:
     """Return the task's instruction; its seed chooses the template, the names and the articles."""
     rng = np.random.default_rng([task.seed, 1])
     held_out = may_use_held_out(task)
     template = pick_from(INSTRUCTIONS.pool(held_out), rng)
-    x = pick_from(names_of(task.graspable, held_out), rng)
-    y = pick_from(names_of(task.target, held_out), rng)
+    x = pick_from(names_of(task.graspable, held_out, known), rng)
+    y = pick_from(names_of(task.target, held_out, known), rng)
     return phrase(template, x, y, *(bool(bit) for bit in rng.integers(2, size=2)))
 
 
-def names_of(class_name: str, held_out: bool) -> list[catalog.Name]:
+def names_of(class_name: str, held_out: bool, known: Catalog = BENCHMARK) -> list[Name]:
     """Return the names of a class, with or without those held out of training."""
-    return [name for name in catalog.CLASSES[class_name].names if held_out or not name.held_out]
+    return [name for name in known.classes[class_name].names if held_out or not name.held_out]
 
 
-def phrase(template: str, x: catalog.Name, y: catalog.Name, the_x: bool, the_y: bool) -> str:
+def phrase(template: str, x: Name, y: Name, the_x: bool, the_y: bool) -> str:
     """Return an instruction.
 
     Args:
@@ -44,7 +44,7 @@ def phrase(template: str, x: catalog.Name, y: catalog.Name, the_x: bool, the_y: 
     return sentence(template, slots)
 
 
-def parse_instruction(text: str) -> tuple[str, str]:
+def parse_instruction(text: str, known: Catalog = BENCHMARK) -> tuple[str, str]:
     """Return the classes (graspable, receptacle) that an instruction names.
 
     Names are read from left to right, the longest that fits at each word: "the wine glass" is no glass.
@@ -52,12 +52,13 @@ def parse_instruction(text: str) -> tuple[str, str]:
     Raises:
         ValueError: it does not name exactly one graspable and one receptacle.
     """
-    left = words(text)
+    left, meanings = words(text), _meanings(known)
+    longest = max(map(len, meanings))
     found: dict[str, set[str]] = {"graspable": set(), "receptacle": set()}
     while left:
-        length = next((n for n in range(_LONGEST, 0, -1) if tuple(left[:n]) in _MEANINGS), 0)
+        length = next((n for n in range(longest, 0, -1) if tuple(left[:n]) in meanings), 0)
         if length:
-            row = _MEANINGS[tuple(left[:length])]
+            row = meanings[tuple(left[:length])]
             found[row.kind].add(row.name)
         left = left[max(length, 1) :]
     for kind, classes in found.items():
@@ -68,19 +69,17 @@ def parse_instruction(text: str) -> tuple[str, str]:
 
 
 @lru_cache(maxsize=8192)
-def parse_instructions(text: str) -> tuple[tuple[str, str], ...]:
+def parse_instructions(text: str, known: Catalog = BENCHMARK) -> tuple[tuple[str, str], ...]:
     """Return the classes (graspable, receptacle) that each sentence of an instruction names.
 
     Raises:
         ValueError: a sentence does not name exactly one graspable and one receptacle.
     """
-    return tuple(map(parse_instruction, re.split(r"(?<=[.!?]) ", text)))
+    return tuple(parse_instruction(part, known) for part in re.split(r"(?<=[.!?]) ", text))
 
 
-#: Words of a name -> the class that it names.
-_MEANINGS = {
-    tuple(words(name)): row
-    for row in [*catalog.GRASPABLES.values(), *catalog.RECEPTACLES.values()]
-    for name in row.synonyms
-}
-_LONGEST = max(map(len, _MEANINGS))
+@lru_cache(maxsize=64)
+def _meanings(known: Catalog) -> dict[tuple[str, ...], ThingClass]:
+    """Return words of a name -> the class that it names."""
+    rows = [*known.graspables.values(), *known.receptacles.values()]
+    return {tuple(words(name)): row for row in rows for name in row.synonyms}

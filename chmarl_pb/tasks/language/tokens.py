@@ -1,11 +1,13 @@
-"""The fixed vocabulary: one word a line in vocabulary.txt; line n has token id n + 1."""
+"""The vocabulary: one word a line in vocabulary.txt, line n has token id n + 1; then the words of users' own names."""
 
 import re
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from chmarl_pb.catalog import BENCHMARK, Catalog
 
 PADDING, UNKNOWN = 0, 1  # token ids; the first word has 2
 
@@ -20,22 +22,25 @@ def words(text: str) -> list[str]:
     return re.findall(r"[a-z0-9]+", text.lower())
 
 
-@cache
-def vocabulary() -> dict[str, int]:
-    """Return word -> token id."""
-    return {word: number for number, word in enumerate(FILE.read_text(encoding="ascii").split(), start=2)}
+@lru_cache(maxsize=64)
+def vocabulary(known: Catalog = BENCHMARK) -> dict[str, int]:
+    """Return word -> token id; what a catalogue adds to the benchmark's words follows these."""
+    fixed = FILE.read_text(encoding="ascii").split()
+    own = [word for row in known.rows[len(BENCHMARK.rows) :] for name in row.names for word in words(name.text)]
+    return {word: number for number, word in enumerate(dict.fromkeys([*fixed, *own]), start=2)}
 
 
-def vocabulary_size() -> int:
+def vocabulary_size(known: Catalog = BENCHMARK) -> int:
     """Return the number of token ids, padding and unknown included."""
-    return len(vocabulary()) + 2
+    return len(vocabulary(known)) + 2
 
 
-def tokenize(text: str, length: int) -> NDArray[np.int16]:
+def tokenize(text: str, length: int, known: Catalog = BENCHMARK) -> NDArray[np.int16]:
     """Return a sentence as token ids (length,), padded with 0 and cut to the length."""
     tokens = np.zeros(length, dtype=np.int16)
     if not text:
         return tokens
-    ids = [vocabulary().get(word, UNKNOWN) for word in words(text)][:length]
+    ids_of = vocabulary(known)
+    ids = [ids_of.get(word, UNKNOWN) for word in words(text)][:length]
     tokens[: len(ids)] = ids
     return tokens

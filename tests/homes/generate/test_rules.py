@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from chmarl_pb.catalog import RECEPTACLES, ROOM_KINDS, room_kind
+from chmarl_pb.catalog import BENCHMARK, ROOM_KINDS, room_kind
 from chmarl_pb.homes.furniture import load_model
 from chmarl_pb.homes.generate.home_layout import draw_layout
 from chmarl_pb.homes.generate.rooms import RULES
@@ -163,12 +163,12 @@ def test_room_to_move(seed: int) -> None:
 def test_amount_of_furniture(seed: int) -> None:
     layout = layout_of(seed)
     assert len(layout.furniture) <= MOST_THINGS - 2
-    assert len({class_of(piece) for piece in layout.furniture} & RECEPTACLES.keys()) >= 12
+    assert len({class_of(piece) for piece in layout.furniture} & BENCHMARK.receptacles.keys()) >= 12
 
 
 def test_all_kinds_of_rooms_and_receptacles_over_a_set() -> None:
     layouts = [layout_of(seed) for seed in SEEDS]
-    assert {class_of(piece) for layout in layouts for piece in layout.furniture} >= RECEPTACLES.keys()
+    assert {class_of(piece) for layout in layouts for piece in layout.furniture} >= BENCHMARK.receptacles.keys()
     assert len({len(layout.rooms) for layout in layouts}) >= 4
     assert any(len(room.rects) > 1 for layout in layouts for room in layout.rooms)
 

@@ -1,0 +1,240 @@
+"""Catalogue files: a user's own objects and furniture, one row a class, in TOML (format: docs/objects.md)."""
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from chmarl_pb.catalog import BENCHMARK, STRUCTURE, Catalog, Name, ThingClass, names_of
+from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.homes.source import Source, read_regular, sha256_of, shown
+from chmarl_pb.homes.things import read_thing
+from chmarl_pb.homes.urdf import read_whole
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # type: ignore[import-not-found, unused-ignore]
+
+OwnKind = Literal["graspable", "receptacle", "scenery"]
+#: Kind of a row -> the keys that it may have beside "class".
+KEYS: dict[OwnKind, tuple[str, ...]] = {
+    "graspable": ("urdf", "names", "held_out", "states", "places"),
+    "receptacle": ("models", "names", "held_out", "states"),
+    "scenery": ("models", "names", "held_out", "states"),
+}
+
+_MOST_BYTES = 2**18
+_MOST_ROWS = 200
+_MOST_WORDS = 16  # names, states or models of a row
+_IDENTIFIER = re.compile(r"[a-z]([a-z0-9_]*[a-z])?")
+_NAME = re.compile(r"(some )?[a-z0-9]+( [a-z0-9]+){0,3}")
+_STATE = re.compile(r"[a-z][a-z_]{0,30}")
+
+
+def load_catalog(path: str | Path) -> Catalog:
+    """Return the benchmark's classes with those of a catalogue file after them; an unchanged file is read once.
+
+    Raises:
+        AssetError: the file or a URDF that it names cannot be used.
+    """
+    path = Path(path)
+    content = _content(path)
+    named = [path.parent / name for row in _rows(path, content) for name in row.files]
+    return _load(path.resolve(), content, tuple(_stamp(file) for file in named))
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_regular(path, _MOST_BYTES)
+    except ValueError as error:
+        raise AssetError(f"{path}: {error}; `chmarl-pb things add` makes catalogue files") from error
+
+
+def _stamp(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except (OSError, ValueError):  # it is missed, or no name at all: its row will say so
+        return 0
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, content: bytes, _stamps: tuple[int, ...]) -> Catalog:
+    known, hashes = _Known(), [content]
+    rows = []
+    for row in _rows(path, content):
+        rows.append(row.read(known))
+        hashes += [hash_.encode() for hash_ in known.contents]
+        known.contents.clear()
+    for row, made in zip(_rows(path, content), rows, strict=True):
+        row.check_places(made, known)
+    return BENCHMARK.extended(rows, sha256_of(hashes), known.furniture)
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What rows must not name again: classes, and the names of what instructions name.
+
+    Attributes:
+        kinds: class -> its kind.
+        words: name -> the class that it names.
+        furniture: model -> class and URDF.
+        contents: hashes of what the last row has read.
+    """
+
+    kinds: dict[str, str] = field(default_factory=lambda: {row.name: row.kind for row in BENCHMARK.rows})
+    words: dict[str, str] = field(
+        default_factory=lambda: {
+            words: row.name for row in BENCHMARK.rows if row.kind != "scenery" for words in row.synonyms
+        }
+    )
+    furniture: dict[str, tuple[str, Path]] = field(default_factory=dict)
+    contents: list[str] = field(default_factory=list)
+
+
+def _rows(path: Path, content: bytes) -> list["_Row"]:
+    """Return the rows of a catalogue file: objects, then receptacles, then scenery, each in the file's order."""
+    try:
+        tables = tomllib.loads(content.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise AssetError(f"{path}: not TOML ({error}); fix the file at that place") from error
+    for key in tables.keys() - KEYS.keys():
+        raise AssetError(f"{path}: {shown(key)} is not known{_nearest(key, KEYS)}; write [[{']], [['.join(KEYS)}]]")
+    rows = []
+    for kind in KEYS:
+        values = tables.get(kind, [])
+        if not isinstance(values, list) or not all(isinstance(row, dict) for row in values):
+            raise AssetError(f"{path}: {kind} is not a list of tables; write [[{kind}]] before each row")
+        rows += [_Row(path, kind, number, row) for number, row in enumerate(values, start=1)]
+    if not 0 < len(rows) <= _MOST_ROWS:
+        raise AssetError(f"{path}: {len(rows)} rows; a catalogue file has 1 to {_MOST_ROWS}, [[graspable]] begins one")
+    return rows
+
+
+class _Row:
+    """One row of a catalogue file; every problem names the file, the row and the key."""
+
+    def __init__(self, path: Path, kind: OwnKind, number: int, values: Mapping[str, Any]):
+        self.path, self.kind, self.number, self.values = path, kind, number, values
+
+    @property
+    def files(self) -> list[str]:
+        """The URDFs that the row names, as far as they are names."""
+        named = self.values.get("models", []), [self.values.get("urdf")]
+        return [name for names in named if isinstance(names, list) for name in names if isinstance(name, str)]
+
+    def read(self, known: _Known) -> ThingClass:
+        """Return the class, and note what it names."""
+        self._check_keys()
+        name = self._class(known)
+        known.kinds[name] = self.kind
+        states = tuple(self._texts("states", _STATE, "lower-case words")) or (
+            ("intact",) if self.kind == "graspable" else ("fixed",)
+        )
+        if "held" in states:
+            raise self.error("states: 'held' is what the world says of an object in a hand; leave it out")
+        names = self._names(name, known)
+        model = self._object(name, known) if self.kind == "graspable" else self._furniture(name, known)
+        return ThingClass(name, self.kind, states, names, tuple(self._texts("places", _IDENTIFIER, "classes")), model)
+
+    def check_places(self, row: ThingClass, known: _Known) -> None:
+        """Check that the places of an object are receptacles, those of this file included."""
+        receptacles = [name for name, kind in known.kinds.items() if kind == "receptacle"]
+        for place in row.places:
+            if place not in receptacles:
+                hint = _nearest(place, receptacles)
+                raise self.error(f"places: {place!r} is no receptacle{hint}; name some of: {', '.join(receptacles)}")
+        if len(row.places) == 1:
+            raise self.error("places: a task brings things from one class to another; name at least two")
+
+    def error(self, what: str) -> AssetError:
+        """Return a problem of this row."""
+        name = self.values.get("class")
+        label = f" ({shown(name)})" if isinstance(name, str) else ""
+        return AssetError(f"{self.path}: [[{self.kind}]] {self.number}{label}: {what}")
+
+    def _check_keys(self) -> None:
+        known = ("class", *KEYS[self.kind])
+        for key in self.values.keys() - set(known):
+            raise self.error(f"{shown(key)} is no key of such a row{_nearest(key, known)}; use {', '.join(known)}")
+
+    def _class(self, known: _Known) -> str:
+        name = self.values.get("class")
+        if not isinstance(name, str) or not _IDENTIFIER.fullmatch(name) or len(name) > 40:
+            raise self.error(
+                f"class = {shown(str(name))}; a class is lower-case letters, digits and _, with letters at both ends, "
+                "as rubber_duck"
+            )
+        if name in STRUCTURE:
+            raise self.error(f"class {name!r} is part of every home; choose another name")
+        if name in BENCHMARK.classes:
+            raise self.error(f"class {name!r} is one of the benchmark's, which stay as they are; choose another name")
+        if name in known.kinds:
+            raise self.error(f"class {name!r} stands twice; give every row its own")
+        return name
+
+    def _names(self, name: str, known: _Known) -> tuple[Name, ...]:
+        shown_names, held_out = (
+            self._texts(key, _NAME, "names of one to four lower-case words, without an article")
+            for key in ("names", "held_out")
+        )
+        names = names_of(name, shown_names, held_out)
+        for words in (entry.text for entry in names if self.kind != "scenery"):
+            if known.words.setdefault(words, name) != name:
+                raise self.error(f"names: {words!r} names a {known.words[words]}; an instruction must tell them apart")
+        return names
+
+    def _object(self, name: str, known: _Known) -> tuple[tuple[str, bytes], ...]:
+        source = self._source(self.values.get("urdf"), "urdf")
+        try:
+            thing = read_thing(source)
+        except AssetError as error:
+            raise self.error(f"urdf: {error}") from error
+        known.contents.append(source.content)
+        return tuple(thing.files(name).items())
+
+    def _furniture(self, name: str, known: _Known) -> tuple[tuple[str, bytes], ...]:
+        for text in self._texts("models", re.compile(r".+"), "URDFs"):
+            source = self._source(text, "models")
+            try:
+                read_whole(source)
+            except HomeError as error:
+                raise self.error(f"models: {error}") from error
+            if source.urdf.stem in known.furniture:
+                raise self.error(f"models: a model {source.urdf.stem!r} stands twice; rename one of the files")
+            known.contents.append(source.content)
+            known.furniture[source.urdf.stem] = name, source.urdf.resolve()
+        return ()
+
+    def _source(self, name: Any, key: str) -> Source:
+        if not isinstance(name, str) or not name:
+            raise self.error(f'{key} is missing or no text; write {key} = "{self.values.get("class")}.urdf"')
+        try:
+            source = Source(self.path)
+            urdf = source.inside(self.path.parent, name)
+        except ValueError as error:
+            raise self.error(f"{key} = {shown(name)} {error}") from error
+        if not os.path.isfile(urdf):
+            near = _nearest(name, [file.name for file in sorted(self.path.parent.glob("*.urdf"))[:_MOST_ROWS]])
+            raise self.error(f"{key} = {shown(name)}: no such file beside the catalogue file{near}")
+        return Source(self.path.parent / name)
+
+    def _texts(self, key: str, rule: re.Pattern[str], what: str) -> list[str]:
+        values = self.values.get(key, [])
+        good = isinstance(values, list) and len(values) <= _MOST_WORDS
+        if not good or not all(isinstance(text, str) and rule.fullmatch(text) and len(text) < 400 for text in values):
+            raise self.error(f"{key} = {shown(str(values))} is not a list of at most {_MOST_WORDS} {what}")
+        if len(set(values)) < len(values):
+            raise self.error(f"{key} = {shown(str(values))} names one twice; name each once")
+        return [str(text) for text in values]
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """Return a hint at what may have been meant, or nothing."""
+    near = get_close_matches(name, list(known), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""

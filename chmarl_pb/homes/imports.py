@@ -1,0 +1,185 @@
+"""Import a URDF or a mesh as one of a user's things: scaled, upright, standing on its origin, with something solid.
+
+Everything is read within the limits that homes are read in, and written in the plain form of
+:class:`chmarl_pb.homes.things.Thing`; a row of the catalogue file comes with it, or nothing is written at all.
+"""
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from chmarl_pb.catalog import Catalog
+from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.files import replacing
+from chmarl_pb.homes.catalog_file import OwnKind, load_catalog
+from chmarl_pb.homes.paint import Part
+from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
+from chmarl_pb.homes.solids import Points
+from chmarl_pb.homes.source import Source, read_regular, safe_xml
+from chmarl_pb.homes.things import MASSES, MOST_TRIANGLES, Thing, painted
+from chmarl_pb.homes.urdf import Link, read_whole
+
+#: Axis of the file that points up -> the turn that makes it z.
+_UP = {
+    "z": np.eye(3),
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "x": np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]]),
+}
+AXES = tuple(_UP)
+_DENSITY = 150.0  # kg in a cubic metre of the box, where a file does not say what a thing weighs
+_HEAVIEST_GUESS = 2.0  # kg
+_LARGEST = 4.0  # metres: no furniture is larger along a side
+_MOST_PIECES = 64  # convex pieces of furniture
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is to become of a file.
+
+    Attributes:
+        name: the class.
+        kind: of the class.
+        scale: metres in a unit of the file.
+        up: the axis of the file that points up, "x", "y" or "z".
+        mass: kilograms; None: as the file says, else guessed from its size.
+        names: names for all tasks.
+        held_out: names that are not used in training.
+        states: symbolic states.
+    """
+
+    name: str
+    kind: OwnKind = "graspable"
+    scale: float = 1.0
+    up: str = "z"
+    mass: float | None = None
+    names: tuple[str, ...] = ()
+    held_out: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+
+
+def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thing]:
+    """Write a thing's URDF and meshes beside a catalogue file and its row into that; return both as they are now.
+
+    Args:
+        file: URDF, OBJ, STL or DAE.
+        wish: what is to become of it.
+        catalog_file: TOML; it is made if there is none.
+
+    Raises:
+        AssetError: the file cannot be used, the class is known already, or the catalogue file is broken.
+        WriteError: the files cannot be written.
+    """
+    known = _text(catalog_file)
+    thing, pieces = read_file(file, wish)
+    files = thing.files(wish.name) if wish.kind == "graspable" else thing.files(wish.name, pieces)
+    folder, new = catalog_file.parent, [name for name in files if not (catalog_file.parent / name).exists()]
+    if f"{wish.name}.urdf" not in new:
+        raise AssetError(f"{folder / wish.name}.urdf is there already; remove it, or give the class another name")
+    try:
+        for name in new:
+            with replacing(folder / name) as temporary:
+                temporary.write_bytes(files[name])
+        with replacing(catalog_file) as temporary:
+            temporary.write_text(f"{known}{_row(wish)}", encoding="utf-8")
+            catalog = load_catalog(temporary)
+    except BaseException as error:
+        for name in new:
+            with suppress(OSError):
+                (folder / name).unlink()
+        if isinstance(error, AssetError):
+            raise AssetError(str(error).replace(str(temporary), str(catalog_file))) from error
+        raise
+    return catalog, thing
+
+
+def _text(catalog_file: Path) -> str:
+    """Return what a catalogue file says now, nothing if there is none."""
+    if not catalog_file.exists():
+        return "# Own things; see docs/objects.md. Play with them by catalog=, --catalog or CHMARL_CATALOG.\n"
+    load_catalog(catalog_file)  # says what is wrong before anything is added
+    return read_regular(catalog_file).decode().rstrip() + "\n"
+
+
+def _row(wish: Wish) -> str:
+    """Return a row as TOML, whose strings and lists of strings are those of JSON."""
+    file = f"{wish.name}.urdf"
+    model = {"urdf": file} if wish.kind == "graspable" else {"models": [file]}
+    values = {"class": wish.name, **model, "names": wish.names, "held_out": wish.held_out, "states": wish.states}
+    lines = [f"{key} = {json.dumps(value)}" for key, value in values.items() if value]
+    return "\n".join(["", f"[[{wish.kind}]]", *lines, ""])
+
+
+def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
+    """Return a file as the thing that is wished for, and the corners (n, 3) of its convex pieces.
+
+    Raises:
+        AssetError: it cannot be used.
+    """
+    try:
+        if not np.isfinite(wish.scale) or not 1e-6 <= wish.scale <= 1e6:
+            raise ValueError(f"a scale of {wish.scale} is not from 0.000001 to 1,000,000")
+        links, mass = _read(file)
+        turn = _UP[wish.up] * wish.scale
+        parts = [_turned(part, turn) for link in links for part in painted(link)]
+        pieces = [shape.points(link.frame) @ turn.T for link in links for shape in (link.collisions or link.visuals)]
+        thing, foot = _standing(parts, wish.mass if wish.mass is not None else mass)
+        if wish.kind == "graspable":
+            thing.check()
+        else:
+            _check_furniture(thing, pieces)
+        return thing, [piece - foot for piece in pieces]
+    except (HomeError, ValueError) as error:
+        label = "" if str(error).startswith(str(file)) else f"{file}: "
+        raise AssetError(f"{label}{error}") from error
+
+
+def _read(file: Path) -> tuple[list[Link], float | None]:
+    """Return the links of a URDF that have geometry, or one with a mesh, and the mass if the file says it."""
+    source = Source(file)
+    if file.suffix.lower() != ".urdf":
+        shape = Shape("mesh", {"scale": (1.0, 1.0, 1.0)}, Origin(), None, read_mesh(file.name, source))
+        return [Link(file.stem, np.eye(4), Origin(), (shape,), (shape,), ())], None
+    links = [link for link in read_whole(source) if link.shapes]
+    if not links:
+        raise ValueError("has no geometry; give a link a <visual>")
+    masses = [
+        float(element.get("value", "0")) for element in safe_xml(source.read_urdf()).iterfind("link/inertial/mass")
+    ]
+    return links, sum(masses) or None
+
+
+def _turned(part: Part, turn: Points) -> Part:
+    normals = part.normals @ turn.T
+    return replace(
+        part, corners=part.corners @ turn.T, normals=normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    )
+
+
+def _standing(parts: Sequence[Part], mass: float | None) -> tuple[Thing, Points]:
+    """Return a thing that stands on its origin, and the point that has become it."""
+    if not parts:
+        raise ValueError("has no triangles to be seen; give it a visible mesh")
+    corners = np.concatenate([part.corners.reshape(-1, 3) for part in parts])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    foot, size = np.array([*(low + high)[:2] / 2, low[2]]), high - low
+    if mass is None:
+        mass = float(np.clip(_DENSITY * np.prod(size), MASSES[0], _HEAVIEST_GUESS))
+    merged: dict[Numbers, Part] = {}
+    for part in (replace(part, corners=part.corners - foot) for part in parts):
+        merged[part.colour] = merged[part.colour].joined(part) if part.colour in merged else part
+    return Thing(tuple(merged.values()), tuple(size.tolist()), False, mass), foot
+
+
+def _check_furniture(thing: Thing, pieces: Sequence[Points]) -> None:
+    if max(thing.size) > _LARGEST:
+        sides = " x ".join(f"{side:.3g}" for side in thing.size)
+        raise ValueError(f"measures {sides} m; furniture has at most {_LARGEST:g} m along a side: scale it down")
+    if len(pieces) > _MOST_PIECES:
+        raise ValueError(f"has {len(pieces)} collisions; furniture has at most {_MOST_PIECES}: join some")
+    count = sum(len(part.corners) for part in thing.parts)
+    if count > 4 * MOST_TRIANGLES:
+        raise ValueError(f"has {count:,} triangles; furniture has at most {4 * MOST_TRIANGLES:,}: simplify it")
