@@ -30,6 +30,11 @@ def add_robots(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_home(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option that names a home, and what follows from it."""
+    parser.add_argument("--home", metavar="H", help=f"play in this home, a name or a URDF: {what}")
+
+
 def output_file(text: str) -> Path:
     """Return the path of a file to write, or say at once why nothing can be written there."""
     return _writable(Path(text), Path(text).is_dir(), "is a folder; name a file in it")

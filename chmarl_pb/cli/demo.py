@@ -8,12 +8,15 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from chmarl_pb.cli.arguments import OBSERVATIONS, add_robots, output_folder
+from chmarl_pb.cli.arguments import OBSERVATIONS, add_home, add_robots, output_folder
 from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.film import Shot, storyboard
 from chmarl_pb.viewer.frame import Image, compose
 from chmarl_pb.viewer.page import write_page
@@ -26,20 +29,31 @@ from chmarl_pb.viewer.video import write_video
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
-    parser.set_defaults(run=lambda options: demo(options.task, options.observation, options.out, robots=options.robots))
+    parser.set_defaults(run=_run)
     parser.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007 (default: a good one)")
     add_robots(parser)
+    add_home(parser, "a task is drawn for it")
     parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     parser.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
     )
 
 
-def demo(task: str | None, observation: str, out: Path, policy: str = "planner", **options: Any) -> int:
+def _run(options: argparse.Namespace) -> int:
+    """Play the task that is named, or one that is drawn for the home that is named."""
+    task: str | Task | None = options.task
+    if options.home is not None:
+        if task is not None:
+            raise OptionError("--task names its home already; leave out --home")
+        (task,) = draw_tasks(options.home, 1, robots=options.robots)
+    return demo(task, options.observation, options.out, robots=options.robots)
+
+
+def demo(task: str | Task | None, observation: str, out: Path, policy: str = "planner", **options: Any) -> int:
     """Play one task and show it; return the exit code.
 
     Args:
-        task: id of the task; a task of test-unseen that leads through two rooms if None.
+        task: the task, or its id; a task of test-unseen that leads through two rooms if None.
         observation: what the policy observes, "visual" or "scene_graph".
         out: folder for ``demo.mp4`` and ``demo.html``.
         policy: "planner", "search" or "random".
@@ -50,7 +64,7 @@ def demo(task: str | None, observation: str, out: Path, policy: str = "planner",
         AssetError: there is no such robot.
         OptionError: an option is unknown, or the folder cannot be written to.
     """
-    chosen = choose_task() if task is None else find_task(task)
+    chosen = choose_task() if task is None else find_task(task) if isinstance(task, str) else task
     folder, console = open_folder(out), Console()
     with _progress(console) as progress:
         bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)

@@ -6,9 +6,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, add_robots, output_file
+from chmarl_pb.cli.arguments import GOAL, add_home, add_robots, output_file
 from chmarl_pb.envs.options import MAX_STEPS, SENSORS
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
@@ -38,6 +40,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
     )
     add_robots(parser)
+    add_home(parser, "--draw tasks are drawn for it, the same every time")
+    parser.add_argument("--draw", type=int, default=20, metavar="N", help="tasks for --home (default: %(default)s)")
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
@@ -53,11 +57,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
+    tasks, where = options.task, options.split
+    if options.home is not None:
+        if tasks:
+            raise OptionError("--task names its home already; leave out --home")
+        tasks, where = draw_tasks(options.home, options.draw, robots=options.robots), options.home
     with progress_bar() as bar:
-        row = bar.add_task(f"{options.policy} on {options.split}", total=None)
+        row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            tasks=options.task, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
+            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
             feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
@@ -84,7 +93,7 @@ def print_report(console: Console, report: Report) -> None:
         without += ", goal observed"
     if report.changed:
         without += f", changed: {report.changed}"
-    title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
+    title = f"{settings['policy']} on {_where(report)}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")
     for column in columns:
@@ -95,6 +104,13 @@ def print_report(console: Console, report: Report) -> None:
     table.add_row("all", *_cells(report.summary), style="bold")
     console.print(table)
     _print_notes(console, report)
+
+
+def _where(report: Report) -> str:
+    """Return the split, or the homes of tasks that are of none."""
+    split: str = report.settings["split"]
+    own = any(episode.task.startswith(f"{split}-") for episode in report.episodes)
+    return split if own else ", ".join(report.per_home)
 
 
 def _cells(summary: Summary) -> list[str]:

@@ -98,7 +98,7 @@ PRESETS = {
 }
 
 #: Settings of runs that were written before there was a choice.
-BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM)}
+BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM), "home": None}
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,7 @@ class Config:
         tasks: number of validation tasks of each of the two splits.
         max_steps: of an episode.
         robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
+        home: name or path of a home to train in instead of the split's.
     """
 
     algo: Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
@@ -149,6 +150,7 @@ class Config:
     tasks: int = count(50)
     max_steps: int = count(28)
     robots: str = ",".join(TEAM)
+    home: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, and unknown presets."""
@@ -179,6 +181,8 @@ class Config:
             shared["goal"] = True
         if listed(self.robots) != TEAM:
             shared["robots"] = listed(self.robots)
+        if self.home is not None:
+            shared["home"] = self.home
         return shared | ({"flat_actions": True} if self.algo == "dqn" and not self.alone else {})
 
     @property
