@@ -109,7 +109,7 @@ def print_report(console: Console, report: Report) -> None:
 def _where(report: Report) -> str:
     """Return the split, or the homes of tasks that are of none."""
     split: str = report.settings["split"]
-    own = any(episode.task.startswith(f"{split}-") for episode in report.episodes)
+    own = any(episode.task.id.startswith(f"{split}-") for episode in report.episodes)
     return split if own else ", ".join(report.per_home)
 
 

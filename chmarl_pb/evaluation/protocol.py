@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
@@ -89,6 +90,7 @@ def evaluate(
     if tasks is None and not setup.options.kind.tasks(split):
         raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
     chosen = _chosen(split, tasks)
+    setup = _at_home(setup, chosen)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
     check_workers(workers)
     file = None if out is None else Path(out)
@@ -129,6 +131,14 @@ def _chosen(split: str, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
         if (own := task.id.rpartition("-")[0]) in SPLITS and own != split:
             raise TaskError(f"task {task.id!r} is of the split {own!r}, not {split!r}; evaluate it there")
     return chosen
+
+
+def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
+    """Return the setup of one home of the user's, whose rooms may be others than those of the split's homes."""
+    homes = {task.home for task in tasks}
+    if len(homes) > 1 or not homes.isdisjoint(setup.options.homes):
+        return setup
+    return replace(setup, options=replace(setup.options, home=homes.pop()))
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:
