@@ -12,7 +12,7 @@ from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.export import export_gltf, export_urdf
 from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.homes.layout import SCHEMA, STARTER
+from chmarl_pb.homes.layout import SCHEMA, STYLES
 from chmarl_pb.rendering.preview import preview
 
 _GLANCE = 0.3  # seconds between two looks at the layout
@@ -20,9 +20,12 @@ _GLANCE = 0.3  # seconds between two looks at the layout
 
 def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the verbs to a parser."""
-    new = add_verb(verbs, "new", "write a small layout to begin with, and its schema for editors beside it")
+    new = add_verb(verbs, "new", "write a layout to begin with, and its schema for editors beside it")
     new.set_defaults(run=_new)
     new.add_argument("layout", type=output_file, metavar="TOML", help="file to write; it must not be there yet")
+    new.add_argument(
+        "--style", choices=tuple(STYLES), default="starter", help="which layout (default: %(default)s, a small one)"
+    )
     build = add_verb(verbs, "build", "build a home's URDF from its layout")
     build.set_defaults(run=_build)
     build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
@@ -43,14 +46,14 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 
 
 def _new(options: argparse.Namespace) -> int:
-    """Write the starter and its schema."""
+    """Write a layout to begin with, named after its file, and its schema."""
     layout: Path = options.layout
     if layout.suffix != ".toml":
         raise OptionError(f"{layout}: a layout's name ends in .toml")
     if layout.exists():
         raise OptionError(f"{layout} is there already; name another file, or remove it")
     write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
-    write_atomically(layout, STARTER.read_text(encoding="utf-8"))
+    write_atomically(layout, STYLES[options.style].read_text(encoding="utf-8"))
     print(f"{layout}\nnext: chmarl-pb homes build {layout} --watch")
     return 0
 

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from chmarl_pb.cli.arguments import OBSERVATIONS, add_catalog, add_home, add_robots, output_folder
 from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
@@ -40,8 +41,11 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    """Play the task that is named, or one that is drawn for the home that is named."""
     task: str | Task | None = options.task
-    if options.home is not None and task is None:
+    if options.home is not None:
+        if task is not None:
+            raise OptionError("--task names its home already; leave out --home")
         (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots)
     return demo(task, options.observation, options.out, robots=options.robots, catalog=options.catalog)
 

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, output_file
 from chmarl_pb.envs.options import MAX_STEPS, SENSORS
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import Figure, Summary
@@ -57,11 +58,14 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
-    tasks = options.task
+    tasks, where = options.task, options.split
     if options.home is not None:
+        if tasks:
+            raise OptionError("--task names its home already; leave out --home")
         tasks = draw_tasks(options.home, options.draw, 0, options.catalog, options.robots)
+        where = options.home
     with progress_bar() as bar:
-        row = bar.add_task(f"{options.policy} on {options.split}", total=None)
+        row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
@@ -92,7 +96,7 @@ def print_report(console: Console, report: Report) -> None:
         without += ", goal observed"
     if report.changed:
         without += f", changed: {report.changed}"
-    title = f"{settings['policy']} on {settings['split']}, {settings['observation']}{without}"
+    title = f"{settings['policy']} on {_where(report)}, {settings['observation']}{without}"
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")
     for column in columns:
@@ -103,6 +107,13 @@ def print_report(console: Console, report: Report) -> None:
     table.add_row("all", *_cells(report.summary), style="bold")
     console.print(table)
     _print_notes(console, report)
+
+
+def _where(report: Report) -> str:
+    """Return the split, or the homes of tasks that are of none."""
+    split: str = report.settings["split"]
+    own = any(episode.task.id.startswith(f"{split}-") for episode in report.episodes)
+    return split if own else ", ".join(report.per_home)
 
 
 def _cells(summary: Summary) -> list[str]:

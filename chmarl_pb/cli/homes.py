@@ -9,6 +9,7 @@ from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_fi
 from chmarl_pb.cli.authoring import add_authoring
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.home import home_names, home_path, load_home
+from chmarl_pb.homes.layout import STYLES
 from chmarl_pb.navigation.check import HomeReport
 from chmarl_pb.rendering.preview import preview
 from chmarl_pb.tasks.verdict import judge
@@ -38,6 +39,7 @@ def _list(options: argparse.Namespace) -> int:
         area = sum(room.area for room in home.rooms.values())
         classes = {thing.class_name for thing in home.receptacles.values()}
         print(f"{name}  {area:5.1f} m2  {len(home.things)} things, {len(classes)} receptacle classes  {home.path}")
+    print(f"layouts to begin with (homes new --style): {', '.join(STYLES)}")
     return 0
 
 

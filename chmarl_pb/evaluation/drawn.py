@@ -1,4 +1,4 @@
-"""Tasks that are drawn for a home of the user's, to be evaluated or recorded like those of a split."""
+"""Tasks that are drawn for a home of the user's, to be played and evaluated like those of a split."""
 
 from functools import lru_cache
 from pathlib import Path

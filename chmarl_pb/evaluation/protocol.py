@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
 from chmarl_pb.processes import check_workers
-from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS, find_task
+from chmarl_pb.tasks.splits import SPLITS, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
@@ -84,11 +85,12 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
-    setup = Setup(policy, Options(observation, split, home=_own_home(split, tasks), **options), env_fn)
+    setup = Setup(policy, Options(observation, split, **options), env_fn)
     source = find_policy(policy)
     if tasks is None and not setup.options.kind.tasks(split):
         raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
     chosen = _chosen(split, tasks)
+    setup = _at_home(setup, chosen)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
     check_workers(workers)
     file = None if out is None else Path(out)
@@ -131,10 +133,12 @@ def _chosen(split: str, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
     return chosen
 
 
-def _own_home(split: str, tasks: Sequence[AnyTask | str] | None) -> str | None:
-    """Return the home of tasks that are all in one home outside of the split, whose rooms may be others."""
-    homes = {None if isinstance(task, str) else task.home for task in tasks or ()}
-    return homes.pop() if len(homes) == 1 and homes.isdisjoint((*SPLIT_HOMES.get(split, ()), None)) else None
+def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
+    """Return the setup of one home of the user's, whose rooms may be others than those of the split's homes."""
+    homes = {task.home for task in tasks}
+    if len(homes) > 1 or not homes.isdisjoint(setup.options.homes):
+        return setup
+    return replace(setup, options=replace(setup.options, home=homes.pop()))
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:

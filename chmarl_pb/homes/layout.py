@@ -9,6 +9,7 @@ from typing import cast
 
 from PIL import Image
 
+from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.catalog import BENCHMARK, Catalog, room_kind
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.furniture import Model, load_model
@@ -24,7 +25,10 @@ SIDES = {"north": 270.0, "west": 0.0, "south": 90.0, "east": 180.0}
 """Yaw in degrees of furniture that stands with its back against a room's side."""
 
 STARTER = Path(__file__).with_name("starter.toml")
-"""A layout to begin with."""
+"""A small layout to begin with."""
+
+STYLES = {"starter": STARTER, **{file.stem: file for file in sorted((SCENES_DIR / "examples").glob("*.toml"))}}
+"""Layouts to begin with, by name: the starter and the finished examples."""
 
 SCHEMA = Path(__file__).with_name("layout.schema.json")
 """The JSON Schema of layouts, for editors."""

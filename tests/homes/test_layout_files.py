@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.cli import main
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.layout import SCHEMA, STARTER, load_layout
+from chmarl_pb.homes.layout import SCHEMA, STARTER, STYLES, load_layout
 from chmarl_pb.homes.toml_lines import lines_of
 
 SCHEMA_ROWS = json.loads(SCHEMA.read_text())
-LAYOUTS = [STARTER, *sorted(SCENES_DIR.glob("home_*.toml"))]
+LAYOUTS = [*STYLES.values(), *sorted(SCENES_DIR.glob("home_*.toml"))]
 
 
 def places(value, place=()):
