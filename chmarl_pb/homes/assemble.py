@@ -16,6 +16,7 @@ from chmarl_pb.files import replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
 from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
 from chmarl_pb.homes.layout_file import Colour
+from chmarl_pb.homes.object_looks import LINK as LOOKS_LINK
 from chmarl_pb.homes.textures import textured_box
 from chmarl_pb.homes.walls import Rect, Wall, lintels, pieces
 
@@ -71,6 +72,10 @@ def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.
     """
     made: dict[str, bytes] = {} if files is None else files
     robot = yourdfpy.Robot(layout.name, links=[_link(ROOT)])
+    if layout.object_looks is not None:
+        name = f"{LOOKS_LINK}{layout.object_looks}"
+        robot.links.append(_link(name))
+        robot.joints.append(yourdfpy.Joint(f"fix {name}", "fixed", ROOT, name, np.eye(4)))
     names: Counter[str] = Counter()
 
     def fix(thing: str, link: yourdfpy.Link, origin: Array) -> None:

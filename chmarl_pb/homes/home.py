@@ -13,6 +13,7 @@ from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.generate.store import generate_home
+from chmarl_pb.homes.object_looks import looks_in
 from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
@@ -231,6 +232,7 @@ def _read(path: Path, _modified: int, known: Catalog) -> Reading:
 def _home(path: Path, found: Findings, known: Catalog) -> Home | None:
     source = Source(path)
     links = read_links(source, found)
+    known = looks_in(known, (link.name for link in links))
     found.locate({link.name: middle_of(link) for link in links})
     links = tuple(link for link in links if link.visuals or link.collisions)
     links = tuple(link for link in links if _is_well_named(link.name, found))

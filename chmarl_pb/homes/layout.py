@@ -84,7 +84,10 @@ class Furniture:
 
 @dataclass(frozen=True)
 class Layout:
-    """A whole home. Lengths in metres, x to the east, y to the north, floors at z = 0; None: doorways have no top."""
+    """A whole home. Lengths in metres, x to the east, y to the north, floors at z = 0.
+
+    ``door_height`` None: doorways have no top; ``object_looks`` None: objects look as in the benchmark's homes.
+    """
 
     name: str
     wall_height: float
@@ -94,6 +97,7 @@ class Layout:
     furniture: tuple[Furniture, ...]
     door_height: float | None = None
     catalog: Catalog = BENCHMARK
+    object_looks: int | None = None
 
     @property
     def rects(self) -> dict[str, tuple[Rect, ...]]:
@@ -115,12 +119,13 @@ def load_layout(path: str | Path, known: Catalog = BENCHMARK) -> Layout:
         HomeError: the file cannot be read, or a table or value in it cannot be used; the message names it.
     """
     top = read_tables(Path(path))
-    top.allow("name wall_height wall_thickness door_height palette room door furniture")
+    top.allow("name wall_height wall_thickness door_height object_looks palette room door furniture")
     name, height = top.text("name", "[a-z][a-z0-9_-]*"), top.number("wall_height", 2.5, low=1.0)
     thickness = top.number("wall_thickness", 0.1, low=0.02)
     lintel = top.number("door_height", low=_LOWEST_LINTEL) if "door_height" in top.values else None
     if lintel is not None and lintel >= height:
         raise top.error(f"'door_height' {lintel:g} is not below 'wall_height' {height:g}", "door_height")
+    looks = int(top.number("object_looks", low=0)) if "object_looks" in top.values else None
     problems: list[HomeError] = []
     rooms = _read_rooms(top, problems)
     refuse(problems)  # without its rooms, nothing else can be judged
@@ -130,7 +135,7 @@ def load_layout(path: str | Path, known: Catalog = BENCHMARK) -> Layout:
     own = Path(path).parent, known
     furniture = read_each(pieces, lambda table: _read_furniture(table, rooms, thickness, *own), problems)
     refuse(problems)
-    return Layout(name, height, thickness, rooms, doors, furniture, lintel, known)
+    return Layout(name, height, thickness, rooms, doors, furniture, lintel, known, looks)
 
 
 def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:

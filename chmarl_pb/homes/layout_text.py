@@ -18,6 +18,7 @@ def layout_text(layout: Layout) -> str:
         f"wall_height = {layout.wall_height}",
         f"wall_thickness = {layout.wall_thickness}",
     ]
+    head += [] if layout.object_looks is None else [f"object_looks = {layout.object_looks}"]
     furniture = []
     for room in layout.rooms:
         things = [_table(_furniture(thing)) for thing in layout.furniture if thing.room == room.name]

@@ -12,6 +12,7 @@ from chmarl_pb.homes.generate.names import home_name
 from chmarl_pb.homes.generate.plan import Plan, draw_plan, in_metres
 from chmarl_pb.homes.generate.rooms import draw_rooms
 from chmarl_pb.homes.layout import Door, Furniture, Layout, Room
+from chmarl_pb.homes.object_looks import SETS
 
 _HEIGHT = 2.5
 _ROOMS, _LOOKS, _PLAN, _FURNITURE = range(4)  # streams of a seed
@@ -54,4 +55,4 @@ def _layout(seed: int, plan: Plan, doors: Sequence[Doorway], looks: Looks, furni
     openings = tuple(
         Door(door.between, (door.position[0] / 100, door.position[1] / 100), door.width / 100) for door in doors
     )
-    return Layout(home_name(seed), _HEIGHT, WALL / 100, rooms, openings, furniture)
+    return Layout(home_name(seed), _HEIGHT, WALL / 100, rooms, openings, furniture, object_looks=seed % SETS)

@@ -20,7 +20,7 @@ from chmarl_pb.navigation.check import check_home
 
 #: Of the layouts of seeds 0 to 3. Other layouts from the same seeds are another version of the rules: raise
 #: ``chmarl_pb.homes.generate.draws.VERSION`` with this digest.
-LAYOUTS = "0619bd673aac9f5b266f0b225b36e34be5224d306e8b19400725dd95c2894fa3"
+LAYOUTS = "89175eef7612d32f1ad6291c50bd7f86ed7deb6a97a77a1ce09f907d5d8f0789"
 DRAW = """
 import hashlib, sys
 from chmarl_pb.homes.generate.home_layout import draw_layout
