@@ -54,7 +54,8 @@ def test_the_steps_run_in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.chdir(tmp_path)
     follow(tmp_path, run)
-    assert {file.name for file in tmp_path.iterdir()} >= {"cabin.urdf", "cabin.png", "search.json", "my_things.toml", "lantern.png", "run"}
+    made = {"cabin.urdf", "cabin.png", "search.json", "my_things.toml", "lantern.png", "run"}
+    assert {file.name for file in tmp_path.iterdir()} >= made
 
 
 @pytest.mark.slow

@@ -54,7 +54,8 @@ def _add(options: argparse.Namespace) -> int:
         print(f"{label:10} {value}")
     if options.out is not None:
         print(preview_model(options.catalog.parent / f"{row.name}.urdf", options.out))
-    print(f"{options.catalog}: {len(catalog.rows) - len(BENCHMARK.rows)} own classes")
+    count = len(catalog.rows) - len(BENCHMARK.rows)
+    print(f"{options.catalog}: {count} own class{'' if count == 1 else 'es'}")
     return 0
 
 

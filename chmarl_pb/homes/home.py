@@ -152,7 +152,7 @@ def home_path(name_or_path: str | Path) -> Path:
     seed = seed_of(str(name_or_path))
     if seed is not None:
         return generate_home(seed).resolve()
-    packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(name_or_path)
+    packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(str(name_or_path))
     try:
         found = next((file for file in (packaged, path) if file.exists() and not file.is_dir()), None)
         if found is not None:
