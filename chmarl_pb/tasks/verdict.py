@@ -11,7 +11,7 @@ from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import cache_folder, write_atomically
-from chmarl_pb.homes.generate.names import seed_of
+from chmarl_pb.homes.generate.store import is_generated
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.problem import Problem, raise_first
 from chmarl_pb.homes.source import sha256_of
@@ -48,7 +48,7 @@ def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel],
         HomeError: the home cannot be played.
     """
     name = str(name_or_path)
-    if seed_of(name) is None and not (SCENES_DIR / f"{name}.urdf").exists():
+    if not is_generated(name) and not (SCENES_DIR / f"{name}.urdf").exists():
         raise_first(judge(name_or_path, tuple(models.values()), known).errors)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import cache_folder, write_atomically
 from chmarl_pb.homes.generate.draws import VERSION
-from chmarl_pb.homes.generate.names import MOST_SEED, home_name
+from chmarl_pb.homes.generate.names import MOST_SEED, home_name, seed_of
 
 
 def generate_home(seed: int, out: str | Path | None = None) -> Path:
@@ -28,6 +28,12 @@ def generate_home(seed: int, out: str | Path | None = None) -> Path:
     if out is not None or not path.is_file():
         _write(seed, path)
     return path
+
+
+def is_generated(name_or_path: str | Path) -> bool:
+    """Return whether this is the name of a generated home, or the path of one in the user's cache."""
+    path = Path(str(name_or_path))
+    return seed_of(str(name_or_path)) is not None or (seed_of(path.stem) is not None and path.parent == _own_folder())
 
 
 def _own_folder() -> Path:

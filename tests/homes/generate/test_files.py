@@ -13,6 +13,7 @@ from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes import assemble
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.generate.home_layout import draw_layout
+from chmarl_pb.homes.generate.store import is_generated
 from chmarl_pb.homes.home import home_path, load_home
 from chmarl_pb.homes.layout import load_layout
 from chmarl_pb.homes.layout_text import layout_text
@@ -103,3 +104,8 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert {f"generated-{seed}{kind}" for seed in (8, 9) for kind in (".toml", ".urdf", ".png")} <= set(
         entry.name for entry in tmp_path.iterdir()
     )
+
+
+def test_homes_in_the_cache_are_known_by_name_and_path(tmp_path: Path) -> None:
+    assert is_generated("generated-3") and is_generated(chmarl_pb.generate_home(3))
+    assert not is_generated("home_1") and not is_generated(chmarl_pb.generate_home(3, tmp_path))
