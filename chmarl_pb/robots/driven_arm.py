@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 0.02  # metres between the driven gripper or object and where it was meant to be
 
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
+_WITH_LOAD = 0.6  # of the joints' highest speeds: what is held lags behind a faster hand by more than a centimetre
 _HOLDING = Arm.carry[-2:]  # fingers closed on an object
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
 
@@ -249,7 +250,8 @@ class DrivenArm:
     def _move_arm(self, goal: Array, exactly: bool) -> Iterator[Tick]:
         """Drive the joints' motors to a posture, and what is held to its yaw; wait for them if it shall be exact."""
         arm, start = self._arm, self._posture
-        for joints, speeds, share in trajectory.move_joints(start[:-1], goal[:-1], arm.speeds):
+        limits = arm.speeds if self._grip is None else _WITH_LOAD * arm.speeds
+        for joints, speeds, share in trajectory.move_joints(start[:-1], goal[:-1], limits):
             arm.drive(joints, speeds)
             if self._grip is not None:
                 self._grip = Grip(self._grip.item, float(start[-1] + share * (goal[-1] - start[-1])))

@@ -162,7 +162,8 @@ def test_the_held_object_stays_in_the_hand(simulation: Simulation, monkeypatch: 
         for action in ("pick", "goto_bathroom", "place"):
             gaps.clear(), tilts.clear(), heights.clear()
             assert simulation.act(action, simulated=True)[0]
-            assert max(gaps, default=0.0) < 0.02
+            assert gaps or action.startswith("goto_"), "only a drive with a still arm is not simulated"
+            assert max(gaps, default=0.0) < 0.01
             assert max(tilts, default=0.0) < 0.05
             assert np.abs(np.diff(heights, n=2)).max(initial=0.0) < 1e-3
 
