@@ -45,7 +45,7 @@ def export_urdf(home: Home, path: Path) -> Path:
 
 
 def export_gltf(home: Home, path: Path) -> Path:
-    """Write what is visible of a home as binary glTF: a node for each link, y up, as the format wants.
+    """Write what is visible of a home as binary glTF with y up: a node for each shape, named after its link.
 
     Args:
         home: the home.
