@@ -26,11 +26,11 @@ def sample_task(space: Space, home: str, rng: np.random.Generator, task_id: str 
     """
     classes, known = receptacle_classes(space, 2), space.home.catalog
     for _ in range(DRAWS):
-        source, target = rng.choice(classes, size=2, replace=False)
-        graspable = rng.choice(list(known.graspables))
+        source, target = map(str, rng.choice(classes, size=2, replace=False))
+        graspable = str(rng.choice(list(known.graspables)))
         if may_stand(known, graspable, source, target):
             seed = sample_seed(rng)
-            return Task(task_id or f"{space.home.name}-{seed}", home, str(graspable), str(source), str(target), seed)
+            return Task(task_id or f"{space.home.name}-{seed}", home, graspable, source, target, seed)
     raise TaskError(f"{space.home.path}: no object was found that may stand on two of its classes; widen 'places'")
 
 
