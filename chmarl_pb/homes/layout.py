@@ -119,23 +119,43 @@ def load_layout(path: str | Path, known: Catalog = BENCHMARK) -> Layout:
         HomeError: the file cannot be read, or a table or value in it cannot be used; the message names it.
     """
     top = read_tables(Path(path))
-    top.allow("name wall_height wall_thickness door_height object_looks palette room door furniture")
-    name, height = top.text("name", "[a-z][a-z0-9_-]*"), top.number("wall_height", 2.5, low=1.0)
-    thickness = top.number("wall_thickness", 0.1, low=0.02)
-    lintel = top.number("door_height", low=_LOWEST_LINTEL) if "door_height" in top.values else None
-    if lintel is not None and lintel >= height:
-        raise top.error(f"'door_height' {lintel:g} is not below 'wall_height' {height:g}", "door_height")
-    looks = int(top.number("object_looks", low=0)) if "object_looks" in top.values else None
     problems: list[HomeError] = []
+    names, heights = read_each([top], _read_name, problems), read_each([top], _read_walls, problems)
+    looks = read_each([top], _read_looks, problems)
+    read_each([top], _check_palette, problems)
     rooms = _read_rooms(top, problems)
     refuse(problems)  # without its rooms, nothing else can be judged
+    (name,), ((height, thickness, lintel),) = names, heights
     walls = boundary({room.name: room.rects for room in rooms})
     doors = read_each(top.tables("door", _MOST_DOORS), lambda table: _read_door(table, rooms, walls), problems)
     pieces = top.tables("furniture", _MOST_FURNITURE)
     own = Path(path).parent, known
     furniture = read_each(pieces, lambda table: _read_furniture(table, rooms, thickness, *own), problems)
     refuse(problems)
-    return Layout(name, height, thickness, rooms, doors, furniture, lintel, known, looks)
+    return Layout(name, height, thickness, rooms, doors, furniture, lintel, known, looks[0])
+
+
+def _read_name(top: Table) -> str:
+    top.allow("name wall_height wall_thickness door_height object_looks palette room door furniture")
+    return top.text("name", "[a-z][a-z0-9_-]*")
+
+
+def _read_walls(top: Table) -> tuple[float, float, float | None]:
+    """Return height and thickness of the walls, and the height of the doorways if they are lower."""
+    height, thickness = top.number("wall_height", 2.5, low=1.0), top.number("wall_thickness", 0.1, low=0.02)
+    lintel = top.number("door_height", low=_LOWEST_LINTEL) if "door_height" in top.values else None
+    if lintel is not None and lintel >= height:
+        raise top.error(f"'door_height' {lintel:g} is not below 'wall_height' {height:g}", "door_height")
+    return height, thickness, lintel
+
+
+def _read_looks(top: Table) -> int | None:
+    return int(top.number("object_looks", low=0)) if "object_looks" in top.values else None
+
+
+def _check_palette(top: Table) -> None:
+    for name in top.palette:
+        Table(top.palette, top.file, ("palette",)).colour(name)
 
 
 def _read_rooms(top: Table, problems: list[HomeError]) -> tuple[Room, ...]:

@@ -128,9 +128,8 @@ class Table:
         digits = self.palette.get(value, value) if isinstance(value, str) else value
         if not isinstance(digits, str) or not re.fullmatch("#[0-9a-fA-F]{6}", digits):
             names = ", ".join(self.palette) or "none"
-            raise self.error(
-                f"{key!r} must be a colour '#rrggbb' or a name from the palette ({names}), got {value!r}", key
-            )
+            got = f"{digits!r}, which is {value!r} of the palette" if digits is not value else repr(value)
+            raise self.error(f"{key!r} must be a colour '#rrggbb' or a name from the palette ({names}), got {got}", key)
         red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (1, 3, 5))
         return red, green, blue
 

@@ -187,6 +187,7 @@ BAD = {
     "against and position": ("at = 1.0", "at = 1.0, yaw = 3", "furniture 1: 'against'"),
     "at without against": ("position = [0.5, 0.5]", "position = [0.5, 0.5], at = 1.0", "furniture 3: 'at' needs"),
     "bad colour": ('color = "oak"', 'color = "pine"', "furniture 2: 'color' must be a colour"),
+    "bad colour of the palette": ('{ oak = "#c59a68" }', '{ oak = "#c59a6" }', "palette: 'oak' must be a colour"),
     "bad number": ("yaw = 30", 'yaw = "30"', "furniture 2: 'yaw' must be a number"),
     "off the grid": ("[3.0, 0.0, 6.0, 3.0]", "[3.0, 0.0, 6.1, 3.0]", "room 2.*multiples of 0.25"),
     "empty room": ("[3.0, 0.0, 6.0, 3.0]", "[6.0, 0.0, 3.0, 3.0]", "room 2.*low x"),

@@ -86,6 +86,14 @@ def test_all_mistakes_are_told_at_once_each_with_its_line(tmp_path: Path) -> Non
         assert any(row.startswith(f"{path}:{line}: ") for row in told), (new, told)
 
 
+def test_mistakes_of_the_head_are_told_with_those_of_rooms(tmp_path: Path) -> None:
+    path = tmp_path / "home.toml"
+    path.write_text('name = "A"\npalette = { oak = "x" }\nwall_height = "d"\n[[room]]\nname = "kitchen"\n')
+    with pytest.raises(HomeError) as caught:
+        load_layout(path)
+    assert {row.removeprefix(f"{path}:")[0] for row in str(caught.value).splitlines()} == set("1234")
+
+
 @pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.stem)
 def test_layouts_follow_the_schema(path: Path) -> None:
     jsonschema.validate(tomllib.loads(path.read_text()), SCHEMA_ROWS)
