@@ -151,9 +151,14 @@ def home(write_home: Callable[[str], Path]) -> Home:
 
 
 @pytest.fixture
-def draws(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+def draws(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows by the size of each picture that is drawn."""
     drawn: list[int] = []
     draw = HomeViews.draw
-    monkeypatch.setattr(HomeViews, "draw", lambda *arguments: [drawn.append(arguments[-1]), draw(*arguments)][1])
+
+    def noted(*arguments: Any) -> object:
+        drawn.append(arguments[-1])
+        return draw(*arguments)
+
+    monkeypatch.setattr(HomeViews, "draw", noted)
     return drawn

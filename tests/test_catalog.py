@@ -1,5 +1,8 @@
 """The catalogue holds the benchmark's classes, exactly."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
 
 from chmarl_pb import catalog
@@ -74,6 +77,6 @@ def test_urdf_of_every_graspable() -> None:
 
 
 @pytest.mark.parametrize("find", [catalog.graspable_urdf, catalog.furniture_urdf])
-def test_unknown_model_names_the_known_ones(find) -> None:
+def test_unknown_model_names_the_known_ones(find: Callable[[str], Path]) -> None:
     with pytest.raises(AssetError, match=r"unicorn.*no such model; known in"):
         find("unicorn")

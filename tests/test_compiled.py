@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,21 +94,21 @@ def test_a_change_is_compiled_by_itself(folders: list[Path], changes: dict[str, 
     assert (answer(again), loaded(again)) == (121, 1)
 
 
+def _flip(share: float, content: bytes) -> bytes:
+    changed = bytearray(content)
+    changed[int(share * len(content))] ^= 1
+    return bytes(changed)
+
+
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda content: b"",
     "shortened": lambda content: content[: len(content) // 2],
     "garbage": lambda content: bytes(reversed(content)),
     "zeros": lambda content: bytes(len(content)),
     "longer": lambda content: content + b"x",
-    **{f"a bit at {share}": lambda content, share=share: _flip(content, share) for share in (0.0, 0.01, 0.5, 0.99)},
+    **{f"a bit at {share}": partial(_flip, share) for share in (0.0, 0.01, 0.5, 0.99)},
     "well summed nonsense": lambda content: hashlib.sha256(b"nonsense").digest() + b"nonsense",
 }
-
-
-def _flip(content: bytes, share: float) -> bytes:
-    changed = bytearray(content)
-    changed[int(share * len(content))] ^= 1
-    return bytes(changed)
 
 
 @needs_numba
@@ -158,7 +159,7 @@ def test_a_folder_keeps_only_the_newest_files_of_a_function(folders: list[Path])
 def test_the_folders_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled_module.config, "CACHE_DIR", str(tmp_path / "chosen"))
     monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "own"))
-    monkeypatch.setattr(compiled_module.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
     assert len(list(compiled_module._folders())) == 3
     chosen, beside, own, temporary = compiled_module._folders(to_write=True)
     assert (chosen, own) == (tmp_path / "chosen" / "chmarl_pb", tmp_path / "own" / "kernels")
@@ -170,7 +171,7 @@ def test_the_folders_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_a_temporary_folder_that_others_can_write_to_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled_module.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
     *_, temporary = compiled_module._folders(to_write=True)
     temporary.chmod(0o777)
     assert temporary not in compiled_module._folders()
@@ -179,7 +180,7 @@ def test_a_temporary_folder_that_others_can_write_to_is_not_used(
     temporary.symlink_to(moved)
     assert temporary not in compiled_module._folders()
     temporary.unlink()
-    monkeypatch.setattr(compiled_module.tempfile, "gettempdir", lambda: str(tmp_path / "missing"))
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path / "missing"))
     assert len(list(compiled_module._folders())) == 2
 
 
@@ -223,7 +224,8 @@ def episodes(code: str = "", **environment: str) -> list[str]:
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr
-    return json.loads(ended.stdout)
+    hashes: list[str] = json.loads(ended.stdout)
+    return hashes
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 import chmarl_pb
+from chmarl_pb.evaluation.result import Report
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.runs.loop import BEST
+from chmarl_pb.policies.policy import Factory, Policy
 
 torch = pytest.importorskip("torch")
 
@@ -34,7 +36,7 @@ def test_sb3_quickstart(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.
     pytest.importorskip("stable_baselines3")
     evaluate = chmarl_pb.evaluate
 
-    def two(policy: object, split: str, **options: Any) -> object:
+    def two(policy: str | Factory | Policy, split: str, **options: Any) -> Report:
         return evaluate(policy, split, tasks=chmarl_pb.load_tasks(split)[:2], **options)
 
     monkeypatch.setattr(chmarl_pb, "evaluate", two)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -29,7 +30,7 @@ sys.stdin.read()
 """
 
 
-def hold(path: Path) -> subprocess.Popen:
+def hold(path: Path) -> "subprocess.Popen[str]":
     """Start a process that holds a lock until its input ends."""
     process = subprocess.Popen(
         [sys.executable, "-c", HOLD, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -79,7 +80,8 @@ def test_a_child_that_inherits_a_lock_holds_it(tmp_path: Path) -> None:
 def test_a_lock_whose_file_is_removed_by_its_last_holder_is_taken_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first, take, taken = Lock(tmp_path / "a"), Lock._take, []
+    first, take = Lock(tmp_path / "a"), Lock._take
+    taken: list[int] = []
 
     def take_late(self: Lock, path: Path, wait: bool) -> None:
         if not taken:
@@ -100,7 +102,7 @@ def test_a_file_system_without_locks_is_a_warning(tmp_path: Path, monkeypatch: p
     def refuse(file: object, kind: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(files.fcntl, "flock", refuse)
+    monkeypatch.setattr("fcntl.flock", refuse)
     with pytest.warns(RuntimeWarning, match=r"result\.json: the file system cannot lock it"):
         Lock(tmp_path / "result.json").close()
     monkeypatch.setattr(files, "fcntl", None)
@@ -159,7 +161,7 @@ VALUES = st.recursive(
 
 
 @given(row=st.dictionaries(st.text(max_size=3), VALUES, max_size=4), where=st.integers(0, 10**6), bit=st.integers(0, 6))
-def test_a_sealed_row_is_given_back_or_refused(row: dict, where: int, bit: int) -> None:
+def test_a_sealed_row_is_given_back_or_refused(row: dict[str, Any], where: int, bit: int) -> None:
     line = sealed(row)
     assert "\n" not in line and unsealed(line) == row
     damaged = bytearray(line, "ascii")

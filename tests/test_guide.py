@@ -48,7 +48,8 @@ def test_the_steps_run_in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.Mo
     def run(command: str) -> None:
         name, *words = command.split()
         if name == "python":
-            runpy.run_path(*words, run_name="__main__")
+            (script,) = words
+            runpy.run_path(script, run_name="__main__")
         elif not command.startswith(SLOW):
             assert main(words) == 0, command
 
@@ -64,7 +65,7 @@ def test_the_steps_run_from_an_installed_wheel(tmp_path: Path) -> None:
     folder.mkdir()
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     env["PATH"] = f"{programs}{os.pathsep}{env['PATH']}"
-    where = [programs / "python", "-c", "import chmarl_pb; print(chmarl_pb.__file__)"]
+    where = [str(programs / "python"), "-c", "import chmarl_pb; print(chmarl_pb.__file__)"]
     assert str(tmp_path) in subprocess.run(where, cwd=folder, env=env, capture_output=True, text=True).stdout
 
     def run(command: str) -> None:

@@ -50,7 +50,7 @@ def test_the_pythons_that_are_promised_are_allowed() -> None:
     assert [version in allowed for version in ("3.9.18", "3.10.0", "3.13.9", "3.14.0")] == [False, True, True, False]
 
 
-def make(path: Path, *words: str) -> subprocess.CompletedProcess:
+def make(path: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     """Run make as far as the interpreter; ``path`` is the first folder on PATH."""
     command = ["make", "--no-print-directory", f"VENV={path / 'venv'}", *words]
     return subprocess.run(command, cwd=ROOT, env={"PATH": f"{path}:/usr/bin:/bin"}, capture_output=True, text=True)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ def test_processes_at_work_end_soon_when_nobody_waits_for_them(monkeypatch: pyte
     results = in_processes(dawdle, [0.0, 0.0, 600.0, 600.0], 2)
     pids = {next(results), next(results)}
     start = time.monotonic()
+    assert isinstance(results, Generator)
     results.close()
     assert time.monotonic() - start < 20
     assert not any(map(is_running, pids))

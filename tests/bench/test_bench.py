@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from chmarl_pb.bench import figures
 from chmarl_pb.bench.figures import FIGURES, Figure, chosen, measure
+from chmarl_pb.bench.fresh import samples
 from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses, tasks_to_play
 from chmarl_pb.bench.vectors import beside_gymnasium, processes
 from chmarl_pb.cli import main
@@ -17,7 +19,7 @@ from chmarl_pb.cli.bench import readable, run
 from chmarl_pb.errors import OptionError
 
 TINY = Effort(runs=1, seconds=0.001, warm_up=5)
-FEW = {
+FEW: dict[str, tuple[object, ...]] = {
     "first_visits": (64, 2),
     "memory": ("scene_graph", 1),
     "loads": (1,),
@@ -37,8 +39,11 @@ SLOW = (
     ],
 )
 def test_figure_is_measured(figure: Figure, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = figures.samples
-    monkeypatch.setattr(figures, "samples", lambda name, *rest, keep: real(name, *FEW.get(name, rest), keep=keep))
+
+    def few(name: str, *rest: object, keep: bool) -> Iterator[dict[str, float]]:
+        return samples(name, *FEW.get(name, rest), keep=keep)
+
+    monkeypatch.setattr(figures, "samples", few)
     if isinstance(figure.measure, partial) and figure.measure.func in (processes, beside_gymnasium):
         figure = replace(figure, measure=partial(figure.measure, count=2))
     rows = list(measure(figure, TINY))

@@ -79,12 +79,13 @@ def test_what_is_wrong_is_all_that_is_said(
 
 
 def test_a_bar_is_shown_with_the_first_progress() -> None:
-    console = Console(file=io.StringIO(), force_terminal=True)
+    shown = io.StringIO()
+    console = Console(file=shown, force_terminal=True)
     with LateProgress(console=console) as bar:
         row = bar.add_task("playing", total=2)
-        assert console.file.getvalue() == ""
+        assert shown.getvalue() == ""
         bar.update(row, completed=0)
-        assert "playing" in console.file.getvalue()
+        assert "playing" in shown.getvalue()
 
 
 def test_a_callable_is_not_taken_for_a_file() -> None:
@@ -105,7 +106,12 @@ def test_a_callable_is_not_taken_for_a_file() -> None:
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_so_do_the_commands_of_training(
-    module: str, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    module: str,
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     command = pytest.importorskip(f"training.{module}")
     monkeypatch.chdir(tmp_path)

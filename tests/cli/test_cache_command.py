@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -40,7 +41,9 @@ def test_filling_draws_each_view_once(
     folder: Path, home: Home, draws: list[int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fill_command(home) == 0
-    count = sum(file.poses for file in view_store().files)
+    store = view_store()
+    assert store is not None
+    count = sum(file.poses for file in store.files)
     assert len(draws) == count > 2000 and set(draws) == {SIZE}
     assert f"{used(folder) / 2**20:,.1f} MB" in capsys.readouterr().out
     draws.clear()
@@ -55,7 +58,7 @@ def test_filling_goes_on_after_an_interruption(home: Home, draws: list[int], mon
     look, missing = HomeViews.look, fill.Filling([str(home.path)], SIZE).missing
     draws.clear()
 
-    def interrupted(views: HomeViews, *place: object) -> object:
+    def interrupted(views: HomeViews, *place: Any) -> object:
         if len(draws) == 300:
             raise KeyboardInterrupt
         return look(views, *place)

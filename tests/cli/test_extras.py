@@ -35,7 +35,7 @@ sys.meta_path[sys.meta_path.index(PathFinder)] = Without
 """
 
 
-def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm") -> subprocess.CompletedProcess:
+def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm") -> "subprocess.CompletedProcess[str]":
     """Run Python in a folder as if some modules were not installed; "cold" starts an interpreter of its own."""
     (folder / "sitecustomize.py").write_text(WITHOUT.replace("{missing}", repr(missing)))
     environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}

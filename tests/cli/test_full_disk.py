@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 MOUNT = 'mount -t tmpfs -o size=64k tmpfs "$0" && exec "$@"'
 
 
-def on_small_disk(folder: str, script: str, *arguments: object) -> subprocess.CompletedProcess:
+def on_small_disk(folder: str, script: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
     """Run a Python script where a folder is a disk of 64 kB."""
     command = ["unshare", "--map-root-user", "--mount", "sh", "-c", MOUNT, folder]
     try:

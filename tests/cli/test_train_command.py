@@ -11,6 +11,8 @@ pytest.importorskip("tyro")
 
 from chmarl_pb.cli.train import COMMANDS, main, name_of, parse
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
+from chmarl_pb.learning.algorithms.value import Config
+from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
 
 ALL = ("bc", *ALGORITHMS, "dagger-mappo")
@@ -37,8 +39,10 @@ def test_flags_are_typed_and_belong_to_their_learner(capsys: pytest.CaptureFixtu
     first = parse(["--algo", "qmix", "--episodes", "7", "--gamma", "0.5", "--no-messages"])
     assert first == parse(["--gamma", "0.5", "--no-messages", "--episodes=7", "--algo=qmix"])
     assert first == parse(["qmix", "--gamma", "0.5", "--episodes", "7", "--no-messages"])
-    assert (first.config.episodes, first.config.gamma, name_of(first)) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
-    assert parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"]).config.past_actions is False
+    config, cloning = first.config, parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"]).config
+    assert isinstance(config, Config) and isinstance(cloning, CloningConfig)
+    assert (config.episodes, config.gamma, name_of(first)) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
+    assert cloning.past_actions is False
     for wrong in (["--algo", "bc", "--episodes", "3"], ["--algo", "iql", "--epochs", "3"]):
         with pytest.raises(SystemExit) as caught:
             parse(wrong)
@@ -76,6 +80,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
 def test_bad_values_give_one_sentence(
     words: list[str], known: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    code: str | int | None
     try:
         code = main([*words, "--out", str(tmp_path / "run")])
     except SystemExit as stop:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import h5py
@@ -22,7 +23,7 @@ from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
 from chmarl_pb.data.recipe import Recipe
-from chmarl_pb.data.record import NoisyPlanner, make_env, record, replay
+from chmarl_pb.data.record import Arrays, NoisyPlanner, make_env, record, replay
 from chmarl_pb.data.store import dataset_folder, is_whole, parts_folder
 from chmarl_pb.data.verify import chosen, first_difference, verify
 from chmarl_pb.envs.rollout import rollout
@@ -84,7 +85,7 @@ def test_ids(recipe: Recipe, name: str) -> None:
     "options",
     [{"split": "tests"}, {"observation": "both"}, {"noise": 1.5}, {"noise": 0.123}, {"seed": -1}, {"limit": 0}],
 )
-def test_recipe_refuses(options: dict) -> None:
+def test_recipe_refuses(options: dict[str, Any]) -> None:
     with pytest.raises(OptionError):
         Recipe(**options)
 
@@ -212,6 +213,16 @@ def test_metadata_repeats_an_episode(root: Path, monkeypatch: pytest.MonkeyPatch
     env.close()
 
 
+def part_of(arrays: Arrays, *keys: str) -> np.ndarray:
+    """Return the array at a place."""
+    found: Arrays | np.ndarray = arrays
+    for key in keys:
+        assert isinstance(found, dict)
+        found = found[key]
+    assert isinstance(found, np.ndarray)
+    return found
+
+
 def test_pictures_are_stored_without_loss(
     joint: gymnasium.Env, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -224,9 +235,9 @@ def test_pictures_are_stored_without_loss(
     env.close()
     stored = episode.observations["humanoid_image"]
     assert stored.shape[1:] == (128, 128, 3)
-    assert np.array_equal(stored, again["observations"]["humanoid_image"])
+    assert np.array_equal(stored, part_of(again, "observations", "humanoid_image"))
     graphs = record(joint, NoisyPlanner(core_of(joint), 0, 0), recipe.tasks[0])
-    assert np.array_equal(graphs.arrays["infos"]["state_hash"], episode.infos["state_hash"])
+    assert np.array_equal(part_of(graphs.arrays, "infos", "state_hash"), episode.infos["state_hash"])
 
 
 # Verifying
@@ -310,9 +321,9 @@ def test_data_set_of_an_earlier_version_is_used_and_verified(dataset: Dataset) -
 
 
 def test_difference_is_named() -> None:
-    stored = {"infos": {"potential": np.zeros(3)}, "rewards": np.zeros(2)}
+    stored: Arrays = {"infos": {"potential": np.zeros(3)}, "rewards": np.zeros(2)}
     assert first_difference(stored, {"infos": {"potential": np.zeros(3)}, "rewards": np.zeros(2)}) is None
-    changed = {"infos": {"potential": np.array([0, 0, 1.0])}, "rewards": np.zeros(2)}
+    changed: Arrays = {"infos": {"potential": np.array([0, 0, 1.0])}, "rewards": np.zeros(2)}
     assert first_difference(stored, changed) == "infos/potential at step 2"
     assert "rewards" in (first_difference(stored, {"infos": {"potential": np.zeros(3)}}) or "")
 
@@ -323,15 +334,16 @@ def test_difference_is_named() -> None:
 def test_without_noise_the_planner_acts(joint: gymnasium.Env) -> None:
     task = load_tasks("test-unseen")[0]
     arrays = record(joint, NoisyPlanner(core_of(joint), 0, 0), task).arrays
-    assert np.array_equal(arrays["infos"]["planner_action"][:-1], arrays["actions"])
-    assert len(arrays["actions"]) == task.optimal_steps
+    actions = part_of(arrays, "actions")
+    assert np.array_equal(part_of(arrays, "infos", "planner_action")[:-1], actions)
+    assert len(actions) == task.optimal_steps
 
 
 def test_noisy_labels_are_optimal_actions(joint: gymnasium.Env) -> None:
     """In every state, also after random actions, the label shortens the plan of the humanoid by one step."""
     core, task = core_of(joint), load_tasks("test-unseen")[3]
     arrays = record(joint, NoisyPlanner(core, 0.4, 1), task).arrays
-    actions, labels = arrays["actions"], arrays["infos"]["planner_action"]
+    actions, labels = part_of(arrays, "actions"), part_of(arrays, "infos", "planner_action")
     assert (actions != labels[:-1]).any()
     for step in range(len(actions)):
         core.reset(options={"task": task})

@@ -42,7 +42,9 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 
 def core(env: Any) -> HouseholdEnv:
     """The environment inside."""
-    return getattr(env.unwrapped, "parallel", env.unwrapped)
+    inside = getattr(env.unwrapped, "parallel", env.unwrapped)
+    assert isinstance(inside, HouseholdEnv)
+    return inside
 
 
 def act(env: Any) -> None:

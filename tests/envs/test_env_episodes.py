@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_an_episode_is_the_same_after_others(env: HouseholdEnv, tasks: list[Task
     """Objects that were picked, placed and settled before leave no trace."""
 
     def episode() -> str:
-        results = [*env.reset(options={"task": tasks[1]})]
+        results: list[Any] = [*env.reset(options={"task": tasks[1]})]
         for name in plan:
             results += env.step({"humanoid": HUMANOID_ACTIONS.index(name), "drone": 4})
         return digest(*results)
@@ -77,7 +78,7 @@ def test_an_episode_is_the_same_after_others(env: HouseholdEnv, tasks: list[Task
 def test_twenty_environments_at_once_do_not_touch_each_other() -> None:
     envs = [HouseholdEnv("visual" if number % 4 == 0 else "scene_graph", image_size=32) for number in range(20)]
     rngs = [np.random.default_rng(number) for number in range(20)]
-    found = [list(env.reset(seed=number)) for number, env in enumerate(envs)]
+    found: list[list[Any]] = [list(env.reset(seed=number)) for number, env in enumerate(envs)]
     for _ in range(8):
         for env, rng, results in zip(envs, rngs, found, strict=True):
             results += env.step(random_actions(env, rng))
@@ -85,11 +86,12 @@ def test_twenty_environments_at_once_do_not_touch_each_other() -> None:
         env.close()
     for number in (0, 3, 13, 19):
         env = HouseholdEnv("visual" if number % 4 == 0 else "scene_graph", image_size=32)
-        rng, results = np.random.default_rng(number), list(env.reset(seed=number))
+        rng = np.random.default_rng(number)
+        alone: list[Any] = list(env.reset(seed=number))
         for _ in range(8):
-            results += env.step(random_actions(env, rng))
+            alone += env.step(random_actions(env, rng))
         env.close()
-        assert digest(*results) == digest(*found[number])
+        assert digest(*alone) == digest(*found[number])
 
 
 # Rules of an episode
@@ -204,7 +206,7 @@ def test_messages_and_feedback_can_be_switched_off(tasks: list[Task]) -> None:
     known = 0
     for task in tasks[:5]:
         rng = np.random.default_rng(0)
-        results = [env.reset(options={"task": task}) for env in (loud, quiet)]
+        results: list[tuple[Any, ...]] = [env.reset(options={"task": task}) for env in (loud, quiet)]
         for _ in range(10):
             for name in TEAM:
                 heard, silent = results[0][0][name], results[1][0][name]

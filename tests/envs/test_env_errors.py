@@ -83,12 +83,12 @@ def test_a_wrong_action_of_the_aec_view_is_refused_at_its_turn(first: bool) -> N
 
 def test_options_that_are_no_dict(env: HouseholdEnv) -> None:
     with pytest.raises(OptionError, match="not a dict"):
-        env.reset(options="train-0001")
+        env.reset(options="train-0001")  # type: ignore[arg-type]
 
 
 def test_rollout_plays_in_nothing_else(make: Callable[..., Any]) -> None:
     with pytest.raises(OptionError, match="parallel_env"):
-        chmarl_pb.rollout(make("CHMARL/SceneGraph-v0"), policy=None)
+        chmarl_pb.rollout(make("CHMARL/SceneGraph-v0"), policy=None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("home", ["home_99", "/nowhere/home.urdf", 7])

@@ -129,7 +129,7 @@ def seeing(env: HouseholdEnv) -> Policy:
 
 
 def test_evaluation_gives_and_records_it(tmp_path: Path) -> None:
-    given = {"split": "val-unseen", "seeds": (0,), "workers": 1, "tasks": TASKS[:2], "max_steps": 4}
+    given: dict[str, Any] = {"split": "val-unseen", "seeds": (0,), "workers": 1, "tasks": TASKS[:2], "max_steps": 4}
     report = evaluate(seeing, goal=True, **given)
     assert report.settings["options"]["goal"] is True and "goal observed" in title_of(report)
     with pytest.raises(KeyError):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
 import chmarl_pb
 from chmarl_pb.catalog import BENCHMARK, class_of
@@ -81,7 +82,9 @@ def test_drawn_tasks_are_of_own_things_too_and_can_be_solved(env: HouseholdEnv) 
 def test_observations_show_own_ids_within_their_spaces(env: HouseholdEnv) -> None:
     env.reset(options={"task": own_task(env, "striped_crate")})
     space = env.observation_space("humanoid")
-    assert space["node_class"].high.max() == len(env.catalog.rows) == len(BENCHMARK.rows) + 4
+    classes = space["node_class"]
+    assert isinstance(classes, Box)
+    assert classes.high.max() == len(env.catalog.rows) == len(BENCHMARK.rows) + 4
     graphs = env.simulation.graphs
     graph = graphs.graph(env.world.state, ("livingroom/workbench_1", "striped_crate_1"), env.setting.states)
     ids = [env.catalog.class_ids[class_of(name)] for name in graph.names]

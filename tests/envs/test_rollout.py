@@ -8,9 +8,10 @@ import pytest
 from pettingzoo.utils import BaseParallelWrapper
 
 import chmarl_pb
-from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv, Results
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.errors import OptionError
+from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.tasks.splits import load_tasks
@@ -19,20 +20,21 @@ from tests.helpers.playing import digest
 TASK = load_tasks("test-unseen")[0]
 
 
-class Twice(BaseParallelWrapper):
+class Twice(BaseParallelWrapper):  # type: ignore[misc]
     """Carries out every action twice, and hides all infos but the visible names and the mask."""
 
-    def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
         observations, infos = self.env.reset(seed=seed, options=options)
         return observations, self._few(infos)
 
-    def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
+    def step(self, actions: Actions) -> Results:
         results = self.env.step(actions)
         if self.env.agents:
             results = self.env.step(actions)
-        return *results[:4], self._few(results[4])
+        observations, rewards, ended, cut, infos = results
+        return observations, rewards, ended, cut, self._few(infos)
 
-    def _few(self, infos: dict) -> dict:
+    def _few(self, infos: Infos) -> Infos:
         return {name: {key: info[key] for key in ("visible", "action_mask")} for name, info in infos.items()}
 
 
@@ -92,7 +94,7 @@ def test_a_replay_repeats_and_then_stays(env: HouseholdEnv, plain: Episode) -> N
 def test_other_interfaces_are_refused(make: Any) -> None:
     env = make()
     with pytest.raises(OptionError, match="not a ParallelEnv"):
-        rollout(env, policy=None)
+        rollout(env, policy=None)  # type: ignore[arg-type]
     getattr(env, "close", lambda: None)()
 
 

@@ -13,7 +13,7 @@ from chmarl_pb.errors import NotResetError, OptionError
 from chmarl_pb.policies.policy import core_of
 
 HUMANOID, STAY = "CHMARL/SceneGraphHumanoid-v0", 9
-HOME = {"home": "home_6", "split": "val-unseen"}
+HOME: dict[str, Any] = {"home": "home_6", "split": "val-unseen"}
 
 
 def length(env: gymnasium.Env) -> int:

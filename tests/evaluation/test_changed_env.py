@@ -9,7 +9,7 @@ from pettingzoo.utils import BaseParallelWrapper
 
 import chmarl_pb
 from chmarl_pb.cli import main
-from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.parallel import HouseholdEnv, Results
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.replays import replays
@@ -22,12 +22,14 @@ TASKS = load_tasks("test-unseen")[:2]
 GIVEN: dict[str, Any] = {"tasks": TASKS, "seeds": (0,), "workers": 1}
 
 
-class Slow(BaseParallelWrapper):
+class Slow(BaseParallelWrapper):  # type: ignore[misc]
     """Carries out every action twice."""
 
-    def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
-        results = self.env.step(actions)
-        return self.env.step(actions) if self.env.agents else results
+    def step(self, actions: Actions) -> Results:
+        results: Results = self.env.step(actions)
+        if self.env.agents:
+            results = self.env.step(actions)
+        return results
 
 
 def slow(**options: Any) -> Slow:
@@ -99,7 +101,7 @@ def test_workers_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_options_of_all_kinds_are_passed_on() -> None:
-    options: list[dict] = []
+    options: list[dict[str, Any]] = []
 
     def env_fn(**given: Any) -> HouseholdEnv:
         options.append(given)

@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,9 @@ def test_an_episode_can_be_shown(brief: EpisodeFile) -> None:
         ("home_sha256", lambda value: "0" * 64, "home_7 is not the one"),
     ],
 )
-def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, part: str, change, words: str) -> None:
+def test_replay_says_what_differs_first(
+    tmp_path: Path, episode: EpisodeFile, part: str, change: Callable[[Any], object], words: str
+) -> None:
     path = tmp_path / "episode.json"
     save_episode(episode, path)
     data = json.loads(path.read_text())
@@ -114,7 +117,7 @@ def test_replay_says_what_differs_first(tmp_path: Path, episode: EpisodeFile, pa
         lambda data: [],
     ],
 )
-def test_damaged_files_are_refused(tmp_path: Path, episode: EpisodeFile, change) -> None:
+def test_damaged_files_are_refused(tmp_path: Path, episode: EpisodeFile, change: Callable[[Any], object]) -> None:
     path = tmp_path / "episode.json"
     save_episode(episode, path)
     path.write_text(json.dumps(change(json.loads(path.read_text()))))

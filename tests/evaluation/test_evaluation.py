@@ -1,9 +1,11 @@
 import json
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,14 +22,16 @@ from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played, bootstrap_interval, path_weighted, summarize, summarize_by
 from chmarl_pb.evaluation.optimum import Optimum
+from chmarl_pb.evaluation.play import Job, Setup
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
-from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.policies.variants import Alone, Unheard
 from chmarl_pb.robots.registry import team_of
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
@@ -43,13 +47,13 @@ def staying(env: HouseholdEnv) -> Policy:
         def reset(self, seed: int | None) -> None:
             pass
 
-        def act(self, observations: dict, infos: dict) -> dict[str, int]:
+        def act(self, observations: Observations, infos: Infos) -> Actions:
             return {name: names.index("stay") for name, names in env.action_names.items()}
 
     return Staying()
 
 
-staying.deterministic = True
+staying.deterministic = True  # type: ignore[attr-defined]
 
 
 def task(number: int, optimal_steps: int, home: str = "home_1") -> Task:
@@ -182,18 +186,23 @@ def test_checkpoints_need_a_loader(tmp_path: Path) -> None:
     assert find_policy(str(path)).make is staying
 
 
-def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv) -> None:
+def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lone humanoid's drone stays; its messages never say more than the pair's."""
+
+    def noted(
+        shown: list[np.ndarray], act: Callable[[Observations, Infos], Actions], seen: Observations, infos: Infos
+    ) -> Actions:
+        shown.append(seen["humanoid"]["messages"])
+        return act(seen, infos)
+
     for name in ("search-silent", "search-alone"):
         policy = BUILT_IN[name](env)
+        assert isinstance(policy, Unheard | Alone)
         observations, infos = env.reset(options={"task": TASKS[0]})
         policy.reset(0)
         shown: list[np.ndarray] = []
         inner = policy.policy
-        act = inner.act
-        inner.act = lambda seen, infos, act=act, shown=shown: (
-            shown.append(seen["humanoid"]["messages"]) or act(seen, infos)
-        )
+        monkeypatch.setattr(inner, "act", partial(noted, shown, inner.act))
         while env.agents:
             actions = policy.act(observations, infos)
             assert (shown[-1] <= observations["humanoid"]["messages"]).all()
@@ -281,7 +290,7 @@ def test_a_policy_that_stays_gets_nothing() -> None:
         ({"seeds": (0.5,)}, OptionError), ({"out": "/tmp"}, OptionError), ({"tasks": ["val-seen-000"]}, TaskError),
     ],
 )  # fmt: skip
-def test_bad_options_are_refused(options: dict, error: type[Exception]) -> None:
+def test_bad_options_are_refused(options: dict[str, Any], error: type[Exception]) -> None:
     with pytest.raises(error):
         evaluate("random", **{"workers": 1, **options})
 
@@ -298,18 +307,18 @@ def test_interrupted_evaluations_go_on(tmp_path: Path, random_report: Report) ->
         if finished == 4:
             raise KeyboardInterrupt
 
-    options = {"tasks": TASKS, "seeds": (0, 1), "workers": 1, "max_steps": MAX_STEPS, "out": out}
+    options: dict[str, Any] = {"tasks": TASKS, "seeds": (0, 1), "workers": 1, "max_steps": MAX_STEPS, "out": out}
     with pytest.raises(KeyboardInterrupt):
         evaluate("random", progress=interrupt, **options)
-    partial = tmp_path / "result.json.partial"
-    text = partial.read_text()
+    unfinished = tmp_path / "result.json.partial"
+    text = unfinished.read_text()
     assert len(text.splitlines()) == 1 + 4 and not out.exists()
-    partial.write_text(text[:-20])  # as if the machine had gone down while it wrote
+    unfinished.write_text(text[:-20])  # as if the machine had gone down while it wrote
     counts: list[int] = []
     with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 4 lines"):
         report = evaluate("random", progress=lambda finished, total: counts.append(finished), **options)
     assert counts == [3, 4, 5, 6]
-    assert report.episodes == random_report.episodes and not partial.exists()
+    assert report.episodes == random_report.episodes and not unfinished.exists()
     assert load_result(out).episodes == report.episodes
 
 
@@ -360,11 +369,15 @@ def test_no_flipped_bit_of_a_ledger_counts(tmp_path: Path, line: int) -> None:
 
 
 def test_every_job_is_played_exactly_once() -> None:
-    options = {"tasks": TASKS, "seeds": (0, 1), "max_steps": 3}
+    options: dict[str, Any] = {"tasks": TASKS, "seeds": (0, 1), "max_steps": 3}
     report = evaluate("random", workers=1, **options)
+
+    def pretended(wrong: Sequence[Played], setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
+        return iter(wrong)
+
     for wrong in (report.episodes[1:], (*report.episodes, report.episodes[0]), [*report.episodes[1:], played(0, 4, 4)]):
         with pytest.raises(ResultError, match="played"):
-            evaluate("random", plays=lambda setup, jobs, wrong=wrong: iter(wrong), **options)
+            evaluate("random", plays=partial(pretended, wrong), **options)
 
 
 def test_a_result_with_an_episode_twice_is_refused(tmp_path: Path, random_report: Report) -> None:

@@ -103,13 +103,11 @@ def test_results_of_one_title_make_one_bar_at_their_mean(results: Path) -> None:
     assert sorted(len(bars) for bars in rows["scene_graph"].values()) == [1, 1, 1]  # of val-seen it is not whole
 
 
-def test_a_bar_is_drawn_where_its_mean_is(results: Path) -> None:
+def test_a_bar_is_drawn_where_its_mean_is(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = whole(load_result(results / "planner.json"))
-    plots._svg = kept = Kept(plots._svg)
-    try:
-        plots.score_bars(grouped([seed_of(one, 16.5), seed_of(one, 51.0)]), {"test-unseen": {"blind": 0.4}})
-    finally:
-        plots._svg = kept.draw
+    kept = Kept(plots._svg)
+    monkeypatch.setattr(plots, "_svg", kept)
+    plots.score_bars(grouped([seed_of(one, 16.5), seed_of(one, 51.0)]), {"test-unseen": {"blind": 0.4}})
     (axes,) = kept.figure.axes
     assert [patch.get_width() for patch in axes.patches] == pytest.approx([33.75], abs=0.01)
     assert "blind" in [text.get_text() for text in axes.texts]
@@ -137,7 +135,11 @@ def test_a_gain_of_exactly_nothing_has_a_bar_too(results: Path, monkeypatch: pyt
     one = load_result(results / "planner.json")
     gain = SimpleNamespace(share=0.0)
     monkeypatch.setattr(Report, "cooperation", property(lambda report: gain))
-    rows = bar_rows(grouped([one]), lambda report: report.cooperation.share, lambda report: Figure(None))
+
+    def share(report: Report) -> float | None:
+        return report.cooperation.share if report.cooperation else None
+
+    rows = bar_rows(grouped([one]), share, lambda report: Figure(None))
     assert next(iter(rows.values()))["test-unseen"].mean == 0
     assert "<svg" in plots.cooperation_bars(grouped([one]))
 
@@ -203,7 +205,8 @@ def test_what_is_no_result_of_the_benchmark_stands_beside_nothing(results: Path)
 @pytest.mark.parametrize("part", ["settings", "run", "episodes"])
 def test_damaged_results_are_refused(results: Path, tmp_path: Path, part: str) -> None:
     data, path = json.loads((results / "planner.json").read_text()), tmp_path / "damaged.json"
-    damaged = [data | {part: content} for content in (None, [], {}, "text", 3)]
+    wrong: tuple[Any, ...] = (None, [], {}, "text", 3)
+    damaged = [data | {part: content} for content in wrong]
     if part == "episodes":
         first, *others = data["episodes"]
         damaged += [

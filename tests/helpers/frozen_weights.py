@@ -13,6 +13,7 @@ def random_weights(ranges: bool = True) -> dict[str, torch.Tensor]:
         network = ResNet18().eval().requires_grad_(False)
         for module in network.modules():
             if isinstance(module, torch.nn.BatchNorm2d):
+                assert module.running_mean is not None and module.running_var is not None
                 module.running_mean.normal_(0, 0.1)
                 module.running_var.uniform_(0.5, 2)
         weights = {name: value.clone() for name, value in network.state_dict().items()}

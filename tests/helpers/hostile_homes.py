@@ -129,7 +129,7 @@ def chain(count: int) -> str:
 
 
 def _meshes() -> dict[str, Files]:
-    objs = {
+    objs: dict[str, Content] = {
         "index out of range": CUBE + "f 1 2 9\n",
         "index far out of range": CUBE + "f 1 2 2147483647\n",
         "negative index out of range": CUBE + "f -1 -2 -2147483648\n",
@@ -145,7 +145,7 @@ def _meshes() -> dict[str, Files]:
     }
     one = '<triangles count="1"><input semantic="VERTEX" source="#v" offset="{}"/><p>0 1 2</p></triangles>'
     doubling = "".join(f'<node id="n{n}">' + f'<instance_node url="#n{n + 1}"/>' * 2 + "</node>" for n in range(40))
-    collada = {
+    collada: dict[str, Content] = {
         "unit without metres": dae(asset="<asset><unit/></asset>", numbers=""),
         "no numbers": dae(numbers=""),
         "no accessor": dae(accessor=""),
@@ -165,7 +165,7 @@ def _meshes() -> dict[str, Files]:
         "nothing": "",
         "a zip archive": zipped("mesh.dae", b"<COLLADA>" + b" " * 100_000_000),
     }
-    stls = {
+    stls: dict[str, Content] = {
         "more triangles than there are": stl(400),
         "so many that 32 bits overflow": stl(85899346),
         "cut": stl(4)[:-7],
@@ -173,7 +173,7 @@ def _meshes() -> dict[str, Files]:
         "ASCII, cut": ascii_stl()[:-20],
         "300,000 triangles": bytes(80) + struct.pack("<I", 300_000) + bytes(15_000_000),
     }
-    homes = {}
+    homes: dict[str, Files] = {}
     for role in ("visual", "collision"):
         for ending, contents in (("obj", objs), ("dae", collada), ("stl", stls)):
             homes |= {f"{ending}, {n} ({role})": with_mesh(f"mesh.{ending}", c, role) for n, c in contents.items()}

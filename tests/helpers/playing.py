@@ -54,7 +54,7 @@ def digest(*values: Any) -> str:
 def play(env: HouseholdEnv, seed: int, steps: int = 25) -> str:
     """Play random actions from a seed and return the hash of all that came back."""
     rng = np.random.default_rng(seed)
-    results = [env.reset(seed=seed)]
+    results: list[tuple[Any, ...]] = [env.reset(seed=seed)]
     for _ in range(steps):
         if not env.agents:
             results.append(env.reset())

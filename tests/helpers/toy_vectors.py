@@ -24,10 +24,10 @@ def same(first: Any, second: Any) -> bool:
     if isinstance(first, tuple | list):
         return len(first) == len(second) and all(map(same, first, second))
     if isinstance(first, np.ndarray) and first.dtype == object:
-        return second.dtype == object and first.shape == second.shape and all(map(same, first, second))
+        return bool(second.dtype == object and first.shape == second.shape) and all(map(same, first, second))
     if isinstance(first, np.ndarray):
-        return first.dtype == second.dtype and first.shape == second.shape and first.tobytes() == second.tobytes()
-    return type(first) is type(second) and first == second
+        return bool(first.dtype == second.dtype and first.shape == second.shape and first.tobytes() == second.tobytes())
+    return type(first) is type(second) and bool(first == second)
 
 
 def actions(rng: np.random.Generator, count: int = COUNT) -> np.ndarray:
@@ -41,4 +41,6 @@ def wrapped_toy() -> gymnasium.Env:
 def tame_toy() -> gymnasium.Env:
     """A toy without pictures and harmful actions."""
     env = gymnasium.wrappers.FilterObservation(ToyEnv(), ["self"])
-    return gymnasium.wrappers.TransformAction(env, lambda action: action, gymnasium.spaces.MultiDiscrete(SAFE))
+    return gymnasium.wrappers.TransformAction(
+        env, lambda action: action, gymnasium.spaces.MultiDiscrete(np.array(SAFE))
+    )

@@ -7,7 +7,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 
-class UnevenEnv(ParallelEnv):
+class UnevenEnv(ParallelEnv):  # type: ignore[misc]
     """The long agent plays ``steps`` steps and is truncated; the short one terminates after two. Action 0 is illegal
     for the long agent; each agent earns its action's number plus some noise of the seed.
     """
@@ -23,7 +23,7 @@ class UnevenEnv(ParallelEnv):
             "short": spaces.Dict({"time": spaces.Discrete(10), "noise": spaces.Box(0, 1, (3,), np.float32)}),
         }
 
-    def observation_space(self, agent: str) -> spaces.Space:
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
         return self._spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Discrete:

@@ -28,7 +28,7 @@ class WarmProcess(ForkServerProcess):
 class WarmContext(SpawnContext):
     """The queues and pipes of spawned processes, and processes that are forked."""
 
-    Process = WarmProcess
+    Process = WarmProcess  # type: ignore[assignment]  # forked, not spawned
 
 
 def start_warm(patch: pytest.MonkeyPatch) -> None:

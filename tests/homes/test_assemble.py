@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Callable
 from itertools import combinations, product
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import load_layout
 from chmarl_pb.homes.walls import boundary, pieces
 from chmarl_pb.rendering.preview import preview
+from tests.helpers.elements import inner
 
 HOMES = [f"home_{number}" for number in range(1, 8)]
 
@@ -66,7 +68,7 @@ def depth(one: np.ndarray, two: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_committed_home_is_what_its_layout_builds(home, tmp_path):
+def test_committed_home_is_what_its_layout_builds(home: str, tmp_path: Path) -> None:
     built = build_home(SCENES_DIR / f"{home}.toml", tmp_path / f"{home}.urdf")
     assert built.read_bytes() == (SCENES_DIR / f"{home}.urdf").read_bytes()
     for mesh in (tmp_path / "meshes").iterdir():
@@ -74,33 +76,33 @@ def test_committed_home_is_what_its_layout_builds(home, tmp_path):
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_links_follow_the_convention(home):
+def test_links_follow_the_convention(home: str) -> None:
     names = things(home)
     assert len(names) == len(set(names))
     assert links(home)[0].attrib["name"] == "home"
     assert all(re.fullmatch(r"[a-z][a-z0-9_]*/[a-z][a-z_]*_[1-9][0-9]*", name) for name in names)
     for joint in ElementTree.parse(SCENES_DIR / f"{home}.urdf").getroot().findall("joint"):
         assert joint.attrib["type"] == "fixed"
-        assert joint.find("parent").attrib["link"] == "home"
-    assert all(float(link.find("inertial/mass").attrib["value"]) == 0 for link in links(home))
+        assert inner(joint, "parent").attrib["link"] == "home"
+    assert all(float(inner(link, "inertial/mass").attrib["value"]) == 0 for link in links(home))
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_equal_material_names_have_equal_colours(home):
-    colours = {}
+def test_equal_material_names_have_equal_colours(home: str) -> None:
+    colours: dict[str, str] = {}
     for material in ElementTree.parse(SCENES_DIR / f"{home}.urdf").getroot().iter("material"):
-        rgba = material.find("color").attrib["rgba"]
+        rgba = inner(material, "color").attrib["rgba"]
         assert colours.setdefault(material.attrib["name"], rgba) == rgba
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_meshes_lie_in_the_homes_folder(home):
+def test_meshes_lie_in_the_homes_folder(home: str) -> None:
     for mesh in ElementTree.parse(SCENES_DIR / f"{home}.urdf").getroot().iter("mesh"):
         assert re.fullmatch(r"meshes/[a-z0-9_]+\.obj", mesh.attrib["filename"])
         assert (SCENES_DIR / mesh.attrib["filename"]).is_file()
 
 
-def test_no_mesh_is_left_over():
+def test_no_mesh_is_left_over() -> None:
     named = {
         mesh.attrib["filename"]
         for home in HOMES
@@ -110,7 +112,7 @@ def test_no_mesh_is_left_over():
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_nothing_overlaps(home):
+def test_nothing_overlaps(home: str) -> None:
     loaded = load_home(SCENES_DIR / f"{home}.urdf")
     for one, two in combinations((*loaded.things, *loaded.structure), 2):
         if {one.class_name, two.class_name} <= {"floor", "wall"}:
@@ -121,7 +123,7 @@ def test_nothing_overlaps(home):
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_size_and_contents_of_a_home(home):
+def test_size_and_contents_of_a_home(home: str) -> None:
     layout = load_layout(SCENES_DIR / f"{home}.toml")
     kinds = [room_kind(room.name) for room in layout.rooms]
     assert sorted(kind for kind in kinds if kind != "hallway") == sorted(ROOM_KINDS)
@@ -131,12 +133,12 @@ def test_size_and_contents_of_a_home(home):
     assert len(receptacle_classes(home)) >= 12
 
 
-def test_all_receptacle_classes_are_in_the_seen_homes():
+def test_all_receptacle_classes_are_in_the_seen_homes() -> None:
     assert set.union(*(receptacle_classes(home) for home in HOMES[:5])) == set(BENCHMARK.receptacles)
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_corners_of_walls_are_closed(home):
+def test_corners_of_walls_are_closed(home: str) -> None:
     layout = load_layout(SCENES_DIR / f"{home}.toml")
     reach = layout.wall_thickness / 2
     boxes = []
@@ -150,20 +152,22 @@ def test_corners_of_walls_are_closed(home):
             assert any((low <= point).all() and (point <= high).all() for low, high in boxes), (x, y)
 
 
-def test_names_poses_and_colours(tmp_path):
+def test_names_poses_and_colours(tmp_path: Path) -> None:
     root = ElementTree.parse(build_home(write(tmp_path, GOOD))).getroot()
     names = [link.attrib["name"] for link in root.findall("link")]
     assert names[0] == "home"
     assert {"kitchen/floor_1", "bedroom/floor_1", "kitchen/stove_1", "kitchen/chair_1", "kitchen/chair_2"} < set(names)
-    origins = {joint.find("child").attrib["link"]: joint.find("origin").attrib for joint in root.findall("joint")}
+    joints = root.findall("joint")
+    origins = {inner(joint, "child").attrib["link"]: inner(joint, "origin").attrib for joint in joints}
     assert origins["kitchen/chair_1"] == {"xyz": "1.5 1 0", "rpy": "0 0 0.523599"}
     x, y, z = map(float, origins["kitchen/stove_1"]["xyz"].split())
     assert (x, z) == (1.0, 0.0)
     assert 2.5 < y < 2.95
-    assert "rgba_c59a68ff" in {m.attrib["name"] for m in root.find("link[@name='kitchen/chair_1']").iter("material")}
+    chair = inner(root, "link[@name='kitchen/chair_1']")
+    assert "rgba_c59a68ff" in {material.attrib["name"] for material in chair.iter("material")}
 
 
-def test_several_rectangles_make_one_room_without_a_wall_between(tmp_path):
+def test_several_rectangles_make_one_room_without_a_wall_between(tmp_path: Path) -> None:
     rects = "rects = [[0.0, 0.0, 3.0, 3.0], [0.0, 3.0, 2.0, 5.0]]"
     path = write(tmp_path, GOOD.replace("rect = [0.0, 0.0, 3.0, 3.0]", rects))
     layout = load_layout(path)
@@ -199,7 +203,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_layout_is_refused_with_its_place(case, tmp_path):
+def test_a_bad_layout_is_refused_with_its_place(case: str, tmp_path: Path) -> None:
     old, new, message = BAD[case]
     assert old in GOOD
     path = write(tmp_path, GOOD.replace(old, new, 1))
@@ -210,15 +214,20 @@ def test_a_bad_layout_is_refused_with_its_place(case, tmp_path):
     assert target.read_text() == "kept"
 
 
-def test_a_missing_layout_is_refused(tmp_path):
+def test_a_missing_layout_is_refused(tmp_path: Path) -> None:
     with pytest.raises(HomeError, match=r"nowhere\.toml"):
         load_layout(tmp_path / "nowhere.toml")
+
+
+def pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
 
 
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda path: (path.unlink(), os.mkfifo(path)),
+        pipe,
         lambda path: os.truncate(path, 50 * 2**30),
         lambda path: path.write_text(f"name = {'[' * 100_000}"),
         lambda path: path.write_text(GOOD + 'door = "' + "x" * 10**6 + '"'),
@@ -226,7 +235,7 @@ def test_a_missing_layout_is_refused(tmp_path):
     ],
     ids=["pipe", "50 GB", "lists in lists", "long value", "large number"],
 )
-def test_a_layout_from_strangers_is_refused_in_few_words(spoil, tmp_path):
+def test_a_layout_from_strangers_is_refused_in_few_words(spoil: Callable[[Path], object], tmp_path: Path) -> None:
     path = write(tmp_path, GOOD)
     spoil(path)
     with pytest.raises(HomeError, match=re.escape(str(path))) as caught:
@@ -235,7 +244,7 @@ def test_a_layout_from_strangers_is_refused_in_few_words(spoil, tmp_path):
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_furniture_stands_in_its_own_room(home):
+def test_furniture_stands_in_its_own_room(home: str) -> None:
     layout = load_layout(SCENES_DIR / f"{home}.toml")
     for piece in layout.furniture:
         assert (URDF_DIR / "furniture" / f"{piece.model}.urdf").is_file()
@@ -244,14 +253,14 @@ def test_furniture_stands_in_its_own_room(home):
     assert {room_of(name) for name in things(home)} == set(layout.rects)
 
 
-def test_preview_draws_the_plan_and_the_dolls_house(tmp_path):
+def test_preview_draws_the_plan_and_the_dolls_house(tmp_path: Path) -> None:
     picture = cv2.imread(str(preview(SCENES_DIR / "home_1.urdf", tmp_path / "home.png", size=(320, 160))))
-    assert picture.shape == (160, 320, 3)
+    assert picture is not None and picture.shape == (160, 320, 3)
     for half in (picture[:, :160], picture[:, 160:]):
         assert 0.3 < (half < 240).any(axis=2).mean() < 0.95
 
 
-def test_preview_refuses_what_it_cannot_read_or_write(tmp_path):
+def test_preview_refuses_what_it_cannot_read_or_write(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match=r"home\.txt.*\.png"):
         preview(SCENES_DIR / "home_1.urdf", tmp_path / "home.txt")
     cut = tmp_path / "cut.urdf"
@@ -261,6 +270,6 @@ def test_preview_refuses_what_it_cannot_read_or_write(tmp_path):
     assert not list(tmp_path.glob("home.*"))
 
 
-def test_preview_of_a_missing_home_is_refused(tmp_path):
+def test_preview_of_a_missing_home_is_refused(tmp_path: Path) -> None:
     with pytest.raises(HomeError, match=r"none\.urdf"):
         preview(tmp_path / "none.urdf", tmp_path / "home.png")

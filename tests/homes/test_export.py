@@ -39,6 +39,7 @@ def test_the_exported_urdf_needs_nothing_but_its_folder(exported: Path) -> None:
 def test_the_gltf_shows_the_home_with_y_up(exported: Path) -> None:
     home = load_home("home_2")
     scene = trimesh.load(exported / "home_2.glb")
+    assert isinstance(scene, trimesh.Scene)
     (x0, y0, z0), (x1, y1, z1) = scene.bounds
     low, high = home.bounds
     np.testing.assert_allclose([x0, -z1, x1, -z0], [*low, *high], atol=0.15)  # walls reach over the floors' edges
@@ -48,6 +49,7 @@ def test_the_gltf_shows_the_home_with_y_up(exported: Path) -> None:
 
 def test_textures_travel_with_the_gltf(tmp_path: Path) -> None:
     scene = trimesh.load(export_gltf(load_home("home_1"), tmp_path / "home.glb"))
+    assert isinstance(scene, trimesh.Scene)
     textured = [body for body in scene.geometry.values() if body.visual.material.baseColorTexture is not None]
     drawn = [shape for link in load_home("home_1").links for shape in link.visuals if shape.mesh and shape.mesh.texture]
     assert len(textured) == len(drawn)

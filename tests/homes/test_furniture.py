@@ -1,6 +1,7 @@
 """Furniture models: they load, follow the conventions, and offer flat tops where they are drawn."""
 
 import filecmp
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,6 +13,7 @@ import trimesh
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import URDF_DIR
+from tests.helpers.elements import inner
 from tools.assets.furniture import build
 
 FOLDER = URDF_DIR / "furniture"
@@ -47,7 +49,7 @@ class Part:
 
 
 def link_of(model: str) -> ElementTree.Element:
-    return ElementTree.parse(FOLDER / f"{model}.urdf").getroot().find("link")
+    return inner(ElementTree.parse(FOLDER / f"{model}.urdf").getroot(), "link")
 
 
 def numbers(text: str) -> np.ndarray:
@@ -59,18 +61,19 @@ def parts(model: str, tag: str) -> list[Part]:
 
 
 def part(element: ElementTree.Element) -> Part:
-    origin = element.find("origin")
+    origin = inner(element, "origin")
     assert origin.get("rpy") is None, "parts are not rotated"
-    centre = numbers(origin.get("xyz"))
-    shape = element.find("geometry")[0]
+    centre = numbers(origin.attrib["xyz"])
+    shape = inner(element, "geometry")[0]
     if shape.tag == "mesh":
-        mesh = trimesh.load(FOLDER / shape.get("filename"), process=False)
+        mesh = trimesh.load(FOLDER / shape.attrib["filename"], process=False)
+        assert isinstance(mesh, trimesh.Trimesh)
         return Part(mesh.bounds[0] + centre, mesh.bounds[1] + centre, 0.0, len(mesh.faces))
     if shape.tag == "box":
-        half = numbers(shape.get("size")) / 2
+        half = numbers(shape.attrib["size"]) / 2
         return Part(centre - half, centre + half, 4 * half[0] * half[1], 12)
     assert (shape.tag, element.tag) == ("cylinder", "collision"), "visual cylinders have too many triangles"
-    radius, length = float(shape.get("radius")), float(shape.get("length"))
+    radius, length = float(shape.attrib["radius"]), float(shape.attrib["length"])
     half = np.array([radius, radius, length / 2])
     return Part(centre - half, centre + half, np.pi * radius**2, 0)
 
@@ -80,13 +83,13 @@ def bounds(shapes: list[Part]) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def client():
+def client() -> Iterator[int]:
     client = p.connect(p.DIRECT)
     yield client
     p.disconnect(client)
 
 
-def test_every_class_has_models():
+def test_every_class_has_models() -> None:
     assert len(MODELS) >= 45
     classes = [class_of(model) for model in MODELS]
     assert set(classes) == set(KNOWN)
@@ -94,7 +97,7 @@ def test_every_class_has_models():
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_loads_as_one_fixed_link(model, client):
+def test_loads_as_one_fixed_link(model: str, client: int) -> None:
     body = p.loadURDF(str(FOLDER / f"{model}.urdf"), physicsClientId=client)
     base, robot = p.getBodyInfo(body, physicsClientId=client)
     assert (base.decode(), robot.decode()) == ("base", model)
@@ -104,7 +107,7 @@ def test_loads_as_one_fixed_link(model, client):
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_stands_centred_on_the_floor(model):
+def test_stands_centred_on_the_floor(model: str) -> None:
     visuals, solids = parts(model, "visual"), parts(model, "collision")
     assert bool(solids) == (class_of(model) != FLAT)
     for shapes in filter(None, (visuals, solids)):
@@ -114,32 +117,32 @@ def test_stands_centred_on_the_floor(model):
 
 
 @pytest.mark.parametrize("model", [model for model in MODELS if class_of(model) != FLAT])
-def test_solids_fit_what_is_drawn(model):
+def test_solids_fit_what_is_drawn(model: str) -> None:
     drawn, solid = bounds(parts(model, "visual")), bounds(parts(model, "collision"))
     assert np.array(drawn) == pytest.approx(np.array(solid), abs=0.035)
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_is_cheap_to_draw(model):
+def test_is_cheap_to_draw(model: str) -> None:
     visuals = parts(model, "visual")
     assert len(visuals) <= 25
     assert sum(visual.triangles for visual in visuals) <= 400
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_can_be_recoloured(model):
+def test_can_be_recoloured(model: str) -> None:
     materials = [material.get("name") for material in link_of(model).iter("material")]
     assert "primary" in materials
     assert all(materials)
 
 
 @pytest.mark.parametrize("model", RECEPTACLES)
-def test_receptacle_has_a_flat_top_in_reach(model):
+def test_receptacle_has_a_flat_top_in_reach(model: str) -> None:
     assert any(solid.is_top and solid.high[2] <= 1.5 for solid in parts(model, "collision"))
 
 
 @pytest.mark.parametrize("model", RECEPTACLES)
-def test_things_stand_where_the_tops_are_drawn(model, client):
+def test_things_stand_where_the_tops_are_drawn(model: str, client: int) -> None:
     """Seen from above, drawn and solid heights agree within 1 cm on nearly all of the tops."""
     body = p.loadURDF(str(FOLDER / f"{model}.urdf"), physicsClientId=client)
     shapes = parts(model, "collision")
@@ -174,7 +177,7 @@ def drawn_heights(low: np.ndarray, high: np.ndarray, client: int) -> np.ndarray:
     return above - far * near / (far - (far - near) * depth)
 
 
-def test_rebuilding_gives_the_same_files(tmp_path: Path):
+def test_rebuilding_gives_the_same_files(tmp_path: Path) -> None:
     build(tmp_path)
     files = {file.relative_to(tmp_path) for file in tmp_path.rglob("*.*")}
     kept = {file.relative_to(FOLDER) for file in FOLDER.rglob("*.*")}

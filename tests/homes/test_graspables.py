@@ -26,11 +26,11 @@ def client() -> Iterator[int]:
 def floor(client: int) -> int:
     shape = p.createCollisionShape(p.GEOM_PLANE, physicsClientId=client)
     p.setGravity(0, 0, -9.81, physicsClientId=client)
-    return p.createMultiBody(0, shape, physicsClientId=client)
+    return int(p.createMultiBody(0, shape, physicsClientId=client))
 
 
 def load(name: str, client: int) -> int:
-    return p.loadURDF(str(graspable_urdf(name)), physicsClientId=client)
+    return int(p.loadURDF(str(graspable_urdf(name)), physicsClientId=client))
 
 
 def corners_of_meshes(name: str) -> np.ndarray:

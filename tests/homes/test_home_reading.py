@@ -15,7 +15,7 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.navigation.free_space import space_of
-from tests.helpers.small_homes import SMALL_HOME, box, home_text
+from tests.helpers.small_homes import SMALL_HOME, Boxes, box, home_text
 
 Write = Callable[..., Path]
 GOOD = home_text()
@@ -198,7 +198,7 @@ def test_bad_joint_pose(write_home: Write, origin: str) -> None:
     ],
     ids=["area", "width", "tops", "far away", "collisions"],
 )
-def test_homes_have_limits(write_home: Write, boxes: dict, words: list[str]) -> None:
+def test_homes_have_limits(write_home: Write, boxes: Boxes, words: list[str]) -> None:
     path = write_home(home_text(boxes))
     with pytest.raises(HomeError) as caught:
         space_of(load_home(path)).surfaces  # noqa: B018
@@ -306,7 +306,7 @@ def test_mesh_beside_the_home_counts_as_its_hull(tmp_path: Path, write_home: Wri
     ids=["no floor", "floor too high", "floor too low", "free name", "no number", "room without floor",
          "unreachable room", "floor between the lattice points", "no free floor"],
 )  # fmt: skip
-def test_rooms(write_home: Write, boxes: dict, words: list[str]) -> None:
+def test_rooms(write_home: Write, boxes: Boxes, words: list[str]) -> None:
     refused(write_home(home_text(boxes)), *words)
 
 
@@ -354,6 +354,7 @@ def test_benchmark_home_has_no_problems(number: int) -> None:
     report = check_home(f"home_{number}")
     assert report.problems == () and all(top.reached for top in report.tops.values())
     home = report.home
+    assert home is not None
     assert len({thing.class_name for thing in home.receptacles.values()}) >= 12
     assert home.goto_rooms == ("kitchen", "bedroom", "bathroom", "livingroom")
 

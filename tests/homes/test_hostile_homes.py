@@ -6,16 +6,18 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.helpers.hostile_homes import GROUPS, write
 
 ROOT = Path(__file__).parents[2]
+Ends = dict[str, dict[str, Any]]  # "check" and "play": each the exit code and what was said
 
 
 @pytest.fixture(scope="module")
-def ends_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path], dict]]:
+def ends_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path], Ends]]:
     """A function that tells how the check and an environment end on a home, from a process that outlives them."""
     told = tmp_path_factory.mktemp("strangers") / "stderr"
     with (
@@ -26,19 +28,21 @@ def ends_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path
             env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=told.parent,
         ) as process,
     ):  # fmt: skip
-        assert process.stdin and process.stdout
+        asked, answers = process.stdin, process.stdout
+        assert asked and answers
 
-        def ends(folder: Path) -> dict:
-            print(folder, file=process.stdin, flush=True)
-            line = process.stdout.readline()
+        def ends(folder: Path) -> Ends:
+            print(folder, file=asked, flush=True)
+            line = answers.readline()
             assert line, told.read_text()
-            return json.loads(line)
+            end: Ends = json.loads(line)
+            return end
 
         yield ends
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_homes_from_strangers(tmp_path: Path, group: str, ends_of: Callable[[Path], dict]) -> None:
+def test_homes_from_strangers(tmp_path: Path, group: str, ends_of: Callable[[Path], Ends]) -> None:
     wrong = {}
     for number, (name, files) in enumerate(GROUPS[group]().items()):
         write(tmp_path / str(number), files)
@@ -48,14 +52,13 @@ def test_homes_from_strangers(tmp_path: Path, group: str, ends_of: Callable[[Pat
     assert not wrong, "\n".join(f"{name}: {end}" for name, end in wrong.items())
 
 
-def _plays(end: dict) -> bool:
+def _plays(end: Ends) -> bool:
     return end["check"] == end["play"] == {"code": 0, "says": ""}
 
 
-def _is_refused(end: dict) -> bool:
+def _is_refused(end: Ends) -> bool:
     """Whether the check and the environment refuse a home, the latter with one line."""
     check, play = end["check"], end["play"]
     lines = check["says"].count("\n")
-    return (play["code"], play["says"].count("\n")) == (2, 1) and (
-        check["code"] == 1 or (check["code"], lines) == (2, 1)
-    )
+    is_told = check["code"] == 1 or (check["code"], lines) == (2, 1)
+    return (play["code"], play["says"].count("\n")) == (2, 1) and is_told

@@ -4,7 +4,9 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -16,13 +18,13 @@ from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.cli import main
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.layout import SCHEMA, STARTER, STYLES, load_layout
-from chmarl_pb.homes.toml_lines import lines_of
+from chmarl_pb.homes.toml_lines import Place, lines_of
 
 SCHEMA_ROWS = json.loads(SCHEMA.read_text())
 LAYOUTS = [*STYLES.values(), *sorted(SCENES_DIR.glob("home_*.toml"))]
 
 
-def places(value, place=()):
+def places(value: Any, place: Place = ()) -> Iterator[Place]:
     """Yield the place of every value of a parsed file."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in items:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from trimesh.visual import TextureVisuals
 
 import chmarl_pb
 from chmarl_pb.errors import HomeError
@@ -51,6 +52,7 @@ def test_a_pictured_box_is_a_box_on_which_a_metre_is_a_picture(size: tuple[float
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     mesh = trimesh.load(tmp_path / list(files)[-1], force="mesh", process=False)
+    assert isinstance(mesh, trimesh.Trimesh) and isinstance(mesh.visual, TextureVisuals) and mesh.visual.uv is not None
     np.testing.assert_allclose(mesh.extents, size, atol=1e-6)
     edges = mesh.vertices[mesh.edges[:, 0]] - mesh.vertices[mesh.edges[:, 1]]
     steps = mesh.visual.uv[mesh.edges[:, 0]] - mesh.visual.uv[mesh.edges[:, 1]]

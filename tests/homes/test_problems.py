@@ -11,7 +11,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import check_home
-from tests.helpers.small_homes import HOMES, SMALL_HOME, home_text
+from tests.helpers.small_homes import HOMES, SMALL_HOME, Boxes, home_text
 
 Write = Callable[..., Path]
 FLOOR = ((4, 4, 0.1), (0, 0, -0.05))
@@ -63,7 +63,7 @@ def test_benchmark_homes_have_nothing_odd(home: str) -> None:
     assert check_home(home).problems == ()
 
 
-ODD: dict[str, tuple[dict[str, tuple], str]] = {
+ODD: dict[str, tuple[Boxes, str]] = {
     "another name of a class": ({"livingroom/couch_1": (CHAIR, (-1.5, 0, 0.225))}, "'couch'.*'sofa'"),
     "a class misspelt": ({"livingroom/nigthstand_1": (CHAIR, (-1.5, 0, 0.225))}, "'nigthstand'.*'nightstand'"),
     "another name of a room": ({"washroom_2/floor_1": ((2, 4, 0.1), (3, 0, -0.05))}, "'washroom_2'.*'bathroom'"),
@@ -99,7 +99,7 @@ def test_what_is_odd_is_warned_of(write_home: Write, name: str) -> None:
     ],
     ids=["at a wall", "picture", "lamp", "rug", "two rooms"],
 )
-def test_what_is_usual_is_not(write_home: Write, boxes: dict) -> None:
+def test_what_is_usual_is_not(write_home: Write, boxes: Boxes) -> None:
     assert check_home(write_home(home_text({**SMALL_HOME, **boxes}))).problems == ()
 
 

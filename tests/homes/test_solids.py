@@ -1,5 +1,7 @@
 """Geometry of convex solids against brute force: dense sampling instead of algebra."""
 
+from random import Random
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -30,7 +32,8 @@ def depth_in(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     for a, b in zip(polygon, following, strict=True):
         left = np.array([-(b - a)[1], (b - a)[0]]) / np.linalg.norm(b - a)
         depths.append((points - a) @ left)
-    return np.min(depths, axis=0)
+    nearest: np.ndarray = np.min(depths, axis=0)
+    return nearest
 
 
 def distance_to(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -86,11 +89,11 @@ def test_segments_hit(polygon: np.ndarray, start: tuple[float, float], end: tupl
 
 
 @given(polygons(), st.floats(-1, 1), st.floats(0.05, 2), st.randoms(use_true_random=False))
-def test_prism(polygon: np.ndarray, bottom: float, height: float, random) -> None:
+def test_prism(polygon: np.ndarray, bottom: float, height: float, random: Random) -> None:
     corners = [(*corner, z) for corner in polygon.tolist() for z in (bottom, bottom + height)]
     random.shuffle(corners)
     solid = solid_from_vertices(np.array(corners))
-    assert (solid.bottom, solid.top) == (pytest.approx(bottom), pytest.approx(bottom + height))
+    assert [solid.bottom, solid.top] == pytest.approx([bottom, bottom + height])
     assert {tuple(corner) for corner in solid.polygon.round(9).tolist()} <= {
         tuple(corner) for corner in polygon.round(9).tolist()
     }

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, mixed
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, imitation_loss, mixed
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
@@ -64,7 +64,9 @@ def test_an_expert_is_told_what_was_done() -> None:
     collector = Collector(UnevenEnv, 1, Heeding)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
     episode = collector.play(agents, mixed(0.0), np.random.default_rng(0), [0], ask_experts=True)[0]
-    heard = collector._experts[0].heard
+    (expert,) = collector._experts
+    assert isinstance(expert, Heeding)
+    heard = expert.heard
     assert [{"short": 0, **actions} for actions in heard] == episode.actions
     assert any(actions["long"] != 2 for actions in heard)
 
@@ -172,7 +174,7 @@ def test_the_critic_learns_what_an_endless_task_is_worth() -> None:
     ],
 )
 def test_mappo_learns_from_every_episode_once(
-    sizes: dict[str, int], learned: list[int], monkeypatch: pytest.MonkeyPatch
+    sizes: dict[str, Any], learned: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sizes = {"envs": 8, "learning_starts": 0, **sizes}
     seen, rates = [], []
@@ -224,8 +226,8 @@ def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path:
 @pytest.mark.parametrize("episodes", [4, 8])
 @pytest.mark.parametrize("algorithm", ["qmix", "imitation"])
 def test_a_short_run_learns_after_its_last_wave(algorithm: str, episodes: int) -> None:
-    kind = {"qmix": SMALL, "imitation": IMITATION}[algorithm]
-    config = replace(kind, episodes=episodes, learning_starts=128)
+    kinds: dict[str, Config | DAggerConfig] = {"qmix": SMALL, "imitation": IMITATION}
+    config = replace(kinds[algorithm], episodes=episodes, learning_starts=128)
     assert train(UnevenEnv, algorithm, config, expert=EXPERT).learner.updates == config.gradient_steps
 
 
@@ -256,7 +258,7 @@ def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
 
 
 def test_mappo_starts_from_weights(tmp_path: Path) -> None:
-    first = replace(IMITATION, **{"graph_pool": MAPPO.graph_pool})
+    first = replace(IMITATION, graph_pool=MAPPO.graph_pool)
     train(UnevenEnv, "imitation", first, tmp_path, expert=EXPERT)
     interface = interface_of(UnevenEnv())
     started = make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / BEST)))
@@ -292,7 +294,7 @@ SPACE = spaces.Dict(
 
 def observation(classes: list[int], words: list[int], edges: list[tuple[int, int, int]] = []) -> dict[str, Any]:  # noqa: B006
     """Return a batch of one graph with an instruction."""
-    arrays = {name: torch.zeros(1, *part.shape, dtype=torch.int16) for name, part in SPACE.spaces.items()}
+    arrays = {name: torch.zeros(1, *(part.shape or ()), dtype=torch.int16) for name, part in SPACE.spaces.items()}
     arrays["node_class"][0, : len(classes)] = torch.tensor(classes, dtype=torch.int16)
     arrays["node_state"][0, : len(classes)] = 1
     arrays["instruction"][0, : len(words)] = torch.tensor(words, dtype=torch.int16)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 import torch
@@ -24,6 +24,9 @@ from chmarl_pb.learning.runs import checkpoint
 from chmarl_pb.learning.runs.loop import BEST
 from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import load_tasks
+
+if TYPE_CHECKING:
+    from chmarl_pb.learning.sb3.config import AlgorithmName, PresetName
 
 torch.set_num_threads(1)  # these networks are too small for more
 SPLITS = ("val-seen", "val-unseen")
@@ -99,7 +102,7 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
     ],
 )
 def test_stable_baselines3(
-    algo: str, env_id: str, preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    algo: "AlgorithmName", env_id: str, preset: "PresetName", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("sb3_contrib")
     from chmarl_pb.learning.sb3 import load_policy as load_sb3
@@ -109,9 +112,9 @@ def test_stable_baselines3(
 
     small = {"learning_starts": 4} if algo == "dqn" else {"n_steps": 4}
     known = PRESETS[preset].settings[algo]
-    settings = {algo: {**known, **small, "batch_size": 4}}
+    settings: dict[str, Any] = {algo: {**known, **small, "batch_size": 4}}
     monkeypatch.setitem(PRESETS, preset, replace(PRESETS[preset], settings=settings))
-    tiny = {"steps": 8, "interval": 8, "envs": 1, "tasks": 2, "max_steps": 4, "features": 8}
+    tiny: dict[str, Any] = {"steps": 8, "interval": 8, "envs": 1, "tasks": 2, "max_steps": 4, "features": 8}
     config = Sb3Config(algo, env_id, preset, messages=False, **tiny)
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_sb3)
@@ -129,7 +132,12 @@ def test_any_other_policy_plays_by_itself() -> None:
 def test_environments_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     closed = []
     close = HouseholdEnv.close
-    monkeypatch.setattr(HouseholdEnv, "close", lambda env: (closed.append(env), close(env)))
+
+    def noted(env: HouseholdEnv) -> None:
+        closed.append(env)
+        close(env)
+
+    monkeypatch.setattr(HouseholdEnv, "close", noted)
     plays = partial(play_side_by_side, width=3)
     chmarl_pb.evaluate("random", "val-unseen", seeds=(0,), tasks=load_tasks("val-unseen")[:2], max_steps=2, plays=plays)
     assert len(closed) == 2  # no more environments than tasks

@@ -1,5 +1,8 @@
 """Encoders: graphs as Kipf and Welling have them, whatever their padding and order; words, pictures, features."""
 
+from collections.abc import Iterator
+from random import Random
+
 import numpy as np
 import pytest
 import torch
@@ -10,7 +13,7 @@ from hypothesis import strategies as st
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.graphs import GraphEncoder
-from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder
+from chmarl_pb.learning.networks.parts import FlatEncoder, TokenEncoder
 from chmarl_pb.learning.observation_keys import named
 
 NODES, EDGES, CLASSES, STATES = 12, 20, 9, 4
@@ -18,7 +21,7 @@ IDS = spaces.Box(0, CLASSES, (NODES,), np.int16), spaces.Box(0, STATES, (NODES,)
 
 
 @pytest.fixture(scope="module")
-def space() -> spaces.Dict:
+def space() -> Iterator[spaces.Dict]:
     """One robot's scene-graph observations."""
     env = HouseholdEnv()
     yield env.observation_space("humanoid")
@@ -52,7 +55,9 @@ def encoder() -> GraphEncoder:
         return GraphEncoder(*IDS)
 
 
-def by_definition(encoder: GraphEncoder, node_class: np.ndarray, node_state: np.ndarray, edges: np.ndarray):
+def by_definition(
+    encoder: GraphEncoder, node_class: np.ndarray, node_state: np.ndarray, edges: np.ndarray
+) -> torch.Tensor:
     """Kipf and Welling's equation 2, twice, with a full matrix, and the mean over the nodes."""
     count = int((node_class > 0).sum())
     if not count:
@@ -78,6 +83,11 @@ def test_graphs_are_convolved_as_defined(encoder: GraphEncoder, several: list[tu
     torch.testing.assert_close(features, wanted, atol=1e-5, rtol=1e-4)
 
 
+def gradient_of(parameter: torch.nn.Parameter) -> torch.Tensor:
+    assert parameter.grad is not None
+    return parameter.grad.clone()
+
+
 @settings(max_examples=20, deadline=None)
 @given(graphs().filter(lambda graph: graph[0].any()))
 def test_gradients_are_those_of_the_definition(encoder: GraphEncoder, graph: tuple[np.ndarray, ...]) -> None:
@@ -85,14 +95,16 @@ def test_gradients_are_those_of_the_definition(encoder: GraphEncoder, graph: tup
     for value in (encoder(*stacked(graph))[0], by_definition(encoder, *graph)):
         encoder.zero_grad()
         (value * torch.arange(encoder.size)).sum().backward()
-        found.append([parameter.grad.clone() for parameter in encoder.parameters()])
+        found.append([gradient_of(parameter) for parameter in encoder.parameters()])
     for ours, wanted in zip(*found, strict=True):
         torch.testing.assert_close(ours, wanted, atol=1e-3, rtol=1e-3)
 
 
 @settings(max_examples=20, deadline=None)
 @given(graphs(), st.randoms(use_true_random=False))
-def test_order_of_the_nodes_does_not_count(encoder: GraphEncoder, graph: tuple[np.ndarray, ...], random) -> None:
+def test_order_of_the_nodes_does_not_count(
+    encoder: GraphEncoder, graph: tuple[np.ndarray, ...], random: Random
+) -> None:
     node_class, node_state, edges = graph
     count = int((node_class > 0).sum())
     order = list(range(count))
@@ -193,11 +205,11 @@ def test_keys_of_own_robots_are_known_by_their_self(space: spaces.Dict) -> None:
 def test_a_box_that_holds_no_ids_is_flat_whatever_its_name(box: spaces.Box) -> None:
     space = spaces.Dict(dict.fromkeys(("feedback", "instruction", "node_class", "node_state", "edges", "image"), box))
     assert {type(part) for part in parts_of(space).values()} == {FlatEncoder}
-    seen = {key: torch.ones((3, *part.shape), dtype=torch.float32) for key, part in space.spaces.items()}
+    seen = {key: torch.ones((3, *box.shape), dtype=torch.float32) for key in space.spaces}
     assert torch.isfinite(build_encoder(space, 8)(seen)).all()
 
 
-def parts_of(space: spaces.Dict) -> dict[str, Part]:
+def parts_of(space: spaces.Dict) -> dict[str, torch.nn.Module]:
     encode = build_encoder(space, 8)
     assert isinstance(encode, DictEncoder)
     return dict(zip(encode.keys, encode.parts, strict=True))

@@ -50,7 +50,7 @@ def test_a_run_may_be_interrupted_anywhere(
     assert_same(tmp_path / "whole", tmp_path / "pieces")
 
 
-Process = subprocess.Popen | WarmPython
+Process = subprocess.Popen[str] | WarmPython
 
 
 def start(*arguments: str, warm: bool = True) -> Process:
@@ -142,8 +142,12 @@ def test_signals_are_given_back_and_ignored_ones_stay_ignored() -> None:
 
 
 def test_commands_that_wait_for_nobody_end_by_a_signal_with_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    def stopped(number: int) -> int:
+        os.kill(os.getpid(), number)
+        return 0
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        code = run_command(lambda number=number: os.kill(os.getpid(), number) or 0)
+        code = run_command(partial(stopped, number))
         known = capsys.readouterr().err
         assert (
             code == 128 + number

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,12 +74,14 @@ def test_what_stays_is_encoded_once(envs: list[FeatureEnv]) -> None:
 
 
 def test_side_by_side_is_as_one_by_one(envs: list[FeatureEnv]) -> None:
-    def features(results: list[tuple]) -> np.ndarray:
+    def features(results: list[tuple[Any, ...]]) -> np.ndarray:
         return np.stack([seen["image"] for result in results for seen in result[0].values()])
 
-    alone = [[env.reset(seed=seed), env.step(TURN)] for env, seed in zip(envs, (2, 3), strict=True)]
+    alone: list[list[tuple[Any, ...]]] = [
+        [env.reset(seed=seed), env.step(TURN)] for env, seed in zip(envs, (2, 3), strict=True)
+    ]
     envs[0].encoder._known.clear()
-    together = [reset_all(envs, [2, 3], [None, None]), step_all(envs, [TURN, TURN])]
+    together: list[list[tuple[Any, ...]]] = [reset_all(envs, [2, 3], [None, None]), step_all(envs, [TURN, TURN])]
     for one, other in zip(zip(*alone, strict=True), together, strict=True):
         np.testing.assert_array_equal(features(list(one)), features(other))
         np.testing.assert_equal([result[1:] for result in one], [result[1:] for result in other])
@@ -93,6 +96,7 @@ def test_kept_features_are_those_of_the_environment(data: Dataset, envs: list[Fe
     for task in Recipe("val-unseen", "visual", limit=3).tasks:
         observations, _ = env.reset(seed=task.seed, options={"task": task})
         arrays, _ = data.episode(Recipe("val-unseen", "visual").tasks.index(task))
+        assert isinstance(arrays["actions"], np.ndarray)
         for actions in arrays["actions"]:
             for name in env.possible_agents:
                 np.testing.assert_array_equal(kept[f"{name}_image"][step], observations[name]["image"])

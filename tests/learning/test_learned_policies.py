@@ -133,7 +133,6 @@ def test_checkpoints_of_another_version_are_refused(
 
 
 def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from training import score as scoring
 
     def interrupted(*_: Any, **options: Any) -> None:
         if (tmp_path / "val-seen.json").exists() or options["out"].name == "val-unseen.json":
@@ -144,7 +143,7 @@ def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkey
         for ending in ("json", "json.partial"):
             (tmp_path / f"{split}.{ending}").write_text("old")
     (tmp_path / "learners.sha256").write_text("other code")
-    monkeypatch.setattr(scoring.chmarl_pb, "evaluate", interrupted)
+    monkeypatch.setattr(chmarl_pb, "evaluate", interrupted)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
             score(folder / BEST, "scene_graph", True, True, tmp_path, ("val-seen", "val-unseen"))

@@ -184,10 +184,10 @@ class Fixed(QtranNetworks):
         nn.Module.__init__(self)
         self.q, self.v = nn.Parameter(torch.tensor(q)), nn.Parameter(torch.tensor(v))
 
-    def q_joint(self, histories: list, actions: list, state: torch.Tensor) -> torch.Tensor:
+    def q_joint(self, histories: list[torch.Tensor], actions: list[torch.Tensor], state: torch.Tensor) -> torch.Tensor:
         return self.q.expand(*state.shape[:-1], 1)
 
-    def v_joint(self, histories: list, state: torch.Tensor) -> torch.Tensor:
+    def v_joint(self, histories: list[torch.Tensor], state: torch.Tensor) -> torch.Tensor:
         return self.v.expand(*state.shape[:-1], 1)
 
 
@@ -200,4 +200,5 @@ def test_qtran_losses_by_hand() -> None:
     assert float(parts["nopt"]) == pytest.approx(np.mean(np.minimum(taken - 2 - 1, 0) ** 2))
     parts["loss"].backward()
     td_gradient = np.mean([2 * (2 - 4), 2 * (2 - 2)])
+    assert networks.q.grad is not None
     assert float(networks.q.grad) == pytest.approx(td_gradient)  # opt and nopt hold Q_jt fixed

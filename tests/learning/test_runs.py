@@ -136,7 +136,7 @@ def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, m
 
 
 @pytest.mark.parametrize("change", [{"envs": 0}, {"episodes": -5}, {"seed": -1}, {"validation_interval": 0}])
-def test_settings_that_cannot_be_are_refused(change: dict[str, int]) -> None:
+def test_settings_that_cannot_be_are_refused(change: dict[str, Any]) -> None:
     (name,) = change
     with pytest.raises(ValueError, match=f"{name}=.*must be"):
         replace(SMALL, **change)
@@ -147,8 +147,9 @@ def test_zeros_are_settings_and_shares_have_bounds() -> None:
     MappoConfig(ent_coef=0)
     DAggerConfig(beta=0)
     for name, value in (("gamma", 5.0), ("learning_rate", float("nan")), ("max_grad_norm", float("inf"))):
+        change: dict[str, Any] = {name: value}
         with pytest.raises(ValueError, match=name):
-            replace(SMALL, **{name: value})
+            replace(SMALL, **change)
     with pytest.raises(ValueError, match="batch_size=0"):
         CloningConfig(batch_size=0)
 
@@ -166,10 +167,11 @@ def test_an_endless_episode_is_cut_with_a_word() -> None:
 
 
 @pytest.mark.parametrize("name", ["agent.0", "values", "type"])
-def test_names_that_torch_keeps_for_itself_are_refused(name: str) -> None:
+def test_names_that_torch_keeps_for_itself_are_refused(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     env = UnevenEnv()
     env.possible_agents = [name]
-    env.action_space = env.observation_space = lambda agent: Discrete(2)
+    for space in ("action_space", "observation_space"):
+        monkeypatch.setattr(env, space, lambda agent: Discrete(2))
     with pytest.raises(ValueError, match=f"named '{name}'"):
         spaces_of(env)
 

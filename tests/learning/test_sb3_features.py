@@ -19,12 +19,13 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize, VecTra
 import chmarl_pb
 from chmarl_pb.errors import OptionError
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
+from chmarl_pb.learning.networks.numbers import GoalEncoder
 from chmarl_pb.learning.sb3 import GoalFeatures, HouseholdFeatures, policy_of
 
 torch.set_num_threads(1)
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 HUMANOID, JOINT, PICTURES = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0", "CHMARL/VisualHumanoid-v0"
-OPTIONS = {"split": "val-unseen", "image_size": 36, "max_steps": 3, "goal": True}
+OPTIONS: dict[str, Any] = {"split": "val-unseen", "image_size": 36, "max_steps": 3, "goal": True}
 FEATURES = pytest.mark.parametrize("features", [HouseholdFeatures, GoalFeatures])
 
 
@@ -67,6 +68,7 @@ def test_goal_features_are_the_numbers_alone() -> None:
 def test_numbers_go_past_the_encoder() -> None:
     env = gymnasium.make(HUMANOID, **OPTIONS)
     seen, _ = env.reset(seed=0)
+    assert isinstance(env.observation_space, spaces.Dict)
     batch = {key: torch.tensor(value)[None] for key, value in seen.items()}
     plain, past = (HouseholdFeatures(env.observation_space, 8, numbers_past=on) for on in (False, True))
     past.encoder.load_state_dict(plain.encoder.state_dict())  # nothing about the encoder is another
@@ -84,8 +86,9 @@ def test_classes_of_the_goal_are_embedded() -> None:
     one, other = ({**batch, "goal": torch.tensor([[number, 50, 0, 0]])} for number in (3, 4))
     assert isinstance(encoder, DictEncoder) and not torch.equal(encoder(one), encoder(other))
     encoder(one).sum().backward()
-    table = encoder.parts[encoder.keys.index("goal")].classes
-    assert table.weight.grad.abs().sum(dim=1).nonzero().flatten().tolist() == [3, 50]
+    part = encoder.parts[encoder.keys.index("goal")]
+    assert isinstance(part, GoalEncoder) and part.classes.weight.grad is not None
+    assert part.classes.weight.grad.abs().sum(dim=1).nonzero().flatten().tolist() == [3, 50]
     env.close()
 
 
@@ -93,11 +96,13 @@ def test_pictures_may_have_their_channels_first() -> None:
     env = vec(PICTURES)
     torch.manual_seed(0)
     last = HouseholdFeatures(env.observation_space, 32)
-    first = HouseholdFeatures(VecTransposeImage(env).observation_space, 32)
+    channels_first = VecTransposeImage(env)
+    assert isinstance(channels_first.observation_space, spaces.Dict)
+    first = HouseholdFeatures(channels_first.observation_space, 32)
     first.load_state_dict(last.state_dict())
     seen = env.reset()
-    turned = VecTransposeImage(env).transpose_observations(dict(seen))
-    assert turned["image"].shape == (1, 3, 36, 36)
+    turned = channels_first.transpose_observations(dict(seen))
+    assert isinstance(turned, dict) and turned["image"].shape == (1, 3, 36, 36)
     features = [
         extract(preprocess_obs({key: torch.tensor(value) for key, value in part.items()}, space, False))
         for extract, part, space in (
@@ -211,7 +216,13 @@ def test_models_are_policies(name: str, env_id: str, options: dict[str, Any]) ->
     network = {"features_extractor_class": GoalFeatures, "net_arch": [8]}
     model = getattr(sb3, name)("MultiInputPolicy", env, policy_kwargs=network, seed=0, device="cpu", **settings)
     policies = policy_of(model.learn(4))
-    given = {"split": "val-unseen", "tasks": ["val-unseen-000"], "workers": 1, "seeds": (0, 1), "max_steps": 4}
+    given: dict[str, Any] = {
+        "split": "val-unseen",
+        "tasks": ["val-unseen-000"],
+        "workers": 1,
+        "seeds": (0, 1),
+        "max_steps": 4,
+    }
     report = chmarl_pb.evaluate(policies, goal=True, **given)
     assert len(report.episodes) == (1 if name == "DQN" else 2)  # the best actions, or drawn ones
     assert report.episodes == chmarl_pb.evaluate(policies, goal=True, **given).episodes

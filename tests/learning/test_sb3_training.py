@@ -27,7 +27,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.seal import LENGTH
 from chmarl_pb.learning.sb3 import load_policy
-from chmarl_pb.learning.sb3.config import PRESETS, Config
+from chmarl_pb.learning.sb3.config import PRESETS, AlgorithmName, Config, PresetName
 from chmarl_pb.learning.sb3.features import HouseholdFeatures
 from chmarl_pb.learning.sb3.policy import read_model
 from chmarl_pb.learning.sb3.run import Log
@@ -86,7 +86,7 @@ class Both(Policy):
         ("recurrent-ppo", JOINT, "encoder"),
     ],
 )
-def test_trained_model_is_a_policy(algo: str, env_id: str, preset: str, tmp_path: Path) -> None:
+def test_trained_model_is_a_policy(algo: AlgorithmName, env_id: str, preset: PresetName, tmp_path: Path) -> None:
     config = Config(algo, env_id, preset, steps=8, interval=8, messages=False, **TINY)
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
@@ -124,11 +124,14 @@ def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
 
 
 def weights(model: Any) -> dict[str, torch.Tensor]:
-    return model.policy.state_dict()
+    state: dict[str, torch.Tensor] = model.policy.state_dict()
+    return state
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
-def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_run_ends_with_the_same_numbers(
+    algo: AlgorithmName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     config = Config(algo, HUMANOID, steps=24, interval=8, **TINY)
     whole = weights(run(config, tmp_path / "whole", workers=0))
 
@@ -149,7 +152,7 @@ def test_killed_run_ends_with_the_same_numbers(algo: str, tmp_path: Path, monkey
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
-    algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    algo: AlgorithmName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between two milestones, too: in the middle of episodes and of validations."""
     config = Config(algo, HUMANOID, steps=48, interval=24, **TINY)
@@ -189,6 +192,7 @@ def test_extractor_sees_what_the_encoder_sees(env_id: str) -> None:
 
     env = gymnasium.make(env_id, image_size=32, split="val-unseen")
     seen = {key: torch.from_numpy(np.asarray(value)[None]) for key, value in env.reset(seed=0)[0].items()}
+    assert isinstance(env.observation_space, spaces.Dict)
     extractor = HouseholdFeatures(env.observation_space, 8)
     encoder = build_encoder(env.observation_space, 8)
     encoder.load_state_dict(extractor.encoder.state_dict())
@@ -205,6 +209,7 @@ def test_frozen_features_take_the_place_of_pictures() -> None:
     space = env.observation_space
     assert isinstance(space, spaces.Dict) and space["drone_image"].shape == (FEATURES,)
     seen = env.reset()
+    assert isinstance(seen, dict)
     assert seen["humanoid_image"].shape == (2, FEATURES) and seen["humanoid_image"].dtype == np.float16
     for _ in range(2):
         seen, _, ends, infos = env.step(np.array([env.action_space.sample()] * 2))
@@ -352,4 +357,4 @@ def test_progress_is_shown_before_there_are_environments(
 
 def test_unknown_presets_are_refused() -> None:
     with pytest.raises(ValueError, match="preset='best' is not known"):
-        Config("ppo", HUMANOID, "best")
+        Config("ppo", HUMANOID, "best")  # type: ignore[arg-type]

@@ -21,7 +21,8 @@ def corners_of(place: np.ndarray, size: tuple[float, float, float]) -> np.ndarra
     x, y, _, yaw = place
     half = np.array([(sx, sy) for sx in (-0.5, 0.5) for sy in (-0.5, 0.5)]) * size[:2]
     rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    return half @ rotation.T + (x, y)
+    corners: np.ndarray = half @ rotation.T + (x, y)
+    return corners
 
 
 def samples_of(place: np.ndarray, size: tuple[float, float, float]) -> np.ndarray:
@@ -29,7 +30,8 @@ def samples_of(place: np.ndarray, size: tuple[float, float, float]) -> np.ndarra
     ticks = np.linspace(-0.5, 0.5, 7)
     half = np.array([(sx, sy) for sx in ticks for sy in ticks]) * size[:2]
     yaw = place[3]
-    return half @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]]) + place[:2]
+    samples: np.ndarray = half @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]]) + place[:2]
+    return samples
 
 
 @pytest.mark.parametrize("item", SIZES)

@@ -9,11 +9,11 @@ import pytest
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.navigation.reach import REACH
-from chmarl_pb.navigation.surfaces import CELL, find_surfaces
+from chmarl_pb.navigation.surfaces import CELL, Surface, find_surfaces
 from chmarl_pb.tasks.simulation import Simulation
-from tests.helpers.small_homes import home_text
+from tests.helpers.small_homes import Boxes, Triple, home_text
 
-FLOOR = {"livingroom/floor_1": ((4, 4, 0.1), (0, 0, -0.05))}
+FLOOR: Boxes = {"livingroom/floor_1": ((4, 4, 0.1), (0, 0, -0.05))}
 
 
 def test_every_receptacle_has_a_surface(simulation: Simulation) -> None:
@@ -38,7 +38,7 @@ def test_nothing_stands_in_the_free_height(simulation: Simulation) -> None:
             assert not (over & cut).any(), f"{surface.receptacle} at {surface.height:.2f} m"
 
 
-def small_surfaces(write_home: Callable[..., Path], boxes: dict) -> tuple:
+def small_surfaces(write_home: Callable[..., Path], boxes: Boxes) -> tuple[Surface, ...]:
     return find_surfaces(load_home(write_home(home_text({**FLOOR, **boxes}))))
 
 
@@ -53,7 +53,7 @@ def test_a_plain_top_is_one_surface(write_home: Callable[..., Path]) -> None:
     [((0, 0, 0.05), 0.1), ((0, 0, 1.6), 0.1)],
     ids=["too low", "too high"],
 )
-def test_tops_out_of_reach_are_none(write_home: Callable[..., Path], position: tuple, height: float) -> None:
+def test_tops_out_of_reach_are_none(write_home: Callable[..., Path], position: Triple, height: float) -> None:
     assert small_surfaces(write_home, {"livingroom/bench_1": ((1, 1, height), position)}) == ()
 
 

@@ -37,7 +37,7 @@ def act(env: HouseholdEnv, actions: list[str]) -> bool:
     return env.outcome.success
 
 
-def state_of(env: HouseholdEnv) -> tuple:
+def state_of(env: HouseholdEnv) -> tuple[object, ...]:
     return env.simulation.oracle.robot.pose, env.world.held, tuple(sorted(env.world.supports.items()))
 
 
@@ -122,7 +122,7 @@ def test_nothing_to_do_when_x_is_on_y(simulation: Simulation, tasks: list[Task])
     assert simulation.oracle.plan(Goal(item, (simulation.world.supports[item].receptacle,))) == []
 
 
-def symbolic(env: HouseholdEnv) -> tuple:
+def symbolic(env: HouseholdEnv) -> tuple[object, ...]:
     return env.outcome, env.simulation.oracle.robot.pose, env.simulation.robots["drone"].pose
 
 
@@ -224,8 +224,9 @@ def test_search_advises_those_who_do_something_else() -> None:
     rooms = ("kitchen", "bedroom")
     search = HumanoidSearch(("pick", "stay", "turn_left", "turn_right", "move_forward", "goto_bedroom"), rooms)
     seen = {"self": np.array([1.0, 0, 0, 0]), "messages": np.zeros((2, 2))}
-    info = {"instruction": "Pick up the mug and put it on the desk.", "visible": ("mug_1",), "action_success": True}
-    assert parse_instruction(info["instruction"]) == ("mug", "desk")
+    instruction = "Pick up the mug and put it on the desk."
+    info = {"instruction": instruction, "visible": ("mug_1",), "action_success": True}
+    assert parse_instruction(instruction) == ("mug", "desk")
     pick = search.actions.index("pick")
     assert [search.act(seen, info) for _ in range(3)] == [pick] * 3
     assert search.act(seen, info | {"action_success": False}) != pick

@@ -1,6 +1,7 @@
 """The policies that do without eyes, words, feedback or a memory: they use nothing else, and play what is published."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -133,7 +134,7 @@ def test_a_tour_is_built_for_each_class_that_stands_in_the_homes() -> None:
     assert all(set(line.split()) <= known and len(line.split()) <= 28 for line in built.values())
 
 
-def test_a_home_with_fewer_rooms_plays_what_is_left_of_a_tour(small_home) -> None:
+def test_a_home_with_fewer_rooms_plays_what_is_left_of_a_tour(small_home: Path) -> None:
     with_one_room = HouseholdEnv(home=small_home)
     for name in SHORTCUTS:
         episode = rollout(with_one_room, make_policy(name, with_one_room), seed=0)

@@ -167,7 +167,8 @@ def ball(x: float, y: float, z: float, radius: float) -> NDArray[np.float64]:
 
 
 def tiles_at(depth: float) -> NDArray[np.float32]:
-    return farthest(np.full((SIZE, SIZE), depth, np.float32))
+    tiles: NDArray[np.float32] = farthest(np.full((SIZE, SIZE), depth, np.float32))
+    return tiles
 
 
 @pytest.mark.parametrize("name", TRIANGLES)

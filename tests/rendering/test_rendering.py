@@ -11,6 +11,7 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.lattice import HEADINGS
+from chmarl_pb.rendering.fast import FastRenderer
 from chmarl_pb.rendering.meshes import _read_obj
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, Renderer
@@ -125,18 +126,21 @@ def test_visible_is_the_pixel_rule_of_the_full_picture(simulation: Simulation, t
 
 def test_counted_pixels_are_those_of_the_picture(simulation: Simulation, tasks: list[Task]) -> None:
     rng = np.random.default_rng(6)
+    renderer = simulation.renderer
+    assert isinstance(renderer, FastRenderer)
     begin(simulation, tasks)
     for _ in range(10):
         meet(simulation, rng)
         for robot in ROBOTS:
-            segmentation = simulation.renderer.picture(robot, VISIBILITY_SIZE).segmentation
-            counts = np.bincount(segmentation.ravel() + 1, minlength=len(simulation.renderer.names) + 1)[1:]
-            np.testing.assert_array_equal(simulation.renderer.pixels(robot), counts)
+            segmentation = renderer.picture(robot, VISIBILITY_SIZE).segmentation
+            counts = np.bincount(segmentation.ravel() + 1, minlength=len(renderer.names) + 1)[1:]
+            np.testing.assert_array_equal(renderer.pixels(robot), counts)
 
 
 def test_visible_is_what_the_counts_of_all_pixels_say(simulation: Simulation, tasks: list[Task]) -> None:
     """Most bodies are not drawn to the end to find out whether they are visible."""
     rng, renderer = np.random.default_rng(9), simulation.renderer
+    assert isinstance(renderer, FastRenderer)
     for number in range(3):
         begin(simulation, tasks, number)
         for step in range(40):

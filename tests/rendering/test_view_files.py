@@ -106,7 +106,9 @@ def test_views_survive_the_deletion_of_the_store(folder: Path, home: Home, monke
     expected = drawn_in_memory(home, monkeypatch)
     views = HomeViews(home)
     seen = [views.look(*look).picture for look in LOOKS[:6]]
-    view_store().clear()
+    store = view_store()
+    assert store is not None
+    store.clear()
     folder.rmdir()
     assert_all_equal(seen, expected[:6])
     assert_all_equal([views.look(*look).picture for look in LOOKS], expected)
@@ -179,12 +181,12 @@ def read_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """No file can be opened for writing; permissions would not stop the superuser."""
     real = os.open
 
-    def refuse(path: object, flags: int, *rest: int) -> int:
+    def refuse(path: str | Path, flags: int, *rest: int) -> int:
         if flags & os.O_RDWR:
             raise PermissionError(13, "Permission denied", str(path))
         return real(path, flags, *rest)
 
-    monkeypatch.setattr(view_store_module.os, "open", refuse)
+    monkeypatch.setattr("os.open", refuse)
 
 
 def test_a_store_that_cannot_be_written_is_read(tmp_path: Path, request: pytest.FixtureRequest) -> None:

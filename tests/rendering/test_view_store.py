@@ -86,14 +86,15 @@ print(json.dumps([len(drawn), digest.hexdigest()]))
 """
 
 
-def start(home: Home) -> subprocess.Popen:
+def start(home: Home) -> "subprocess.Popen[str]":
     return subprocess.Popen([sys.executable, "-c", SCRIPT, str(home.path)], stdout=subprocess.PIPE, text=True)
 
 
-def result(process: subprocess.Popen) -> list:
+def result(process: "subprocess.Popen[str]") -> tuple[int, str]:
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 0
-    return json.loads(output.splitlines()[-1])
+    draws, digest = json.loads(output.splitlines()[-1])
+    return draws, digest
 
 
 def test_two_processes_write_at_once_and_a_third_draws_nothing(folder: Path, home: Home) -> None:

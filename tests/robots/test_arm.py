@@ -15,6 +15,8 @@ from chmarl_pb.robots import arm as arm_module
 from chmarl_pb.robots.arm import JOINTS, REACH, Arm, Configuration
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.world import Pose
+from tests.helpers.elements import inner
+from tests.helpers.small_homes import Triple
 from tools.assets.robots import OUT, build
 
 inside = st.tuples(st.floats(*REACH.distance), st.floats(*REACH.height), st.floats(-REACH.bearing, REACH.bearing))
@@ -39,7 +41,7 @@ def move_base(arm: Arm, x: float, y: float, yaw: float) -> None:
     p.resetBasePositionAndOrientation(arm.body, (x, y, 0), quaternion, physicsClientId=arm.client)
 
 
-def target_of(base: tuple[float, float, float], distance: float, height: float, bearing: float) -> np.ndarray:
+def target_of(base: Triple, distance: float, height: float, bearing: float) -> np.ndarray:
     x, y, yaw = base
     return np.array([x + distance * np.cos(yaw + bearing), y + distance * np.sin(yaw + bearing), height])
 
@@ -64,7 +66,8 @@ def own_pixels(arm: Arm) -> float:
 
 def grasp_pose(arm: Arm) -> Pose:
     """The point between the fingertips."""
-    return p.getLinkState(arm.body, arm.grasp_link, computeForwardKinematics=True, physicsClientId=arm.client)[4:6]
+    state = p.getLinkState(arm.body, arm.grasp_link, computeForwardKinematics=True, physicsClientId=arm.client)
+    return state[4], state[5]
 
 
 def solve(arm: Arm, target: ArrayLike) -> Configuration | None:
@@ -78,7 +81,7 @@ def within_limits(arm: Arm, configuration: tuple[float, ...]) -> bool:
 
 @given(place=inside, base=anywhere)
 @settings(max_examples=200, deadline=None, derandomize=True)
-def test_reaches_all_that_reach_promises(arm: Arm, place: tuple, base: tuple) -> None:
+def test_reaches_all_that_reach_promises(arm: Arm, place: Triple, base: Triple) -> None:
     target = target_of(base, *place)
     move_base(arm, *base)
     configuration = solve(arm, target)
@@ -100,14 +103,14 @@ def test_reaches_the_corners(arm: Arm, distance: float, height: float, bearing: 
 
 
 @pytest.mark.parametrize("target", [(1.6, 0, 0.9), (0.6, 0, 2.6), (-0.9, 0.4, 0.6), (0, 0, 0.9), (0.1, 0, 0.1)])
-def test_gives_up_out_of_reach(arm: Arm, target: tuple) -> None:
+def test_gives_up_out_of_reach(arm: Arm, target: Triple) -> None:
     move_base(arm, 0, 0, 0)
     assert solve(arm, target) is None
 
 
 @given(place=inside, other=inside, base=anywhere)
 @settings(max_examples=30, deadline=None, derandomize=True)
-def test_depends_on_base_and_target_alone(arm: Arm, place: tuple, other: tuple, base: tuple) -> None:
+def test_depends_on_base_and_target_alone(arm: Arm, place: Triple, other: Triple, base: Triple) -> None:
     target = target_of(base, *place)
     move_base(arm, *base)
     arm.set(arm.rest)
@@ -174,17 +177,17 @@ def test_motors_follow_a_motion_with_a_load(arm: Arm) -> None:
 @pytest.mark.parametrize("name", ["humanoid", "drone"])
 def test_inertias_are_physical(name: str) -> None:
     for inertial in ET.parse(OUT / f"{name}.urdf").iter("inertial"):
-        moments = {key: float(value) for key, value in inertial.find("inertia").attrib.items()}
+        moments = {key: float(value) for key, value in inner(inertial, "inertia").attrib.items()}
         xx, xy, xz, yy, yz, zz = (moments[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         assert principal[0] > 0
         assert principal[0] + principal[1] >= principal[2] * (1 - 1e-6)
-        assert float(inertial.find("mass").get("value")) > 0
+        assert float(inner(inertial, "mass").attrib["value"]) > 0
 
 
 @pytest.mark.parametrize(("name", "budget"), [("humanoid", 480), ("drone", 260)])
 def test_triangle_budget(name: str, budget: int) -> None:
-    meshes = (OUT / mesh.get("filename") for mesh in ET.parse(OUT / f"{name}.urdf").iter("mesh"))
+    meshes = (OUT / mesh.attrib["filename"] for mesh in ET.parse(OUT / f"{name}.urdf").iter("mesh"))
     assert sum(line.startswith("f ") for mesh in meshes for line in mesh.read_text().splitlines()) <= budget
 
 
@@ -200,7 +203,7 @@ def test_drone_camera_looks_down(client: int) -> None:
     p.removeBody(body, physicsClientId=client)
 
 
-def test_build_reproduces_the_committed_files(tmp_path) -> None:
+def test_build_reproduces_the_committed_files(tmp_path: Path) -> None:
     build(tmp_path)
     built = {file.relative_to(tmp_path): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
     committed = [file for file in OUT.rglob("*") if file.suffix in (".urdf", ".obj")]

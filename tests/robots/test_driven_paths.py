@@ -60,7 +60,8 @@ def test_depths_agree_with_closest_points(world: World) -> None:
 def wall(postures: np.ndarray, margin: float) -> np.ndarray:
     """Return how deep points of a plane stand in a wall at x = 0 that leaves y > 0.5 free."""
     x, y = postures.T
-    return np.maximum(0.0, np.minimum(0.1 - np.abs(x), 0.5 - y) + margin)
+    depths: np.ndarray = np.maximum(0.0, np.minimum(0.1 - np.abs(x), 0.5 - y) + margin)
+    return depths
 
 
 START, GOAL = np.array([-1.0, 0.0]), np.array([1.0, 0.0])

@@ -153,14 +153,15 @@ def test_the_held_object_stays_in_the_hand(simulation: Simulation, monkeypatch: 
         if pybullet.getNumConstraints(physicsClientId=world.client):  # the state does not know of a rehearsed grip
             position, quaternion = physics.read_object(simulation.goal.item)
             gaps.append(np.linalg.norm(np.subtract(position, humanoid.held_pose(Grip(simulation.goal.item, 0.0))[0])))
-            tilts.append(np.hypot(*quaternion[:2]))
+            tilts.append(np.hypot(quaternion[0], quaternion[1]))
             heights.append(position[2])
 
     monkeypatch.setattr(physics, "step", watch)
     for seed in (4, 5):
         simulation.set_up(seed)
         for action in ("pick", "goto_bathroom", "place"):
-            gaps.clear(), tilts.clear(), heights.clear()
+            for figures in (gaps, tilts, heights):
+                figures.clear()
             assert simulation.act(action, simulated=True)[0]
             assert gaps or action.startswith("goto_"), "only a drive with a still arm is not simulated"
             assert max(gaps, default=0.0) < 0.01

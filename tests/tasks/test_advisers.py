@@ -8,7 +8,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.tasks.task import Task
 from tests.helpers.feedback_reader import read
 
-Advised = Callable[[str], HouseholdEnv]
+Advised = Callable[[bool | str], HouseholdEnv]
 
 
 @pytest.fixture

@@ -34,7 +34,8 @@ class Late:
         return np.concatenate([messages[1:], Board().update(messages[-1], outcome, goal, rooms, rng)[None]])
 
     def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
-        return messages[0].copy()
+        heard: Messages = messages[0]
+        return heard.copy()
 
 
 class Counting:

@@ -1,6 +1,7 @@
 """Feedback sentences: their templates, their English, and when something is said."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,7 @@ def test_better_action() -> None:
 
 
 @pytest.mark.parametrize("value", ["oracle", "", 2, None])
-def test_unknown_styles_are_refused(value: object) -> None:
+def test_unknown_styles_are_refused(value: Any) -> None:
     with pytest.raises(OptionError, match="feedback"):
         Options(feedback=value)
 

@@ -152,8 +152,8 @@ def test_grammar(template: str, graspable: str, name: int, expected: str) -> Non
 
 def shown(task: Task) -> set[str]:
     """Return the instructions that training could give for a task."""
-    names = [names_of(name, held_out=False) for name in (task.graspable, task.target)]
-    return {phrase(text, x, y, *bits) for text, x, y, bits in product(INSTRUCTIONS.train, *names, ARTICLES)}
+    xs, ys = (names_of(name, held_out=False) for name in (task.graspable, task.target))
+    return {phrase(text, x, y, *bits) for text, x, y, bits in product(INSTRUCTIONS.train, xs, ys, ARTICLES)}
 
 
 @pytest.mark.parametrize("split", SPLITS)

@@ -23,7 +23,8 @@ def bits(*outcomes: Outcome) -> list[list[int]]:
     messages = Board().begin(ROOMS)
     for one in outcomes:
         messages = Board().update(messages, one, GOAL, ROOMS, RNG)
-    return messages.tolist()
+    told: list[list[int]] = messages.tolist()
+    return told
 
 
 def test_nothing_is_known_at_first() -> None:
@@ -71,6 +72,7 @@ def test_messages_of_random_episodes_are_true_and_grow(env: HouseholdEnv, tasks:
 
 def rooms_of(env: HouseholdEnv, seen: set[str]) -> tuple[set[str], set[str]]:
     """Return the rooms of what is seen of X, and of Y."""
+    assert isinstance(env.task, Task)
     item = env.task.item
     support = env.world.supports.get(item)
     if support is None:

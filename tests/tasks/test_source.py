@@ -64,7 +64,7 @@ def test_tasks_by_name() -> None:
     with pytest.raises(TaskError, match="no-such-task"):
         source.named("no-such-task")
     with pytest.raises(TaskError, match="got int; give a Task or a task's id"):
-        source.named(3)
+        source.named(3)  # type: ignore[arg-type]
 
 
 def test_a_home_without_solvable_tasks_is_named_with_the_reason(

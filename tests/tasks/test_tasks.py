@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -18,9 +19,12 @@ from chmarl_pb.tasks.setting import draw_starts, receptacles_of
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import FIELDS, FOLDER, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
 from chmarl_pb.tasks.task import Task
+from chmarl_pb.world import Pose, Support
 from tests.helpers.small_homes import HOMES
 
-GOOD = dict(id="t-1", home="home_1", graspable="mug", source="bed", target="desk", seed=3, optimal_steps=5)
+GOOD: dict[str, Any] = dict(
+    id="t-1", home="home_1", graspable="mug", source="bed", target="desk", seed=3, optimal_steps=5
+)
 HEADER = ",".join(FIELDS)
 
 
@@ -86,7 +90,7 @@ def test_unknown_task(task_id: str) -> None:
         ({"seed": -1}, "negative"),
     ],
 )
-def test_bad_task(change: dict, words: str) -> None:
+def test_bad_task(change: dict[str, Any], words: str) -> None:
     with pytest.raises(TaskError, match=f"task 't-1'.*{words}"):
         Task(**{**GOOD, **change}).check(BENCHMARK)
 
@@ -145,7 +149,7 @@ def test_sampled_tasks_are_spread_and_repeat_with_the_seed(simulation: Simulatio
     assert {task.source for task in tasks} == {task.target for task in tasks} == classes
 
 
-def layout(simulation: Simulation) -> dict:
+def layout(simulation: Simulation) -> dict[str, tuple[Pose, Support]]:
     return {name: (simulation.world.pose(name), simulation.world.supports[name]) for name in simulation.world.objects}
 
 

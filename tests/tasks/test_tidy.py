@@ -59,7 +59,9 @@ def test_a_row_survives_its_file(task: TidyTask) -> None:
     "change",
     [lambda moves: moves[:1], lambda moves: moves * 2, lambda moves: (moves[0], replace(moves[1], home="home_1"))],
 )
-def test_rows_that_make_no_sense_are_refused(task: TidyTask, change: Callable) -> None:
+def test_rows_that_make_no_sense_are_refused(
+    task: TidyTask, change: Callable[[tuple[Task, ...]], tuple[Task, ...]]
+) -> None:
     with pytest.raises(TaskError):
         replace(task, moves=change(task.moves))
 
@@ -110,7 +112,9 @@ ALL = ("a_1", "b_1", "c_1")
         ([(3, 0), (0, 2), (4, 0)], {"done": "a_1"}, (), "b_1"),  # nothing in view: the first that is left
     ],
 )
-def test_what_pick_and_place_are_about(places: list, options: dict, seen: tuple[str, ...], meant: str) -> None:
+def test_what_pick_and_place_are_about(
+    places: list[tuple[int, int]], options: dict[str, str], seen: tuple[str, ...], meant: str
+) -> None:
     assert target_of(GOALS, state(*places, **options), "humanoid", seen).item == meant
 
 

@@ -16,7 +16,7 @@ from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.tasks import verdict
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.verdict import judge
-from tests.helpers.small_homes import SMALL_HOME, home_text
+from tests.helpers.small_homes import SMALL_HOME, Boxes, home_text
 
 Write = Callable[..., Path]
 ROOM = {"livingroom/floor_1": ((6, 6, 0.1), (0, 0, -0.05)), "livingroom/sofa_1": ((1.8, 0.8, 0.45), (0, -1.5, 0.225))}
@@ -59,11 +59,13 @@ def bed(mesh: trimesh.Trimesh, kind: str = "bed.obj") -> str:
 
 def boxes(*sizes_and_middles: tuple[tuple[float, ...], tuple[float, ...]]) -> trimesh.Trimesh:
     """Return a mesh of several boxes."""
-    parts = []
+    parts: list[trimesh.Trimesh] = []
     for size, middle in sizes_and_middles:
         parts.append(trimesh.creation.box(size))
         parts[-1].apply_translation(middle)
-    return trimesh.util.concatenate(parts)
+    mesh = trimesh.util.concatenate(parts)
+    assert isinstance(mesh, trimesh.Trimesh)
+    return mesh
 
 
 @pytest.mark.parametrize(("thick", "ending"), [(0.05, "obj"), (0.3, "obj"), (0.3, "stl")])
@@ -120,7 +122,7 @@ def test_a_ceiling_blinds_the_drone(write_home: Write) -> None:
     ],
     ids=["ceiling", "one receptacle", "unreachable", "too low", "name", "too many"],
 )
-def test_check_and_environment_agree(write_home: Write, home: dict) -> None:
+def test_check_and_environment_agree(write_home: Write, home: Boxes) -> None:
     path = write_home(home_text(home))
     first = str(judge(path).errors[0])
     with pytest.raises(HomeError) as refusal:
@@ -140,7 +142,7 @@ def test_a_tiny_home_gets_fewer_other_objects(write_home: Write) -> None:
 
 
 @pytest.mark.parametrize("home", [LONG, CROSS], ids=["long", "cross"])
-def test_a_sparse_large_home_is_ready_after_few_views(write_home: Write, draws: list[int], home: dict) -> None:
+def test_a_sparse_large_home_is_ready_after_few_views(write_home: Write, draws: list[int], home: Boxes) -> None:
     simulation = Simulation(str(write_home(home_text(home))))
     report = check_home(simulation.home.path)
     assert not report.problems

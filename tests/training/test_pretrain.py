@@ -2,10 +2,12 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from rich.progress import Progress
 
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.learning.networks import (
@@ -45,16 +47,14 @@ class Stopped(Exception):
     """A training was interrupted."""
 
 
-class Bar:
+class Bar(Progress):
     """Stops at a batch."""
 
     def __init__(self, stop: int):
+        super().__init__(disable=True)
         self.left = stop
 
-    def add_task(self, *_, **__) -> int:
-        return 0
-
-    def update(self, *_, **__) -> None:
+    def update(self, *_: Any, **__: Any) -> None:
         self.left -= 1
         if self.left == 0:
             raise Stopped

@@ -9,6 +9,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ from training import table
 from training.tables.page import NOT_RUN, write_page
 from training.tables.rows import TABLES, Row
 from training.tables.runs import FORMAT, Run, curve, read_records
-from training.tables.schedule import Schedule
+from training.tables.schedule import Launch, Schedule
 
 #: Stands for the trainer and for the evaluation: both write what the real ones write. The trainer counts its starts,
 #: does four epochs, keeps each, and stops hard after STOP of them, or waits for a signal after HANG.
@@ -55,7 +56,7 @@ for epoch in range(done + 1, 5):
 
 
 @pytest.fixture
-def launch(tmp_path: Path):
+def launch(tmp_path: Path) -> Launch:
     script = tmp_path / "fake.py"
     script.write_text(f"SPLITS = {SPLITS}\n{FAKE}")
     return lambda command: [sys.executable, str(script), *command]
@@ -65,12 +66,12 @@ def row_of(name: str, table_name: str = "scene-graph") -> Row:
     return next(row for row in TABLES[table_name] if row.name == name)
 
 
-def run_of(tmp_path: Path, name: str = "QMIX", seed: int = 0, table_name: str = "scene-graph", **changes) -> Run:
+def run_of(tmp_path: Path, name: str = "QMIX", seed: int = 0, table_name: str = "scene-graph", **changes: Any) -> Run:
     folders = (tmp_path / "out", tmp_path / "results", tmp_path / "data")
     return Run(replace(row_of(name, table_name), **changes), seed, *folders)
 
 
-def work(runs: list[Run], launch, **options) -> Schedule:
+def work(runs: list[Run], launch: Launch, **options: Any) -> Schedule:
     schedule = Schedule(runs, launch=launch, **options)
     schedule.work()
     return schedule
@@ -90,6 +91,7 @@ def test_each_row_of_the_paper_is_there_once(name: str, published: paper.PaperTa
 def test_rows_say_what_their_names_say() -> None:
     for row in {row for rows in TABLES.values() for row in rows if row.published}:
         assert row.messages == row.name.endswith("+ messages")
+        assert row.published is not None
         assert (row.observation, row.feedback) == (row.published.observation, row.published.feedback)
         assert row.options[1] == row.name.split()[0].lower()
         assert ("--centralized" in row.options) == ("BC centralized" in row.name)
@@ -140,7 +142,7 @@ def test_rows_have_their_own_number_of_seeds() -> None:
 
 
 def test_row_of_ones_own_is_run_and_shown_below_those_of_the_paper(
-    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = Row("Best effort", "visual", ("--deep",), messages=True, module="mine.train", checkpoint="best.pt", seeds=2)
     run = replace(run_of(tmp_path), row=own)
@@ -163,7 +165,7 @@ def test_only_takes_patterns_and_refuses_what_is_no_row() -> None:
         table.make_runs(chosen)
 
 
-def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture) -> None:
+def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         table.main(["--only", "qmix", "--", "--episodes", "5"])
     assert "--results" in capsys.readouterr().err
@@ -172,7 +174,7 @@ def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture) -> None:
 # Runs
 
 
-def test_runs_leave_small_files_and_are_skipped_afterwards(tmp_path: Path, launch) -> None:
+def test_runs_leave_small_files_and_are_skipped_afterwards(tmp_path: Path, launch: Launch) -> None:
     runs = [run_of(tmp_path, name, seed) for seed in (0, 1) for name in ("QMIX", "IQL + messages")]
     finished: list[str] = []
     assert work(runs, launch, finished=lambda run: finished.append(run.name)).failed == []
@@ -187,7 +189,7 @@ def test_runs_leave_small_files_and_are_skipped_afterwards(tmp_path: Path, launc
     assert (runs[0].folder / "starts").read_text() == "x"
 
 
-def test_killed_training_goes_on(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_training_goes_on(tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
     run = run_of(tmp_path)
     monkeypatch.setenv("STOP", "2")
     assert work([run], launch).failed == [run.name]
@@ -199,7 +201,7 @@ def test_killed_training_goes_on(tmp_path: Path, launch, monkeypatch: pytest.Mon
 
 
 def test_versions_of_the_code_that_trained_a_run_are_kept(
-    tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = run_of(tmp_path)
     for version, stop in (("old", "2"), ("new", "0")):
@@ -209,7 +211,9 @@ def test_versions_of_the_code_that_trained_a_run_are_kept(
     assert json.loads(run.result.read_text())["trained_by"] == ["old", "new"]
 
 
-def test_interrupt_stops_the_processes_and_keeps_all(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_stops_the_processes_and_keeps_all(
+    tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
     runs = [run_of(tmp_path), run_of(tmp_path, "IQL")]
     monkeypatch.setenv("HANG", "3")
     begun = time.monotonic()
@@ -227,7 +231,7 @@ def test_interrupt_stops_the_processes_and_keeps_all(tmp_path: Path, launch, mon
     assert work(runs, launch).over == 2
 
 
-def test_run_that_is_trained_is_only_scored(tmp_path: Path, launch) -> None:
+def test_run_that_is_trained_is_only_scored(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)
     run.result.unlink()
@@ -238,14 +242,16 @@ def test_run_that_is_trained_is_only_scored(tmp_path: Path, launch) -> None:
     assert replace(run, row=replace(run.row, options=("--algo", "vdn"))).next_step() == "train"
 
 
-def test_failed_run_tells_why_and_lets_the_others_go_on(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+def test_failed_run_tells_why_and_lets_the_others_go_on(
+    tmp_path: Path, launch: Launch, capsys: pytest.CaptureFixture[str]
+) -> None:
     bad, good = run_of(tmp_path, options=("--algo", "qmix", "--fail")), run_of(tmp_path, "IQL")
     assert work([bad, good], launch, jobs=1).failed == [bad.name]
     assert "no luck" in " ".join(capsys.readouterr().err.split())
     assert good.result.is_file() and not bad.result.exists()
 
 
-def test_trouble_with_the_page_stops_no_run(tmp_path: Path, launch, capsys: pytest.CaptureFixture) -> None:
+def test_trouble_with_the_page_stops_no_run(tmp_path: Path, launch: Launch, capsys: pytest.CaptureFixture[str]) -> None:
     def fail(run: Run) -> None:
         raise ResultError("other.json: damaged")
 
@@ -254,7 +260,7 @@ def test_trouble_with_the_page_stops_no_run(tmp_path: Path, launch, capsys: pyte
     assert all(run.next_step() is None for run in runs) and "other.json: damaged" in capsys.readouterr().err
 
 
-def test_run_of_another_process_is_left_alone(tmp_path: Path, launch) -> None:
+def test_run_of_another_process_is_left_alone(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     lock = run.lock()
     assert work([run], launch).failed == [run.name]
@@ -308,13 +314,13 @@ def test_a_step_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     assert process.communicate(timeout=60)[0] == "saved\n"
 
 
-def test_no_run_starts_when_the_time_is_up(tmp_path: Path, launch) -> None:
+def test_no_run_starts_when_the_time_is_up(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     schedule = work([run], launch, budget=0.0)
     assert schedule.waiting == [run] and not run.folder.exists()
 
 
-def test_results_are_whole_or_not_there(tmp_path: Path, launch, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_are_whole_or_not_there(tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
     run = run_of(tmp_path)
     monkeypatch.setattr(Path, "replace", lambda self, target: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
@@ -345,8 +351,8 @@ def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
     assert text.count(f"| {NOT_RUN} |") == 2 * sum(map(len, TABLES.values()))
-    for row in (row for rows in TABLES.values() for row in rows if row.published):
-        for value in (*row.published.success, *row.published.plw):
+    for published in (row.published for rows in TABLES.values() for row in rows if row.published):
+        for value in (*published.success, *published.plw):
             assert f" {value:.2f} |" in text
 
 
@@ -364,7 +370,7 @@ def test_built_in_policies_stand_below_with_the_numbers_of_the_benchmark(tmp_pat
         assert ours == pytest.approx(theirs, abs=0.06)
 
 
-def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
+def test_page_shows_means_and_spread(tmp_path: Path, launch: Launch) -> None:
     runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)] + [run_of(tmp_path, "QMIX", table_name="visual")]
     work(runs, launch)
     change(runs[1], plw=0.35)
@@ -378,7 +384,7 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch) -> None:
     assert "| QMIX | 25 | 0 | 25 | 50 |" in text
 
 
-def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:
+def test_page_tells_runs_of_different_settings(tmp_path: Path, launch: Launch) -> None:
     runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)]
     work(runs, launch)
     record = json.loads(runs[1].result.read_text())
@@ -388,7 +394,7 @@ def test_page_tells_runs_of_different_settings(tmp_path: Path, launch) -> None:
     assert "| QMIX | 2 of 3 (settings differ) |" in (tmp_path / "results.md").read_text()
 
 
-def test_page_is_the_same_when_written_again(tmp_path: Path, launch) -> None:
+def test_page_is_the_same_when_written_again(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)
     pages = []
@@ -398,7 +404,7 @@ def test_page_is_the_same_when_written_again(tmp_path: Path, launch) -> None:
     assert pages[0] == pages[1]
 
 
-def test_damaged_result_is_named(tmp_path: Path, launch) -> None:
+def test_damaged_result_is_named(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)
     run.result.write_text(run.result.read_text()[:100])
@@ -407,7 +413,7 @@ def test_damaged_result_is_named(tmp_path: Path, launch) -> None:
 
 
 @pytest.mark.parametrize("missing", ["seed", "evaluation", "checkpoint", "curve", "test-unseen"])
-def test_result_that_lacks_something_is_named(tmp_path: Path, launch, missing: str) -> None:
+def test_result_that_lacks_something_is_named(tmp_path: Path, launch: Launch, missing: str) -> None:
     run = run_of(tmp_path)
     work([run], launch)
     record = json.loads(run.result.read_text())
@@ -418,7 +424,7 @@ def test_result_that_lacks_something_is_named(tmp_path: Path, launch, missing: s
         write_page(run.results, tmp_path / "results.md")
 
 
-def test_damaged_scores_and_states_are_named(tmp_path: Path, launch) -> None:
+def test_damaged_scores_and_states_are_named(tmp_path: Path, launch: Launch) -> None:
     run, other = run_of(tmp_path), run_of(tmp_path, "IQL")
     work([run], launch)
     (run.folder / "scores.json").write_text("{}")
@@ -430,7 +436,7 @@ def test_damaged_scores_and_states_are_named(tmp_path: Path, launch) -> None:
         work([other], launch)
 
 
-def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch) -> None:
+def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)
     record = json.loads(run.result.read_text())

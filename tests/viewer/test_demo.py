@@ -8,6 +8,7 @@ from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
+import pybullet
 import pytest
 from rich.console import Console
 from rich.progress import Progress
@@ -21,7 +22,7 @@ from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.film import Shot, storyboard
-from chmarl_pb.viewer.motion_player import Replay, scene_during, scene_of
+from chmarl_pb.viewer.motion_player import Replay, Scene, scene_during, scene_of
 from chmarl_pb.viewer.panel import HEIGHT, WIDTH
 from chmarl_pb.viewer.record import Recording, choose_task, record
 from chmarl_pb.viewer.table import print_table
@@ -34,20 +35,20 @@ def recording() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def shots(recording) -> list[Shot]:
+def shots(recording: Recording) -> list[Shot]:
     """A handful: every step's end, and two shots of the first step's motion."""
     board = storyboard(recording)
     return [board[0], *board[1:30:20], *(replace(shot, frames=3) for shot in board[1:] if shot.done)]
 
 
 @pytest.fixture(scope="module")
-def folder(recording, shots, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("demo")
+def folder(recording: Recording, shots: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder: Path = tmp_path_factory.mktemp("demo")
     write_files(recording, shots, folder, Progress(disable=True))
     return folder
 
 
-def test_video_is_h264_of_the_right_length_and_size(folder, shots):
+def test_video_is_h264_of_the_right_length_and_size(folder: Path, shots: list[Shot]) -> None:
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(folder / "demo.mp4"))
     assert frames == sum(shot.frames for shot in shots)
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(folder / "demo.mp4")]
@@ -55,12 +56,12 @@ def test_video_is_h264_of_the_right_length_and_size(folder, shots):
     assert "h264" in known and "yuv420p" in known and f"{WIDTH}x{HEIGHT}" in known and "30 fps" in known
 
 
-def test_video_starts_with_its_index(folder):
+def test_video_starts_with_its_index(folder: Path) -> None:
     data = (folder / "demo.mp4").read_bytes()
     assert 0 < data.index(b"moov") < data.index(b"mdat")
 
 
-def test_page_needs_nothing_else(folder):
+def test_page_needs_nothing_else(folder: Path) -> None:
     page = (folder / "demo.html").read_text(encoding="utf-8")
     sources = re.findall(r'(?:src|href)="([^"]*)"', page) + re.findall(r"url\(([^)]*)\)", page)
     assert sources and all(source.startswith(("data:", "#")) for source in sources)
@@ -68,7 +69,7 @@ def test_page_needs_nothing_else(folder):
     assert len(page) < 8e6
 
 
-def test_page_has_every_step(folder, recording):
+def test_page_has_every_step(folder: Path, recording: Recording) -> None:
     page = (folder / "demo.html").read_text(encoding="utf-8")
     for kind in ("step", "row", "dot"):
         numbers = re.findall(rf'id="{kind}-(\d+)"', page)
@@ -76,7 +77,7 @@ def test_page_has_every_step(folder, recording):
     assert recording.instruction in page and page.count("data:image/jpeg") == 2 * (recording.steps + 1)
 
 
-def test_other_robots_are_shown_too(tmp_path):
+def test_other_robots_are_shown_too(tmp_path: Path) -> None:
     """The film shows the first two robots and a map of all, the page all; each has its name and its colour."""
     task = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)
     recording = record(task, "scene_graph", robots=("humanoid", "humanoid", "drone"))
@@ -92,11 +93,11 @@ def test_other_robots_are_shown_too(tmp_path):
     assert frames == sum(shot.frames for shot in board)
 
 
-def test_no_temporary_files_are_left(folder):
+def test_no_temporary_files_are_left(folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == ["demo.html", "demo.mp4"]
 
 
-def test_recording_tells_the_episode(recording):
+def test_recording_tells_the_episode(recording: Recording) -> None:
     assert recording.success and recording.steps == recording.task.optimal_steps
     first, *others = recording.moments
     assert first.actions == {} and first.motion == ()
@@ -105,14 +106,14 @@ def test_recording_tells_the_episode(recording):
     assert np.allclose(np.diff(potentials), [moment.reward for moment in others])
 
 
-def test_storyboard_pauses_once_a_step(recording):
+def test_storyboard_pauses_once_a_step(recording: Recording) -> None:
     board = storyboard(recording)
     assert [shot.step for shot in board if shot.done] == list(range(recording.steps + 1))
     assert all(shot.frames == 1 for shot in board if not shot.done)
     assert [shot.step for shot in board] == sorted(shot.step for shot in board)
 
 
-def test_table_names_every_step(recording):
+def test_table_names_every_step(recording: Recording) -> None:
     console = Console(record=True, width=160, file=StringIO())
     print_table(recording, console)
     known = console.export_text()
@@ -122,7 +123,7 @@ def test_table_names_every_step(recording):
     assert "Solved in" in known
 
 
-def test_pictures_at_rest_are_those_of_the_cameras(recording):
+def test_pictures_at_rest_are_those_of_the_cameras(recording: Recording) -> None:
     env = HouseholdEnv(home=recording.task.home, execution="simulated")
     try:
         policy = make_policy("planner", env)
@@ -138,8 +139,7 @@ def test_pictures_at_rest_are_those_of_the_cameras(recording):
         env.close()
 
 
-def test_the_camera_rides_on_the_robot(recording):
-    pybullet = pytest.importorskip("pybullet")
+def test_the_camera_rides_on_the_robot(recording: Recording) -> None:
     env = HouseholdEnv(home=recording.task.home, execution="simulated")
     try:
         env.reset(options={"task": recording.task})
@@ -149,12 +149,12 @@ def test_the_camera_rides_on_the_robot(recording):
         for snapshot in env.snapshots[:: max(1, len(env.snapshots) // 5)]:
             scene = scene_during(snapshot, rest)
             for name in env.possible_agents:
-                _check_eye(pybullet, env, scene, name)
+                _check_eye(env, scene, name)
     finally:
         env.close()
 
 
-def _check_eye(pybullet, env, scene, name):
+def _check_eye(env: HouseholdEnv, scene: Scene, name: str) -> None:
     client, body = env.world.client, env.world.bodies[name]
     env.world.physics.move_robot(name, scene.robots[name])
     env.world.physics.set_joints(name, scene.joints[name])
@@ -166,7 +166,7 @@ def _check_eye(pybullet, env, scene, name):
     assert abs(np.dot(state[5], quaternion)) == pytest.approx(1, abs=1e-4)
 
 
-def test_plan_ties_pixels_to_metres():
+def test_plan_ties_pixels_to_metres() -> None:
     plan = draw_plan(load_home("home_7"), 300, 300)
     assert max(plan.rgb.shape[:2]) in (299, 300)
     low, high = load_home("home_7").bounds
@@ -176,7 +176,7 @@ def test_plan_ties_pixels_to_metres():
     assert right - left == pytest.approx((high - low)[0] * plan.scale)
 
 
-def test_default_task_leads_through_two_rooms():
+def test_default_task_leads_through_two_rooms() -> None:
     task = choose_task()
     assert task.id.startswith("test-unseen-")
     things = load_home(task.home).receptacles.values()
@@ -184,7 +184,7 @@ def test_default_task_leads_through_two_rooms():
     assert rooms[0].isdisjoint(rooms[1])
 
 
-def test_bad_input_is_told(tmp_path):
+def test_bad_input_is_told(tmp_path: Path) -> None:
     with pytest.raises(TaskError, match="unknown task 'nowhere-001'"):
         demo("nowhere-001", "scene_graph", tmp_path)
     (tmp_path / "file").write_text("")

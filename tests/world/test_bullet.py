@@ -6,6 +6,7 @@ import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from threading import Event, Thread
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def test_it_needs_no_numpy_of_its_own() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, stderr=subprocess.DEVNULL)
 
 
-def test_threads_that_silence_one_descriptor_give_it_back(tmp_path) -> None:
+def test_threads_that_silence_one_descriptor_give_it_back(tmp_path: Path) -> None:
     entered, second_leaves = Event(), Event()
 
     def silence() -> None:
@@ -58,7 +59,7 @@ def test_threads_that_silence_one_descriptor_give_it_back(tmp_path) -> None:
     assert (tmp_path / "out").read_bytes() == b"seen"
 
 
-def test_silence_survives_a_closed_stream(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_silence_survives_a_closed_stream(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with (tmp_path / "out").open("w") as stream:
         pass
     monkeypatch.setattr(sys, "stdout", stream)
@@ -90,7 +91,7 @@ def test_results_say_that_nothing_is_known_of_a_pybullet_without_metadata(monkey
     assert versions()["pybullet"] == "unknown"
 
 
-def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A PyBullet that was built without NumPy gives tuples."""
     home, draw = load_home("home_1"), bullet.pybullet.getCameraImage
     view = camera.view_matrix(find_model("drone").eye(space_of(home), 0))
@@ -104,7 +105,7 @@ def test_pictures_are_the_same_without_numpy(monkeypatch: pytest.MonkeyPatch, tm
         parts = seen.colour, seen.depth, seen.segmentation, draw_plan(home, 40, 40).rgb
         return [*parts, np.frombuffer(house.read_bytes(), np.uint8)]
 
-    def as_tuples(*args, **options):
+    def as_tuples(*args: Any, **options: Any) -> tuple[Any, ...]:
         width, height, *parts = draw(*args, **options)
         return width, height, *(tuple(np.ravel(part).tolist()) for part in parts)
 

@@ -16,12 +16,12 @@ from chmarl_pb.errors import ChmarlError, HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.rendering import home_views as home_views_module
 from chmarl_pb.rendering import movables as movables_module
+from chmarl_pb.rendering.fast import FastRenderer
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.world import Client, World
-from chmarl_pb.world import client as client_module
 from chmarl_pb.world import physics as physics_module
 from tests.helpers.small_homes import SMALL_HOME, box, home_text
 
@@ -53,7 +53,10 @@ def few_to_collect() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def no_collector() -> Iterator[None]:
     """What is dropped goes at once, not when the garbage collector happens to come by."""
-    movables_module.movables(Simulation("home_1").renderer._team)  # has a client for the whole process
+    renderer = Simulation("home_1").renderer
+    assert isinstance(renderer, FastRenderer)
+    movables_module.movables(renderer._team)  # has a client for the whole process
+    del renderer
     gc.collect()
     gc.disable()
     yield
@@ -77,23 +80,24 @@ def test_dropped_environments_keep_no_clients(kind: str) -> None:
 def test_environments_in_reference_cycles_go_with_the_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
     before = connected()
     env = chmarl_pb.parallel_env()
-    env.me = env
+    env.__dict__["me"] = env
     del env
     assert connected() > before
-    connect, full = pybullet.connect, []
+    connect = pybullet.connect
+    full: list[None] = []
 
     def connect_once_full(mode: int) -> int:
         full.append(None)
-        return -1 if len(full) == 1 else connect(mode)
+        return -1 if len(full) == 1 else int(connect(mode))
 
-    monkeypatch.setattr(client_module.pybullet, "connect", connect_once_full)
+    monkeypatch.setattr("pybullet.connect", connect_once_full)
     client = Client()
     client.close()
     assert connected() == before
 
 
 def test_too_many_clients_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client_module.pybullet, "connect", lambda mode: -1)
+    monkeypatch.setattr("pybullet.connect", lambda mode: -1)
     with pytest.raises(ChmarlError, match="no free client; close some environments"):
         chmarl_pb.parallel_env()
 
@@ -161,7 +165,6 @@ def test_views_of_homes_keep_no_clients(write_home: Callable[[str], Path], monke
     assert connected() == before
     monkeypatch.setattr(home_views_module, "content_hash", lambda home: "another")
     views = HomeViews(home)
-    views._content = "what it was"
     with pytest.raises(HomeError, match="has changed") as caught:
         views.look(find_model("drone"), 0, 16)
     assert connected() == before

@@ -20,6 +20,8 @@ from chmarl_pb.robots.registry import TEAM, listed
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
 
 EnvId = Literal[ENV_IDS]  # type: ignore[valid-type]
+AlgorithmName = Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
+PresetName = Literal["goal", "goal-encoder", "encoder"]
 Hidden = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # of the command line, which finds it from other options
 
 
@@ -134,9 +136,9 @@ class Config:
         catalog_sha256: of that file and all that it names; empty without it.
     """
 
-    algo: Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
+    algo: AlgorithmName
     env_id: Hidden = "CHMARL/SceneGraph-v0"
-    preset: Literal["goal", "goal-encoder", "encoder"] = "goal"
+    preset: PresetName = "goal"
     steps: int = count(600_000)
     seed: int = natural(0)
     envs: int = count(16)

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
-from chmarl_pb.envs.vector.env import vector_env
+from chmarl_pb.envs.vector.env import HouseholdVectorEnv, vector_env
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from tests.helpers.toy_env import ToyEnv
 from tests.helpers.toy_vectors import COUNT, EVERYWHERE, actions, same, tame_toy
@@ -139,7 +139,7 @@ def test_wrong_resets_are_refused(make: Callable[..., Any]) -> None:
         env.reset(options={"reset_mask": np.zeros(COUNT, bool)})
 
 
-OPTIONS = {"home": "home_6", "split": "val-unseen", "max_steps": 4}
+OPTIONS: dict[str, Any] = {"home": "home_6", "split": "val-unseen", "max_steps": 4}
 
 
 @pytest.fixture(scope="module")
@@ -154,18 +154,19 @@ def test_vector_of_homes_equals_single_ones(homes: VectorEnv) -> None:
     single = gymnasium.make("CHMARL/SceneGraph-v0", **OPTIONS)
     rng = np.random.default_rng(0)
     chosen = rng.integers(0, (10, 9), (9, 3, 2))
-    results = [homes.reset(seed=20)] + [homes.step(each) for each in chosen]
+    first, results = homes.reset(seed=20), [homes.step(each) for each in chosen]
     for number in range(3):
         observation, info = single.reset(seed=20 + number)
         over = False
-        assert same({key: value[number] for key, value in results[0][0].items()}, observation)
-        assert results[0][1]["drone"]["task_id"][number] == info["drone"]["task_id"]
-        for each, (observations, rewards, terminated, truncated, infos) in zip(chosen, results[1:], strict=True):
+        assert same({key: value[number] for key, value in first[0].items()}, observation)
+        assert first[1]["drone"]["task_id"][number] == info["drone"]["task_id"]
+        for each, (observations, rewards, terminated, truncated, infos) in zip(chosen, results, strict=True):
             if over:
                 observation, info = single.reset()
                 reward, over = 0.0, False
             else:
-                observation, reward, done, cut, info = single.step(each[number])
+                observation, earned, done, cut, info = single.step(each[number])
+                reward = float(earned)
                 over = done or cut
                 assert (done, cut) == (terminated[number], truncated[number])
             assert same({key: value[number] for key, value in observations.items()}, observation)
@@ -186,8 +187,9 @@ def test_task_and_errors_pass_through(homes: VectorEnv) -> None:
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_make_vec_finds_every_id(env_id: str) -> None:
     made = gymnasium.make_vec(env_id, 1, image_size=32, **OPTIONS)
+    assert isinstance(made, HouseholdVectorEnv)
     single = made._engine._batch.envs[0]
-    assert single.spec.id == env_id
+    assert single.spec is not None and single.spec.id == env_id
     made.reset(seed=0)
     assert made.observation_space.contains(made.reset()[0])
     made.close()

@@ -28,7 +28,8 @@ INFOS = st.fixed_dictionaries(
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(INFOS, INFOS), min_size=1, max_size=6))
 def test_changes_give_the_infos(steps: list[tuple[dict[str, Any], ...]]) -> None:
-    table, finders, flats = InfoTable(2), [ChangeFinder(), ChangeFinder()], [{}, {}]
+    table, finders = InfoTable(2), [ChangeFinder(), ChangeFinder()]
+    flats: list[dict[tuple[str, ...], Any]] = [{}, {}]
     gymnasium_env = VectorEnv()
     gymnasium_env.num_envs = 2
     for infos in steps:
@@ -53,7 +54,7 @@ def test_columns_widen() -> None:
 
 def test_unchanged_infos_do_not_travel() -> None:
     finder = ChangeFinder()
-    info = {"robot": {"mask": np.ones(2), "seen": ("a", "b")}, "text": "go"}
+    info: dict[str, Any] = {"robot": {"mask": np.ones(2), "seen": ("a", "b")}, "text": "go"}
     assert len(finder.change(info)[0]) == 3
     info["robot"]["mask"][0] = 5  # changed in place
     assert finder.change(info) == ({("robot", "mask"): pytest.approx(np.array([5, 1]))}, [])

@@ -27,13 +27,15 @@ def test_sb3_equals_its_own(sb3: Any, workers: int) -> None:
     ours, theirs = chmarl_pb.sb3_vec_env(COUNT, ToyEnv, workers), DummyVecEnv([ToyEnv] * COUNT)
     for env in (ours, theirs):
         env.seed(3)
-    assert same(ours.reset(), dict(theirs.reset()))
+    begun = theirs.reset()
+    assert isinstance(begun, dict) and same(ours.reset(), dict(begun))
     assert same(ours.reset_infos, theirs.reset_infos)
     rng = np.random.default_rng(0)
     ended = 0
     for _ in range(20):
         chosen = actions(rng)
         (observations, rewards, dones, infos), wanted = ours.step(chosen), theirs.step(chosen)
+        assert isinstance(wanted[0], dict)
         assert same((observations, rewards, dones, infos), (dict(wanted[0]), *wanted[1:]))
         assert same(ours.reset_infos, theirs.reset_infos)
         ended += sum("terminal_observation" in info for info in infos)
@@ -76,6 +78,7 @@ def test_ppo_learns_in_workers(sb3: Any) -> None:
     assert model.num_timesteps == 128
     assert len(model.ep_info_buffer) >= 16  # episodes of 1 to 6 steps
     rewards, lengths = evaluate_policy(model, env, 6, return_episode_rewards=True)
+    assert isinstance(rewards, list) and isinstance(lengths, list)
     assert len(rewards) == 6
     assert max(lengths) <= 6
     env.close()
@@ -88,9 +91,11 @@ def test_sb3_takes_the_homes(sb3: Any) -> None:
     env.step(np.array([[9, 8], [9, 8]]))
     _, _, dones, infos = env.step(np.array([[9, 8], [9, 8]]))
     assert dones.all()
+    space = env.observation_space
+    assert isinstance(space, gymnasium.spaces.Dict)
     for info, begun in zip(infos, env.reset_infos, strict=True):
         assert info["TimeLimit.truncated"]
         assert not info["is_success"]
-        assert info["terminal_observation"].keys() == env.observation_space.spaces.keys()
+        assert info["terminal_observation"].keys() == space.spaces.keys()
         assert begun["humanoid"]["task_id"] != info["humanoid"]["task_id"]
     env.close()

@@ -4,6 +4,7 @@ import hashlib
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,7 +66,7 @@ def test_names_of_homes() -> None:
 
 
 @pytest.mark.parametrize("seed", [-1, 10**15, 1.0, True, "1"])
-def test_seeds_that_are_none(seed: object) -> None:
+def test_seeds_that_are_none(seed: Any) -> None:
     with pytest.raises(OptionError, match="whole number"):
         chmarl_pb.generate_home(seed)
 
