@@ -106,7 +106,8 @@ class Probe:
     def _gap(self, item: str) -> float:
         """Return the distance of the fingertips from where an object is gripped, metres."""
         physics = self.world.physics
-        grip = grip_point(physics.read_object(item)[0], physics.objects[item].size)
+        (x, y, z), _ = physics.read_object(item)
+        grip = grip_point((x, y, z), physics.objects[item].size)
         return float(np.linalg.norm(np.subtract(physics.grasp_pose(self.robot)[0], grip)))
 
     def _depth(self, body: int, link: int, skipped: set[int]) -> Iterator[tuple[float, str]]:

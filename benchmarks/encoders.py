@@ -67,7 +67,8 @@ def encoders(images: Tensor) -> dict[str, Encode]:
 
     def halves(pictures: Tensor) -> Tensor:
         with torch.autocast("cpu", torch.bfloat16):
-            return network(pictures)
+            features: Tensor = network(pictures)
+            return features
 
     ranges = ranges_of(network, images)
     rows: dict[str, Encode] = {"float32, channels last": network, "bfloat16": halves}

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import permutations, product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
 
 RESULTS = Path(__file__).parents[1] / "out" / "generated.jsonl"
-Likeness = dict[str, float | str | dict[str, int]]
+Likeness = dict[str, Any]  # numbers, the text of the graph of rooms, and how many of each class
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ def mjcf(env: "HouseholdEnv", fovy: float) -> str:
 
 def _home(urdf: Path) -> Iterator[str]:
     root = ElementTree.parse(urdf).getroot()
-    frames = {joint.find("child").get("link"): _frame(joint.find("origin")) for joint in root.iter("joint")}
+    frames = {next(joint.iter("child")).get("link"): _frame(joint.find("origin")) for joint in root.iter("joint")}
     for number, link in enumerate(root.iter("link")):
         shapes = "".join(_geom(collision, number) for collision in link.iter("collision"))
         if shapes:
@@ -51,11 +51,11 @@ def _frame(origin: ElementTree.Element | None) -> str:
 
 
 def _geom(collision: ElementTree.Element, number: int) -> str:
-    shape = collision.find("geometry")[0]
+    (shape,) = next(collision.iter("geometry"))
     if shape.tag == "box":
-        kind, sizes = "box", [float(word) / 2 for word in shape.get("size").split()]
+        kind, sizes = "box", [float(word) / 2 for word in shape.attrib["size"].split()]
     elif shape.tag == "cylinder":
-        kind, sizes = "cylinder", [float(shape.get("radius")), float(shape.get("length")) / 2]
+        kind, sizes = "cylinder", [float(shape.attrib["radius"]), float(shape.attrib["length"]) / 2]
     else:
         raise ValueError(f"a {shape.tag} is neither a box nor a cylinder")
     colour = " ".join(f"{channel:.2f}" for channel in np.random.default_rng(number).uniform(0.3, 0.9, 3))

@@ -148,8 +148,9 @@ def plot(points: Sequence[Point], path: Path) -> None:
 
         matplotlib.use("Agg")
         from matplotlib import pyplot
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure, axes = pyplot.subplots(2, 2, figsize=(9, 6.5), layout="constrained")
+    figure, axes = pyplot.subplots(2, 2, figsize=(9, 6.5), layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.15))
     for axis, (panel, (label, values, observations, _)) in zip(axes.flat, PANELS.items(), strict=True):
         for observation, colour in zip(OBSERVATIONS, ("#1b6ca8", "#d1603d"), strict=True):
             chosen = [point for point in points if (point["panel"], point["observation"]) == (panel, observation)]
@@ -166,7 +167,6 @@ def plot(points: Sequence[Point], path: Path) -> None:
         axis.yaxis.set_major_formatter("{x:,.0f}")
         # Above the panel: within it no corner is free at every measurement.
         axis.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.1)
-    figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
     figure.savefig(path, dpi=130)
     pyplot.close(figure)
 

@@ -57,13 +57,15 @@ def plain_tiny_renderer(work: Work) -> Iterator[float]:
     """Nothing but full TinyRenderer pictures of our home with its objects, from both cameras in turn."""
     from chmarl_pb.bench.fresh import plain_picture
 
+    size = work.size
+    assert size is not None, "it does nothing but pictures"
     env, rng = _household(), np.random.default_rng(1)
     robots = cycle(env.simulation.robots.items())
 
     def draw() -> None:
         name, robot = next(robots)
         robot.spawn(int(rng.integers(robot.lattice.count)))
-        plain_picture(env, name, work.size)
+        plain_picture(env, name, size)
 
     return _rates(draw, work)
 

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.peers import OURS, Result
+from benchmarks.peers import Result
+from benchmarks.simulators import OURS
 from chmarl_pb.cli.bench import readable
 from chmarl_pb.files import write_atomically
 

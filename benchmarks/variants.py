@@ -59,8 +59,10 @@ def row_of_homes(copies: int, folder: Path) -> Path:
     home = load_layout(SCENES_DIR / "home_7.toml")
     length = max(rect[2] for room in home.rooms for rect in room.rects)
     parts = [_shifted(home, number, length) for number in range(copies)]
-    doors = [Door(_suffixed(("bedroom", number), ("livingroom", number + 1)), (length * (number + 1), 2.75), 1.0)
-             for number in range(copies - 1)]  # fmt: skip
+    doors = [
+        Door((_suffixed("bedroom", east - 1), _suffixed("livingroom", east)), (length * east, 2.75), 1.0)
+        for east in range(1, copies)
+    ]
     layout = Layout(
         f"home_7_times_{copies}", home.wall_height, home.wall_thickness,
         rooms=tuple(room for part in parts for room in part.rooms),
@@ -76,17 +78,15 @@ def _shifted(home: Layout, number: int, length: float) -> Layout:
 
     def rooms(room: Room) -> Room:
         rects = tuple((x0 + east, y0, x1 + east, y1) for x0, y0, x1, y1 in room.rects)
-        return replace(room, name=_suffixed((room.name, number))[0], rects=rects)
+        return replace(room, name=_suffixed(room.name, number), rects=rects)
 
     def doors(door: Door) -> Door:
-        one, two = door.between
-        return replace(
-            door, between=_suffixed((one, number), (two, number)), position=(door.position[0] + east, door.position[1])
-        )
+        (one, two), (x, y) = door.between, door.position
+        return replace(door, between=(_suffixed(one, number), _suffixed(two, number)), position=(x + east, y))
 
     def furniture(piece: Furniture) -> Furniture:
         x, y, z = piece.position
-        return replace(piece, room=_suffixed((piece.room, number))[0], position=(x + east, y, z))
+        return replace(piece, room=_suffixed(piece.room, number), position=(x + east, y, z))
 
     return replace(
         home,
@@ -96,8 +96,8 @@ def _shifted(home: Layout, number: int, length: float) -> Layout:
     )
 
 
-def _suffixed(*rooms: tuple[str, int]) -> tuple[str, ...]:
-    return tuple(room if number == 0 else f"{room}_{number + 1}" for room, number in rooms)
+def _suffixed(room: str, number: int) -> str:
+    return room if number == 0 else f"{room}_{number + 1}"
 
 
 def _blocks(piece: Furniture, doors: list[Door]) -> bool:
