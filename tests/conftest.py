@@ -18,7 +18,7 @@ from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.rendering import view_store as view_store_module
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 from tests.helpers.small_homes import HOMES, home_text
 from tests.helpers.warm_processes import start_warm
@@ -80,9 +80,9 @@ def simulation(request: pytest.FixtureRequest, simulation_of: Callable[[str], Si
 
 @pytest.fixture(scope="session")
 def tasks() -> list[Task]:
-    """Tasks of all splits, the homes in turn: the first seven play in seven homes."""
+    """Tasks of the paper's splits, the homes in turn: the first seven play in seven homes."""
     rows: dict[str, list[Task]] = {home: [] for home in HOMES}
-    for split in SPLITS:
+    for split in BENCHMARK_SPLITS:
         for task in load_tasks(split):
             rows[task.home].append(task)
     return [task for row in zip(*rows.values(), strict=False) for task in row]

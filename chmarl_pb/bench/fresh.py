@@ -147,7 +147,7 @@ def loads(episodes: str) -> dict[str, float]:
 
     from chmarl_pb.bench.playing import play
     from chmarl_pb.envs.parallel import HouseholdEnv
-    from chmarl_pb.tasks.splits import SPLIT_HOMES, load_tasks
+    from chmarl_pb.tasks.splits import homes_of, load_tasks
     from chmarl_pb.world import bullet
 
     split, load, count = "test-seen", bullet.pybullet.loadURDF, 0
@@ -159,7 +159,7 @@ def loads(episodes: str) -> dict[str, float]:
 
     bullet.pybullet.loadURDF = counted
     env = HouseholdEnv(split=split)
-    for home in SPLIT_HOMES[split]:
+    for home in homes_of(split):
         env.reset(options={"task": next(task for task in load_tasks(split) if task.home == home)})
     needed, rng = count, np.random.default_rng(0)
     for number in range(int(episodes)):

@@ -23,7 +23,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.processes import check_workers
 from chmarl_pb.progress import LateProgress
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def generate_datasets(options: argparse.Namespace) -> int:
     """
     check_workers(options.workers)
     root = options.out or default_root()
-    chosen = options.split or (SPLITS if options.home is None else ("train",))
+    chosen = options.split or (BENCHMARK_SPLITS if options.home is None else ("train",))
     modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
     recipes = [
         Recipe(split, mode, options.noise, options.seed, options.limit, options.robots, options.home, options.catalog)
@@ -109,7 +109,7 @@ def verify_datasets(options: argparse.Namespace) -> int:
 def print_statistics(options: argparse.Namespace) -> int:
     """Print statistics of the tasks, of the data sets in a folder and of their language; return 0."""
     datasets = find_datasets(options.out or default_root())
-    every = {split: load_tasks(split) for split in SPLITS}
+    every = {split: load_tasks(split) for split in BENCHMARK_SPLITS}
     facts: dict[str, Any] = {
         "tasks": {split: statistics.task_statistics(tasks) for split, tasks in every.items()},
         "datasets": [statistics.dataset_statistics(dataset) for dataset in datasets],

@@ -11,11 +11,14 @@ from chmarl_pb.envs.options import MAX_STEPS, SENSORS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
+from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.policies.registry import BUILT_IN, SHORTCUTS
 from chmarl_pb.progress import LateProgress
+
+_MOST_HOMES = 20  # that are shown one by one
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +89,7 @@ def progress_bar() -> LateProgress:
 
 
 def print_report(console: Console, report: Report) -> None:
-    """Print the metrics of a result, for all homes and for each."""
+    """Print the metrics of a result, for all homes and, if they are not too many, for each."""
     settings = report.settings
     off = [name for name in ("messages", "feedback") if not settings["options"][name]]
     without = f", no {' and no '.join(off)}" if off else ""
@@ -101,7 +104,7 @@ def print_report(console: Console, report: Report) -> None:
     table = Table(title=title, title_justify="left")
     for column in columns:
         table.add_column(column, justify="right" if column else "left")
-    for home, summary in report.per_home.items():
+    for home, summary in report.per_home.items() if len(report.per_home) <= _MOST_HOMES else ():
         table.add_row(home, *_cells(summary))
     table.add_section()
     table.add_row("all", *_cells(report.summary), style="bold")
@@ -129,8 +132,9 @@ def _cells(summary: Summary) -> list[str]:
 def _print_notes(console: Console, report: Report) -> None:
     seeds, summary = report.settings["seeds"], report.summary
     if summary.plw.low is not None:
+        drawn = "homes and tasks" if are_drawn(list(report.per_home)) else "tasks"
         console.print(
-            f"95 % interval over tasks: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
+            f"95 % interval over {drawn}: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
         )
     if report.bounded:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Union
+from typing import Annotated, Any, Literal, Union
 
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
@@ -19,6 +19,7 @@ from chmarl_pb.learning.runs.loop import BEST, train
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.registry import TEAM, listed
+from chmarl_pb.tasks.splits import STREAM
 
 with needs("chmarl-pb train", "train"):
     import tyro
@@ -39,6 +40,7 @@ class Env:
         feedback: whether the robots get language feedback.
         image_size: pixels of an image.
         robots: names and robot files (.toml), with commas between them.
+        split: whose tasks are trained on; "generated" has a new home every 100 episodes.
         home: name or path of a home to train in instead of the split's.
         catalog: catalogue file of own things; None: the one that CHMARL_CATALOG names, if any.
     """
@@ -48,6 +50,7 @@ class Env:
     feedback: bool = True
     image_size: int = count(128)
     robots: str = ",".join(TEAM)
+    split: Literal["train", "generated"] = "train"
     home: str | None = None
     catalog: str | None = None
 
@@ -198,15 +201,17 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
     env_fn, setting = benchmark(
         env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
-        robots=listed(env.robots), home=env.home, catalog=env.catalog,
+        robots=listed(env.robots), split=env.split, home=env.home, catalog=env.catalog,
     )  # fmt: skip
     expert = ALGORITHMS[algorithm].expert
     imitated = partial(make_policy, expert) if expert else None
-    train(env_fn, algorithm, config, folder, by_tasks(), setting, False, imitated, place.threads, place.device)
+    validate = by_tasks(("generated-val",)) if env.split == STREAM else by_tasks()
+    train(env_fn, algorithm, config, folder, validate, setting, False, imitated, place.threads, place.device)
 
 
 def name_of(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
     setting = command.setting
     words = [word for word in ("centralized", "messages", "feedback") if getattr(setting, word, False)]
+    words += [split for split in (getattr(setting, "split", "train"),) if split != "train"]
     return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])

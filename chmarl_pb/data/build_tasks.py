@@ -1,4 +1,4 @@
-"""Make the benchmark's task files: drawn uniformly over what fits, solved once by the planner.
+"""Make the task files of the splits: drawn uniformly over what fits, solved once by the planner.
 
 Each task is drawn from its own seed (version, split, number, attempt), so the files do not depend
 on the number of processes that make them.
@@ -14,12 +14,14 @@ import numpy as np
 from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb.errors import TaskError
-from chmarl_pb.files import Lock, replacing
+from chmarl_pb.files import Lock, replacing, write_atomically
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import check_workers, in_processes
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import FIELDS, SPLIT_HOMES, SPLIT_SIZES, SPLITS, read_tasks
+from chmarl_pb.tasks.simulations import Simulations
+from chmarl_pb.tasks.splits import FIELDS, GENERATED_HOMES, HOMES_FILE, SPLIT_SIZES, SPLITS, homes_of, read_tasks
 from chmarl_pb.tasks.task import Task
 
 VERSION = 1  # of the draw; a change of homes, assets or planner that changes the files raises it
@@ -54,7 +56,7 @@ def _build_all(folder: Path, workers: int) -> None:
     taken: set[Kind] = set()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with LateProgress(*columns) as bar:
-        for split in reversed(SPLITS):  # train comes last: it gives way to what the others have
+        for split in reversed(SPLIT_SIZES):  # train comes last: it gives way to what the others have
             path = folder / f"{split}.csv"
             row = bar.add_task(split, total=SPLIT_SIZES[split])
             if path.is_file():
@@ -66,6 +68,8 @@ def _build_all(folder: Path, workers: int) -> None:
                 tasks = build_split(split, SPLIT_SIZES[split], taken, workers, partial(bar.advance, row))
                 write_tasks(path, tasks)
             bar.update(row, completed=len(tasks))
+    homes = (home for split in GENERATED_HOMES for home in homes_of(split))
+    write_atomically(folder / HOMES_FILE.name, "".join(f"{load_home(home).content}  {home}\n" for home in homes))
 
 
 def build_split(split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]) -> list[Task]:
@@ -114,12 +118,11 @@ def _solved(slots: list[Slot], workers: int) -> Iterator[tuple[int, Task]]:
 def _solve_slot(slot: Slot) -> tuple[int, Task]:
     """Return the first attempt of a slot that gives a solvable task, with its L*."""
     split, number, first = slot
-    homes = SPLIT_HOMES[split]
-    home = homes[number % len(homes)]
-    simulation = _simulation(home)
+    home = _home_of(split, number)
+    simulation = _simulations().enter(home)
     for attempt in range(first, first + _MOST_ATTEMPTS):
         rng = np.random.default_rng([VERSION, SPLITS.index(split), number, attempt])
-        task = sample_task(simulation.space, home, rng, f"{split}-{number:0{4 if split == 'train' else 3}d}")
+        task = sample_task(simulation.space, home, rng, f"{split}-{number:0{4 if SPLIT_SIZES[split] > 1000 else 3}d}")
         try:
             return attempt, replace(task, optimal_steps=simulation.solve(task).steps)
         except TaskError:
@@ -127,6 +130,13 @@ def _solve_slot(slot: Slot) -> tuple[int, Task]:
     raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; fix the home")
 
 
+def _home_of(split: str, number: int) -> str:
+    """Return the home of a split's task: the homes in turn, but generated ones, which take long to make, in order."""
+    homes = homes_of(split)
+    place = number * len(homes) // SPLIT_SIZES[split] if split in GENERATED_HOMES else number % len(homes)
+    return homes[place]
+
+
 @cache
-def _simulation(home: str) -> Simulation:
-    return Simulation(home)
+def _simulations() -> Simulations:
+    return Simulations(Simulation)

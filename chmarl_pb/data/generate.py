@@ -15,6 +15,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import core_of
 from chmarl_pb.processes import in_processes
+from chmarl_pb.tasks.task import Task
 
 Progress = Callable[[int], Any]
 
@@ -50,7 +51,8 @@ def _make(recipe: Recipe, root: Path, workers: int, progress: Progress) -> Datas
     parts = _parts(recipe, root)
     missing = [number for number, part in enumerate(parts) if not is_whole(part)]
     progress(len(parts) - len(missing))
-    for _ in in_processes(partial(_play, recipe, parts[0].parent), missing, workers):
+    jobs = [recipe.tasks[number] for number in missing]
+    for _ in in_processes(partial(_play, recipe, parts[0].parent), jobs, workers):
         progress(1)
     return Dataset(join_parts(root, recipe, parts))
 
@@ -62,9 +64,8 @@ def _parts(recipe: Recipe, root: Path) -> list[Path]:
     return [folder / f"{task.id}.hdf5" for task in recipe.tasks]
 
 
-def _play(recipe: Recipe, folder: Path, number: int) -> None:
+def _play(recipe: Recipe, folder: Path, task: Task) -> None:
     """Play one task and write its episode; the environment is kept for the next one."""
-    task = recipe.tasks[number]
     env = environment(recipe)
     driver = NoisyPlanner(core_of(env), recipe.noise, recipe.seed)
     write_part(folder / f"{task.id}.hdf5", record(env, driver, task))

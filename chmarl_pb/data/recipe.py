@@ -9,14 +9,14 @@ from typing import Any
 
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS, Options
 from chmarl_pb.errors import OptionError
-from chmarl_pb.evaluation.drawn import draw_tasks
+from chmarl_pb.evaluation.drawn import draw_tasks, stream_tasks
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
 from chmarl_pb.robots.registry import TEAM, team_of
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import SPLITS, STREAM, load_tasks
 from chmarl_pb.tasks.task import Task
 
 NAMESPACE = "chmarl"
-_DRAWN = 100  # tasks for a home of the user's
+_DRAWN = 100  # tasks for a home of the user's, and of the endless split
 FORMAT = 0  # of the contents; the version at the end of every data set's id
 
 ENV_IDS = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
@@ -27,7 +27,8 @@ class Recipe:
     """How a data set is made; two data sets of one recipe are equal, byte by byte.
 
     Attributes:
-        split: the split whose tasks are played, each once, in the order of its file.
+        split: the split whose tasks are played, each once, in the order of its file; of "generated", which is endless,
+            ``limit`` or 100 tasks are drawn, ten in each home.
         observation: "scene_graph" or "visual".
         noise: probability of a random action, for each robot and step: 0, 0.01, ... 1.
         seed: of the random actions.
@@ -91,9 +92,12 @@ class Recipe:
 
     @property
     def _all_tasks(self) -> list[Task]:
-        if self.home is None:
-            return load_tasks(self.split)
-        return [*draw_tasks(self.home, self.limit or _DRAWN, self.seed, self.catalog, self.robots)]
+        count = self.limit or _DRAWN
+        if self.home is not None:
+            return [*draw_tasks(self.home, count, self.seed, self.catalog, self.robots)]
+        if self.split == STREAM:
+            return [*stream_tasks(count, self.seed, self.catalog, self.robots)]
+        return load_tasks(self.split)
 
     def facts(self) -> dict[str, Any]:
         """Return everything that the contents depend on, but the code.

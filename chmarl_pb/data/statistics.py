@@ -9,7 +9,7 @@ from typing import Any
 from chmarl_pb.data.read import Dataset, read_group
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.tasks.language import corpus_statistics, instruction
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
 Facts = dict[str, Any]
@@ -67,7 +67,7 @@ def dataset_statistics(dataset: Dataset) -> Facts:
 
 def language_statistics(datasets: Iterable[Dataset]) -> Facts:
     """Return statistics of the corpus: the instructions of all tasks, and the feedback in data sets."""
-    sentences = [instruction(task) for split in SPLITS for task in load_tasks(split)]
+    sentences = [instruction(task) for split in BENCHMARK_SPLITS for task in load_tasks(split)]
     for dataset in datasets:
         for arrays, _ in _episodes(dataset):
             for robot in _robots(arrays["infos"]):

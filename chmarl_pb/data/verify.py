@@ -15,6 +15,7 @@ from chmarl_pb.data.record import Arrays, replay
 from chmarl_pb.errors import DatasetError, OptionError
 from chmarl_pb.processes import in_processes
 from chmarl_pb.robots.registry import TEAM
+from chmarl_pb.tasks.task import Task
 
 Progress = Callable[[int], Any]
 
@@ -51,7 +52,8 @@ def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Pro
     numbers = chosen(dataset.episodes, share)
     recipe = _recipe(dataset)
     dataset.check()
-    for _ in in_processes(partial(_replay, dataset.folder, recipe), numbers, workers):
+    jobs = [(number, recipe.tasks[number]) for number in numbers]
+    for _ in in_processes(partial(_replay, dataset.folder, recipe), jobs, workers):
         progress(1)
     return len(numbers)
 
@@ -75,8 +77,8 @@ def _recipe(dataset: Dataset) -> Recipe:
     return recipe
 
 
-def _replay(folder: Path, recipe: Recipe, number: int) -> None:
-    dataset, task = Dataset(folder), recipe.tasks[number]
+def _replay(folder: Path, recipe: Recipe, job: tuple[int, Task]) -> None:
+    dataset, (number, task) = Dataset(folder), job
     stored, metadata = dataset.episode(number)
     place = f"{dataset.main}: episode {number}"
     if metadata.get("options/task") != task.id:

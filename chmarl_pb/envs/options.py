@@ -21,7 +21,7 @@ from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
 from chmarl_pb.tasks.kinds import KINDS, TaskKind
 from chmarl_pb.tasks.messages import Board, Channel, Silence
-from chmarl_pb.tasks.splits import SPLIT_HOMES, SPLITS
+from chmarl_pb.tasks.splits import SPLITS, homes_of
 
 OBSERVATIONS = ("scene_graph", "visual")  # the benchmark's; sensors are more
 SENSORS = ("scene_graph", *CAMERA_SENSORS, "text")
@@ -44,7 +44,7 @@ class Options:
     Attributes:
         observation: "scene_graph", "visual", "depth", "segmentation" or "text", a :class:`Sensor`, or a tuple of them;
             names may also be joined, as "scene_graph+depth".
-        split: split of the benchmark that tasks are drawn from.
+        split: split that tasks are drawn from; "generated" draws homes, too, a new one every 100 episodes.
         task: kind of the tasks: "rearrange", the benchmark's; "tidy"; or a :class:`TaskKind`.
         home: name or path of a home to play in instead of the split's homes.
         messages: whether the robots' messages are observed; if not, they read as zeros. Or a :class:`Channel`.
@@ -156,7 +156,7 @@ class Options:
     @property
     def homes(self) -> tuple[str, ...]:
         """The homes that episodes are played in."""
-        return SPLIT_HOMES[self.split] if self.home is None else (str(self.home),)
+        return homes_of(self.split) if self.home is None else (str(self.home),)
 
     def recorded(self) -> dict[str, Any]:
         """Return what results say of the options, as plain data: seldom used ones only if they are not the default."""

@@ -12,7 +12,7 @@ from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.options import Observed, Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
-from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError
+from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
 from chmarl_pb.robots.motion import Motion
 from chmarl_pb.robots.robot import decide
@@ -23,6 +23,7 @@ from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome, reward
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
+from chmarl_pb.tasks.simulations import MOST_SIMULATIONS, Simulations
 from chmarl_pb.tasks.source import TaskSource
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -86,10 +87,12 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.catalog = self.options.things
         self._kind = speaking_of(self.options.kind, self.catalog)
         self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
-        self._simulations: dict[str, Simulation] = {}
+        load = partial(Simulation, models=self._models, renderer=self.options.renderer, known=self.catalog)
+        # The endless split does not come back to a home.
+        self._simulations = Simulations(load, 1 if self.episodes_in_a_home > 1 else MOST_SIMULATIONS)
         if self.options.home is not None:
             require_playable(self.options.home, self._models, self.catalog)
-        self.simulation = self._enter(self.options.homes[0])
+        self.simulation = self._simulations.enter(self.options.homes[0])
         self.rooms, self.action_names = self.simulation.rooms, self.simulation.actions
         self._observer = Observer(self.options, self.rooms, self.catalog)
         self._channel, self._adviser = self.options.channel, self.options.adviser
@@ -122,6 +125,11 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return self
 
     @property
+    def episodes_in_a_home(self) -> int:
+        """The episodes that are played in a home before the next; seeds from a multiple of it on share their home."""
+        return self._tasks.episodes_in_a_home
+
+    @property
     def world(self) -> World:
         """The world of the home that the present episode is played in."""
         return self.simulation.world
@@ -141,9 +149,10 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """
         if seed is not None:
             self._rng = np.random.default_rng(checked_seed(seed))
+            self._tasks.begin(int(seed))
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
-        self.simulation = self._enter(self.task.home)
+        self.simulation = self._simulations.enter(self.task.home)
         self.setting: Setting = self.simulation.begin(self.task, self._kind)
         self.world.sync()
         self.outcome = self._look()
@@ -239,9 +248,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Disconnect from physics, and close the window; closing twice is allowed."""
         if self.render_mode == "human":
             close_window()
-        for simulation in self._simulations.values():
-            simulation.close()
-        self._simulations = {}
+        self._simulations.close()
         self.agents = []
 
     def _choose_task(self, options: dict[str, Any]) -> AnyTask:
@@ -252,21 +259,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             warnings.warn(f"reset(options=...) ignores {unknown}; it knows 'task'", stacklevel=3)
         if "task" in options:
             return self._tasks.named(options["task"])
-        return self._tasks.draw(self._rng, self._enter)
-
-    def _enter(self, home: str) -> Simulation:
-        """Return the simulation of a home, loaded at its first use."""
-        if home not in self._simulations:
-            simulation = Simulation(home, self._models, self.options.renderer, self.catalog)
-            first = next(iter(self._simulations.values()), simulation)
-            if simulation.rooms != first.rooms:
-                simulation.close()
-                raise HomeError(
-                    f"{simulation.home.path}: its rooms {simulation.rooms} differ from {first.rooms}, so its actions "
-                    "would too; play it in an environment of its own with home=..."
-                )
-            self._simulations[home] = simulation
-        return self._simulations[home]
+        return self._tasks.draw(self._rng, self._simulations.enter)
 
     def _check(self, actions: dict[str, int]) -> dict[str, str]:
         """Return robot -> name of its action."""

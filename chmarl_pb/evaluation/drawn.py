@@ -1,6 +1,6 @@
-"""Tasks that are drawn for a home of the user's, to be played and evaluated like those of a split."""
+"""Tasks that are drawn for a home of the user's or of the endless split, to be played like those of a fixed one."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,13 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.source import draw_solvable
+from chmarl_pb.tasks.simulations import Simulations
+from chmarl_pb.tasks.source import TaskSource, draw_solvable
+from chmarl_pb.tasks.splits import STREAM
 from chmarl_pb.tasks.task import Task
+
+_IN_A_HOME = 10  # tasks of the endless split that are drawn in each home, as many as in those of generated-val
+_MOST_HOMES = 10**6  # of one draw, so that draws of other seeds have others
 
 
 @lru_cache(maxsize=16)
@@ -45,4 +50,36 @@ def draw_tasks(
         tasks = [draw_solvable(simulation, home, rng, f"drawn-{name}-{number:03d}") for number in range(count)]
     finally:
         simulation.close()
+    return tuple(task for task in tasks if isinstance(task, Task))
+
+
+@lru_cache(maxsize=16)
+def stream_tasks(
+    count: int,
+    seed: int = 0,
+    catalog: str | None = None,
+    robots: tuple[str | Path | RobotModel, ...] = TEAM,
+) -> tuple[Task, ...]:
+    """Return tasks of the endless split, ten in each home: each is what ``reset`` plays with some seed.
+
+    Args:
+        count: how many.
+        seed: of the draw.
+        catalog: catalogue file of own things.
+        robots: that are to solve them.
+
+    Raises:
+        TaskError: several homes in a row offer no task that can be solved.
+    """
+    options = Options(split=STREAM, robots=robots, catalog=catalog)
+    source = TaskSource(STREAM, None, options.kind, options.things)
+    simulations, tasks = Simulations(partial(Simulation, models=options.models, known=options.things), 1), []
+    try:
+        for number in range(count):
+            home = seed * _MOST_HOMES + number // _IN_A_HOME
+            own = home * source.episodes_in_a_home + number % _IN_A_HOME
+            source.begin(own)
+            tasks.append(source.draw(np.random.default_rng(own), simulations.enter))
+    finally:
+        simulations.close()
     return tuple(task for task in tasks if isinstance(task, Task))

@@ -5,17 +5,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import stats
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
+from chmarl_pb.evaluation.intervals import interval
 from chmarl_pb.evaluation.optimum import Optimum, optimum, plays_with_team
 from chmarl_pb.tasks.tidy_task import AnyTask
-
-RESAMPLES = 2000
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -155,37 +151,19 @@ def summarize_by(episodes: Sequence[Played], key: Callable[[AnyTask], str]) -> d
 
 
 def bootstrap_interval(episodes: Sequence[Played], value: Callable[[Played], float]) -> tuple[float, float]:
-    """Return a stratified percentile bootstrap interval of a mean, for another draw of tasks.
-
-    Tasks, each with the mean of its seeds, are drawn anew within each home. The draw is seeded, so
-    equal results give equal intervals.
+    """Return the interval of a mean over tasks, each with the mean of its seeds; see ``intervals.interval``.
 
     Args:
         episodes: of at least two tasks.
         value: what is averaged.
     """
-    strata = _strata(episodes, value)
-    result = stats.bootstrap(
-        strata, _pooled_mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile",
-        random_state=np.random.default_rng(0),
-    )  # fmt: skip
-    return float(result.confidence_interval.low), float(result.confidence_interval.high)
-
-
-def _strata(episodes: Iterable[Played], value: Callable[[Played], float]) -> list[list[float]]:
-    """Return the tasks' values home by home; all in one if some home has a single task."""
     tasks: dict[AnyTask, list[float]] = defaultdict(list)
     for episode in episodes:
         tasks[episode.task].append(value(episode))
     homes: dict[str, list[float]] = defaultdict(list)
     for task in sorted(tasks, key=lambda task: task.id):
         homes[task.home].append(float(np.mean(tasks[task])))
-    strata = [homes[home] for home in sorted(homes)]
-    return strata if min(map(len, strata)) > 1 else [[value for stratum in strata for value in stratum]]
-
-
-def _pooled_mean(*samples: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-    return np.asarray(np.concatenate(samples, axis=axis).mean(axis=axis))
+    return interval(homes)
 
 
 def _figure(episodes: Iterable[Played], value: Callable[[Played], float]) -> Figure:

@@ -1,9 +1,11 @@
 """Play jobs (task, seed) with one policy, in this process or in several."""
 
 import pickle
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import find_policy, imported
 from chmarl_pb.processes import in_processes
+from chmarl_pb.tasks.simulations import MOST_SIMULATIONS
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 Job = tuple[AnyTask, int]
@@ -115,7 +118,8 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
         ) from error
     if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
         Player(setup).close()  # here, before processes are started for it
-    return in_processes(partial(_play_one, pickled), jobs, workers)
+    lots = _lots(jobs, workers)
+    return chain.from_iterable(in_processes(partial(_play_lot, pickled), lots, workers))
 
 
 def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
@@ -130,5 +134,14 @@ def _player(setup: bytes) -> Player:
     return Player(pickle.loads(setup))  # lives as long as its process
 
 
-def _play_one(setup: bytes, job: Job) -> Played:
-    return _player(setup).play(job)
+def _play_lot(setup: bytes, jobs: Sequence[Job]) -> list[Played]:
+    return [_player(setup).play(job) for job in jobs]
+
+
+def _lots(jobs: Sequence[Job], workers: int) -> list[list[Job]]:
+    """Return what one process plays at a time: one job, or those of a home if there are more homes than it keeps."""
+    homes: dict[str, list[Job]] = defaultdict(list)
+    for job in jobs:
+        homes[job[0].home].append(job)
+    most = 1 if len(homes) <= MOST_SIMULATIONS else max(1, len(jobs) // (4 * workers))
+    return [same[first : first + most] for same in homes.values() for first in range(0, len(same), most)]

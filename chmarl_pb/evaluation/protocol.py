@@ -24,7 +24,7 @@ from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
 from chmarl_pb.processes import check_workers
-from chmarl_pb.tasks.splits import SPLITS, find_task
+from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
@@ -87,6 +87,8 @@ def evaluate(
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     source = find_policy(policy)
+    if tasks is None and split == STREAM:
+        raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     if tasks is None and not setup.options.kind.tasks(split):
         raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
     chosen = _chosen(split, tasks)
@@ -99,7 +101,8 @@ def evaluate(
     settings = _settings(source, setup, chosen, seeds)
     if kept := _kept(file, settings, reuse):
         return kept
-    jobs = [(task, seed) for seed in seeds for task in chosen]
+    homes = list(dict.fromkeys(task.home for task in chosen))
+    jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
     start = time.perf_counter()
     with nullcontext() if file is None else Lock(file):
         if kept := _kept(file, settings, reuse):  # another process may just have written it

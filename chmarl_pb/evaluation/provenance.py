@@ -16,6 +16,7 @@ from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.policies.sources import name_of
 from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.tasks.splits import fixed_homes
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
@@ -25,13 +26,15 @@ _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
 def home_hash(home: str) -> str:
     """Return the sha256 of a home: its URDF and all files that it names.
 
+    A generated home with fixed tasks is not made for this: that it has the hash is checked when it is played in.
+
     Args:
         home: name of a packaged home or path of a URDF.
 
     Raises:
         HomeError: the home cannot be used.
     """
-    return content_hash(load_home(home))
+    return fixed_homes().get(home) or content_hash(load_home(home))
 
 
 def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:

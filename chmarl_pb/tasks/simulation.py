@@ -17,6 +17,7 @@ from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.order import TeamPlan, plan_team
 from chmarl_pb.tasks.planner import Oracle
 from chmarl_pb.tasks.setting import Setting, draw_starts
+from chmarl_pb.tasks.splits import check_fixed
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
 
@@ -54,6 +55,7 @@ class Simulation(Uncopied):
             AssetError: a robot cannot be loaded.
         """
         self.home, self.models = load_home(home, known), team_of(TEAM) if models is None else models
+        check_fixed(home, self.home)
         for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)

@@ -7,17 +7,24 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.errors import TaskError
+from chmarl_pb.errors import HomeError, TaskError
+from chmarl_pb.tasks.generated_homes import EPISODES_IN_A_HOME, HomeStream
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import SPLIT_HOMES, find_task
+from chmarl_pb.tasks.splits import STREAM, find_task, homes_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
+_HOMES = 5  # of the endless split that are tried for an episode
 
 
 class TaskSource:
-    """Draws tasks of a split; for a home outside the split, solvable tasks made up for that home."""
+    """Draws tasks of a split; for a home outside the split, and in the endless one, solvable tasks made up for a home.
+
+    Attributes:
+        episodes_in_a_home: so many seeds in a row, from a multiple of this on, begin in one home; as many episodes are
+            played in it before the next. 1 where every episode may be in another.
+    """
 
     def __init__(self, split: str, home: str | Path | None, kind: TaskKind, known: Catalog = BENCHMARK):
         """Remember where to draw from.
@@ -28,7 +35,9 @@ class TaskSource:
             kind: of the tasks.
             known: the classes of things; with others than the benchmark's, tasks for training are drawn, too.
         """
-        self._kind, self._homes = kind, SPLIT_HOMES[split] if home is None else (str(home),)
+        self._kind, self._homes = kind, homes_of(split) if home is None else (str(home),)
+        self._stream = HomeStream() if split == STREAM and home is None else None
+        self.episodes_in_a_home = EPISODES_IN_A_HOME if self._stream else 1
         fixed = () if split == "train" and known != BENCHMARK else kind.tasks(split)
         self._tasks = [task for task in fixed if home is None or task.home == str(home)]
 
@@ -44,6 +53,11 @@ class TaskSource:
             raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
         return find_task(task)
 
+    def begin(self, seed: int) -> None:
+        """Begin anew with a seed: it decides in which home of the endless split the next task is."""
+        if self._stream:
+            self._stream.begin(seed)
+
     def draw(self, rng: np.random.Generator, simulation_of: Callable[[str], Simulation]) -> AnyTask:
         """Draw a task.
 
@@ -52,11 +66,25 @@ class TaskSource:
             simulation_of: the simulation of a home, by its name or path.
 
         Raises:
-            TaskError: the home offers no task that can be solved.
+            TaskError: the home, or of the endless split several in a row, offers no task that can be solved.
         """
+        if self._stream:
+            return self._draw_in(self._stream, rng, simulation_of)
         if self._tasks:
             return self._tasks[rng.integers(len(self._tasks))]
         home = self._homes[rng.integers(len(self._homes))] if len(self._homes) > 1 else self._homes[0]
+        return draw_solvable(simulation_of(home), home, rng, kind=self._kind)
+
+    def _draw_in(
+        self, stream: HomeStream, rng: np.random.Generator, simulation_of: Callable[[str], Simulation]
+    ) -> AnyTask:
+        """Draw a task for the next home; one that cannot be used is skipped."""
+        home = stream.next(rng)
+        for _ in range(_HOMES - 1):
+            try:
+                return draw_solvable(simulation_of(home), home, rng, kind=self._kind)
+            except (HomeError, TaskError):
+                home = stream.skip()
         return draw_solvable(simulation_of(home), home, rng, kind=self._kind)
 
 

@@ -1,32 +1,46 @@
-"""The fixed tasks of the benchmark: one CSV file for each split, versioned in the repository."""
+"""The fixed tasks: one CSV file for each split, versioned in the repository."""
 
 import csv
 from functools import cache
 from pathlib import Path
 
 from chmarl_pb.catalog import BENCHMARK
-from chmarl_pb.errors import TaskError
+from chmarl_pb.errors import HomeError, TaskError
+from chmarl_pb.homes.home import Home
+from chmarl_pb.tasks.generated_homes import first_homes, numbered_homes
 from chmarl_pb.tasks.task import Task
 
-#: Split -> homes that it plays in. CH-MARL, section 4: homes 6 and 7 are never seen in training.
-SPLIT_HOMES = {
-    "train": ("home_1", "home_2", "home_3", "home_4", "home_5"),
-    "val-seen": ("home_1", "home_2", "home_3", "home_4", "home_5"),
+_SEEN = ("home_1", "home_2", "home_3", "home_4", "home_5")
+
+#: The paper's splits -> homes that they play in. CH-MARL, section 4: homes 6 and 7 are never seen in training.
+_BENCHMARK_HOMES = {
+    "train": _SEEN,
+    "val-seen": _SEEN,
     "val-unseen": ("home_6",),
-    "test-seen": ("home_1", "home_2", "home_3", "home_4", "home_5"),
+    "test-seen": _SEEN,
     "test-unseen": ("home_7",),
 }
-SPLITS = tuple(SPLIT_HOMES)
+BENCHMARK_SPLITS = tuple(_BENCHMARK_HOMES)
 
-#: Number of tasks in each split. CH-MARL, section 4.
-SPLIT_SIZES = {"train": 5500, "val-seen": 250, "val-unseen": 50, "test-seen": 250, "test-unseen": 50}
+#: The split whose homes and tasks are drawn as they are needed.
+STREAM = "generated"
+#: Fixed splits in generated homes -> number of their homes.
+GENERATED_HOMES = {"generated-val": 50, "generated-test": 100}
+SPLITS = (*BENCHMARK_SPLITS, *GENERATED_HOMES, STREAM)
+
+#: Number of tasks in each fixed split. CH-MARL, section 4; in generated homes enough for narrow intervals.
+SPLIT_SIZES = {
+    "train": 5500, "val-seen": 250, "val-unseen": 50, "test-seen": 250, "test-unseen": 50,
+    "generated-val": 500, "generated-test": 2000,
+}  # fmt: skip
 
 FIELDS = ("id", "home", "graspable", "source", "target", "seed", "optimal_steps")
 FOLDER = Path(__file__).parent / "splits"
+HOMES_FILE = FOLDER / "generated-homes.sha256"
 
 
 def load_tasks(split: str) -> list[Task]:
-    """Return the tasks of a split in their fixed order.
+    """Return the tasks of a split in their fixed order; of "generated" none, its tasks are drawn.
 
     Raises:
         TaskError: there is no such split, or its file is damaged.
@@ -57,7 +71,50 @@ def find_task(task_id: str) -> Task:
 def _tasks(split: str) -> tuple[Task, ...]:
     if split not in SPLITS:
         raise TaskError(f"unknown split {split!r}; use one of: {', '.join(SPLITS)}")
-    return tuple(read_tasks(FOLDER / f"{split}.csv"))
+    return () if split == STREAM else tuple(read_tasks(FOLDER / f"{split}.csv"))
+
+
+@cache
+def homes_of(split: str) -> tuple[str, ...]:
+    """Return the homes that a split plays in; of "generated", which goes on to others, the first."""
+    if split == STREAM:
+        return (next(numbered_homes(0)),)
+    return _BENCHMARK_HOMES.get(split) or first_homes(split, GENERATED_HOMES[split])
+
+
+@cache
+def fixed_homes() -> dict[str, str]:
+    """Return the generated homes that fixed tasks are played in, with the sha256 that ``Home.content`` has to be.
+
+    There are none where the file has been removed, to build the tasks anew.
+
+    Raises:
+        TaskError: the file is damaged.
+    """
+    text = HOMES_FILE.read_text(encoding="utf-8") if HOMES_FILE.is_file() else ""
+    rows = [line.split() for line in text.splitlines()]
+    if any(len(row) != 2 for row in rows):
+        raise TaskError(f"{HOMES_FILE}: a line is no sha256 with a home's name; restore the file")
+    return {home: digest for digest, home in rows}
+
+
+def check_fixed(name: str, home: Home) -> None:
+    """Check that a home, should there be fixed tasks in it, is the one that they were made in.
+
+    Args:
+        name: by which it was asked for.
+        home: what was loaded.
+
+    Raises:
+        HomeError: it is another.
+    """
+    expected = fixed_homes().get(name, home.content)
+    if expected != home.content:
+        raise HomeError(
+            f"{home.path}: it is not the {name} that tasks were made in (sha256 {home.content[:12]}, not "
+            f"{expected[:12]}), the generator has changed; remove {home.path.parent}, and if that does not help, use "
+            "the release that the tasks are of"
+        )
 
 
 def read_tasks(path: Path) -> list[Task]:

@@ -14,7 +14,7 @@ from chmarl_pb.tasks.language.choice import may_use_held_out
 from chmarl_pb.tasks.language.instructions import names_of, phrase
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
 from chmarl_pb.tasks.language.tokens import FILE
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, SPLIT_SIZES, load_tasks
 from chmarl_pb.tasks.task import Task
 
 TARGETS = list(BENCHMARK.receptacles)
@@ -156,7 +156,7 @@ def shown(task: Task) -> set[str]:
     return {phrase(text, x, y, *bits) for text, x, y, bits in product(INSTRUCTIONS.train, xs, ys, ARTICLES)}
 
 
-@pytest.mark.parametrize("split", SPLITS)
+@pytest.mark.parametrize("split", SPLIT_SIZES)
 def test_held_out_words_are_for_validation_and_test(split: str) -> None:
     tasks = load_tasks(split)[:300]
     unseen = [language.instruction(task) not in shown(task) for task in tasks]
@@ -188,7 +188,7 @@ def test_corpus_statistics() -> None:
 
 def test_the_corpus_is_as_rich_as_the_paper_s(env: HouseholdEnv, tasks: list[Task]) -> None:
     """CH-MARL, section 3: 183 unique words and 14.04 words in a sentence."""
-    corpus = [language.instruction(task) for split in SPLITS for task in load_tasks(split)]
+    corpus = [language.instruction(task) for split in BENCHMARK_SPLITS for task in load_tasks(split)]
     rng = np.random.default_rng(0)
     for task in tasks[:6]:
         env.reset(options={"task": task})

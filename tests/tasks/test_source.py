@@ -9,7 +9,7 @@ from chmarl_pb.errors import TaskError
 from chmarl_pb.tasks.kinds import REARRANGE
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import TaskSource, draw_solvable
-from chmarl_pb.tasks.splits import SPLIT_HOMES, load_tasks
+from chmarl_pb.tasks.splits import homes_of, load_tasks
 from chmarl_pb.tasks.task import Task
 
 
@@ -36,7 +36,7 @@ def test_draws_repeat_with_the_seed_and_differ_with_another() -> None:
 
 
 def test_a_home_of_the_split_plays_the_split_s_tasks_of_that_home() -> None:
-    home = SPLIT_HOMES["val-unseen"][0]
+    home = homes_of("val-unseen")[0]
     source, rng = TaskSource("val-unseen", home, REARRANGE), np.random.default_rng(0)
     known = {task.id for task in load_tasks("val-unseen")}
     drawn = [source.draw(rng, no_simulation) for _ in range(50)]

@@ -17,7 +17,18 @@ from chmarl_pb.homes.solids import inside
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.setting import draw_starts, receptacles_of
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import FIELDS, FOLDER, SPLIT_HOMES, SPLIT_SIZES, SPLITS, find_task, load_tasks, read_tasks
+from chmarl_pb.tasks.splits import (
+    BENCHMARK_SPLITS,
+    FIELDS,
+    FOLDER,
+    SPLIT_SIZES,
+    SPLITS,
+    STREAM,
+    find_task,
+    homes_of,
+    load_tasks,
+    read_tasks,
+)
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import Pose, Support
 from tests.helpers.small_homes import HOMES
@@ -29,23 +40,24 @@ HEADER = ",".join(FIELDS)
 
 
 def test_splits_of_the_benchmark() -> None:
-    assert SPLITS == ("train", "val-seen", "val-unseen", "test-seen", "test-unseen")
-    assert SPLIT_SIZES == {"train": 5500, "val-seen": 250, "val-unseen": 50, "test-seen": 250, "test-unseen": 50}
-    seen = {home for split in SPLITS if not split.endswith("unseen") for home in SPLIT_HOMES[split]}
+    assert BENCHMARK_SPLITS == ("train", "val-seen", "val-unseen", "test-seen", "test-unseen")
+    assert (*BENCHMARK_SPLITS, "generated-val", "generated-test", "generated") == SPLITS
+    assert list(SPLIT_SIZES.values()) == [5500, 250, 50, 250, 50, 500, 2000]
+    seen = {home for split in BENCHMARK_SPLITS if not split.endswith("unseen") for home in homes_of(split)}
     assert seen == set(HOMES[:5])
-    assert (SPLIT_HOMES["val-unseen"], SPLIT_HOMES["test-unseen"]) == (("home_6",), ("home_7",))
+    assert (homes_of("val-unseen"), homes_of("test-unseen")) == (("home_6",), ("home_7",))
 
 
-@pytest.mark.parametrize("split", SPLITS)
+@pytest.mark.parametrize("split", SPLIT_SIZES)
 def test_task_file(split: str) -> None:
     tasks = load_tasks(split)
     assert 0 < len(tasks) <= SPLIT_SIZES[split]
-    assert {task.home for task in tasks} == set(SPLIT_HOMES[split])
+    assert {task.home for task in tasks} == set(homes_of(split))
     assert [task.id.rpartition("-")[0] for task in tasks] == [split] * len(tasks)
     assert [int(task.id.rpartition("-")[2]) for task in tasks] == list(range(len(tasks)))
     assert all(task.optimal_steps >= 2 for task in tasks)
     assert find_task(tasks[-1].id) == tasks[-1]
-    counts = [sum(task.home == home for task in tasks) for home in SPLIT_HOMES[split]]
+    counts = [sum(task.home == home for task in tasks) for home in homes_of(split)]
     assert max(counts) - min(counts) <= 1
 
 
@@ -57,7 +69,7 @@ def test_no_task_stands_twice() -> None:
 
 def test_tasks_name_receptacles_of_their_homes() -> None:
     classes = {home: {thing.class_name for thing in load_home(home).receptacles.values()} for home in HOMES}
-    for split in SPLITS:
+    for split in BENCHMARK_SPLITS:
         for task in load_tasks(split):
             assert {task.source, task.target} <= classes[task.home], task
 
@@ -224,4 +236,6 @@ def test_task_files_are_those_of_the_release() -> None:
     for line in (FOLDER / "SHA256SUMS").read_text().splitlines():
         digest, name = line.split()
         assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == digest, f"{name} has changed"
-    assert {split: len(load_tasks(split)) for split in SPLITS} == SPLIT_SIZES
+    assert {split: len(load_tasks(split)) for split in SPLITS} == SPLIT_SIZES | {STREAM: 0}
+    named = {line.split()[1] for line in (FOLDER / "SHA256SUMS").read_text().splitlines()}
+    assert named == {path.name for path in FOLDER.iterdir()} - {"SHA256SUMS"}

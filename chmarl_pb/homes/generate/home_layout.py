@@ -10,12 +10,12 @@ from chmarl_pb.homes.generate.furnish import furnish
 from chmarl_pb.homes.generate.looks import Looks, channels, draw_looks
 from chmarl_pb.homes.generate.names import home_name
 from chmarl_pb.homes.generate.plan import Plan, draw_plan, in_metres
-from chmarl_pb.homes.generate.rooms import draw_rooms
+from chmarl_pb.homes.generate.rooms import rooms_of
 from chmarl_pb.homes.layout import Door, Furniture, Layout, Room
 from chmarl_pb.homes.object_looks import SETS
 
 _HEIGHT = 2.5
-_ROOMS, _LOOKS, _PLAN, _FURNITURE = range(4)  # streams of a seed
+_LOOKS, _PLAN, _FURNITURE = 1, 2, 3  # streams of a seed; its rooms are drawn from another
 _MOST_PLANS, _MOST_FURNISHINGS = 100, 3
 
 
@@ -25,7 +25,7 @@ def draw_layout(seed: int) -> Layout:
     Raises:
         HomeError: no attempt gives a home.
     """
-    rooms = draw_rooms(Draws(seed, _ROOMS))
+    rooms = rooms_of(seed)
     for attempt in range(_MOST_PLANS):
         layout = _attempt(seed, rooms, attempt)
         if layout is not None:

@@ -35,6 +35,7 @@ RULES = {
     "bathroom": RoomRule(("hallway", "bedroom"), (250, 300), (275, 375), (720, 1050), 0),
 }
 
+_STREAM = 0  # of a seed, that its rooms are drawn from
 _FOUR = ("livingroom", "kitchen", "bedroom", "bathroom")
 
 #: More rooms than the four -> how often, in twentieths.
@@ -53,6 +54,11 @@ _MORE = {
 def rule_of(room: str) -> RoomRule:
     """Return what is asked of a room."""
     return RULES[room_kind(room)]
+
+
+def rooms_of(seed: int) -> tuple[str, ...]:
+    """Return the rooms of the home of a seed in the order in which they are laid: quickly, without the home."""
+    return draw_rooms(Draws(seed, _STREAM))
 
 
 def draw_rooms(draws: Draws) -> tuple[str, ...]:

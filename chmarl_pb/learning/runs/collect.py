@@ -86,6 +86,7 @@ class Collector:
     Attributes:
         envs: the environments.
         interface: what a learner has to know of them.
+        episodes_in_a_home: so many seeds in a row, from a multiple of this on, spare them a change of homes.
         steps: joint steps that were played.
     """
 
@@ -110,6 +111,7 @@ class Collector:
         self.envs = [env_fn() for _ in range(count)]
         self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
         self.interface: Interface = interface_of(self.envs[0])
+        self.episodes_in_a_home: int = getattr(self.envs[0].unwrapped, "episodes_in_a_home", 1)
         self.steps = 0
 
     def play(

@@ -231,7 +231,7 @@ class Run:
     def _play(self) -> None:
         config, steps, start = self.config, self._collector.steps, time.perf_counter()
         before = {name: stream.bit_generator.state for name, stream in self._streams.items()}
-        seeds = self._streams["tasks"].integers(2**31, size=config.envs).tolist()
+        seeds = self._seeds()
         choose = self.learner.choose(self.episodes)
         try:
             played = self._collector.play(
@@ -249,6 +249,16 @@ class Run:
         self.episodes += len(played)
         self._clock["rollout"] += time.perf_counter() - start
         self._clock["steps"] += self._collector.steps - steps
+
+    def _seeds(self) -> list[int]:
+        """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""
+        envs, stay = self.config.envs, self._collector.episodes_in_a_home
+        seeds = self._streams["tasks"].integers(2**31, size=envs)
+        if stay > 1:
+            rollouts = self.episodes // envs
+            homes = np.random.default_rng([self.config.seed, rollouts // stay]).integers(2**31 // stay, size=envs)
+            seeds = homes * stay + rollouts % stay
+        return [int(seed) for seed in seeds]
 
     def _learn(self) -> None:
         start = time.perf_counter()
