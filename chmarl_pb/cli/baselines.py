@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.progress import Progress, TaskID
 
 from chmarl_pb.cli.arguments import output_folder
-from chmarl_pb.cli.evaluate import number, percent, progress_bar
+from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation.cooperation import VARIANTS, reference_json
 from chmarl_pb.evaluation.metrics import Played
@@ -74,6 +74,7 @@ def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
     cells: dict[str, Callable[[Report], str]] = {
         "success %": lambda report: percent(report.summary.success_rate),
         "PLW %": lambda report: percent(report.summary.plw),
+        "PLW %, 95 % interval": lambda report: interval(report.summary.plw),
         "steps if solved": lambda report: number(report.summary.length_on_success),
     }
     return [

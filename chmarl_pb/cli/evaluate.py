@@ -134,7 +134,7 @@ def _print_notes(console: Console, report: Report) -> None:
     if summary.plw.low is not None:
         drawn = "homes and tasks" if are_drawn(list(report.per_home)) else "tasks"
         console.print(
-            f"95 % interval over {drawn}: success {_interval(summary.success_rate)}, PLW {_interval(summary.plw)}"
+            f"95 % interval over {drawn}: success {interval(summary.success_rate)}, PLW {interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
         )
     if report.bounded:
@@ -176,5 +176,6 @@ def number(figure: Figure, digits: int = 1) -> str:
     return f"{figure.mean:.{digits}f}{deviation}"
 
 
-def _interval(figure: Figure) -> str:
+def interval(figure: Figure) -> str:
+    """Return the interval of a rate in per cent."""
     return f"{100 * (figure.low or 0):.1f} to {100 * (figure.high or 0):.1f}"

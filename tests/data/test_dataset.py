@@ -60,6 +60,15 @@ def joint() -> Iterator[gymnasium.Env]:
     env.close()
 
 
+def test_a_data_set_of_the_endless_split(tmp_path: Path) -> None:
+    """Its tasks are drawn, and drawn again when it is verified."""
+    recipe = Recipe("generated", limit=2)
+    dataset = generate(recipe, tmp_path, workers=1)
+    assert dataset.dataset_id == "chmarl/scene-graph-generated-v0" and find_datasets(tmp_path)[0].episodes == 2
+    assert {dataset.episode(number)[1]["options/task"] for number in (0, 1)} == {task.id for task in recipe.tasks}
+    assert verify(dataset, 1.0, 1, lambda _: None) == 2
+
+
 def rewrite(dataset: Dataset) -> None:
     """Make the checksum fit to a file that has been changed."""
     path = dataset.main.with_name("metadata.json")

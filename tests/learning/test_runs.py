@@ -68,6 +68,20 @@ def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:
     assert [episode.episode_return for episode in first] == [episode.episode_return for episode in second]
 
 
+def test_environments_of_the_endless_split_stay_in_their_homes(collector: Collector, tmp_path: Path) -> None:
+    def seeds(rollouts: int) -> list[int]:
+        run = Run(collector, "vdn", replace(SMALL, envs=3), None, lambda *_: {}, {})
+        run.episodes = 3 * rollouts
+        return run._seeds()
+
+    assert len(set(seeds(0))) == 3
+    collector.episodes_in_a_home = 100
+    homes = [[seed // 100 for seed in seeds(rollouts)] for rollouts in (0, 1, 99, 100)]
+    assert homes[0] == homes[1] == homes[2] != homes[3] and len(set(homes[0])) == 3
+    assert [seed % 100 for seed in seeds(142)] == [42] * 3, "an environment plays the same task again in its home"
+    assert seeds(7) == seeds(7), "a run that goes on enters other homes"
+
+
 def test_replay_gives_back_what_it_got(collector: Collector) -> None:
     replay = ReplayBuffer(collector.interface, SMALL.horizon, 10, 1.0)
     episodes = collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0, 1, 2])

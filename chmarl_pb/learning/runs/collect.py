@@ -111,7 +111,8 @@ class Collector:
         self.envs = [env_fn() for _ in range(count)]
         self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
         self.interface: Interface = interface_of(self.envs[0])
-        self.episodes_in_a_home: int = getattr(self.envs[0].unwrapped, "episodes_in_a_home", 1)
+        core = getattr(self.envs[0], "unwrapped", self.envs[0])
+        self.episodes_in_a_home: int = getattr(core, "episodes_in_a_home", 1)
         self.steps = 0
 
     def play(
