@@ -78,7 +78,7 @@ def test_seeds_of_the_splits_lie_apart() -> None:
 
 def test_homes_have_the_rooms_of_the_benchmark() -> None:
     for split in GENERATED_HOMES:
-        seeds = [seed_of(home) for home in homes_of(split)]
+        seeds = [seed for home in homes_of(split) if (seed := seed_of(home)) is not None]
         assert all(fits(seed) for seed in seeds)
         left_out = set(range(SEEDS[split].start, max(seeds))) - set(seeds)
         assert not any(fits(seed) for seed in left_out), "they are not the first that fit"
