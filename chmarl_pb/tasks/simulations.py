@@ -6,8 +6,8 @@ from collections.abc import Callable
 from chmarl_pb.errors import HomeError
 from chmarl_pb.tasks.simulation import Simulation
 
-#: As many as splits of the benchmark have homes; each takes some 35 MB of memory, the first in a home twice that.
-MOST_SIMULATIONS = 5
+#: As many as the benchmark has homes; each takes some 35 MB of memory, the first of a home in a process twice that.
+MOST_SIMULATIONS = 7
 
 
 class Simulations:

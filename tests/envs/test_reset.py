@@ -35,12 +35,14 @@ def test_no_body_is_loaded_after_a_home(env: HouseholdEnv, tasks: list[Task], mo
     assert len({task.home for task in first}) == 7
     for task in first:
         env.reset(options={"task": task})
-    bodies = {simulation.world.client: count(simulation.world) for simulation in env._simulations.values()}
+    bodies = {simulation.world.client: count(simulation.world) for simulation in env._simulations._kept.values()}
     for loader in ("loadURDF", "loadSDF", "loadMJCF", "createMultiBody", "connect", "resetSimulation"):
         monkeypatch.setattr(pybullet, loader, forbid)
     for task in later:
         play(env, task, rng)
-    assert bodies == {simulation.world.client: count(simulation.world) for simulation in env._simulations.values()}
+    assert bodies == {
+        simulation.world.client: count(simulation.world) for simulation in env._simulations._kept.values()
+    }
 
 
 def count(world: World) -> int:

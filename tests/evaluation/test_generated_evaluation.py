@@ -51,7 +51,7 @@ def test_jobs_of_a_home_go_to_one_process_where_there_are_many_homes() -> None:
     assert [job for lot in lots for job in lot] == jobs
     assert len(lots) == 50 and all(len({task.home for task, _ in lot}) == 1 for lot in lots)
     assert max(map(len, play._lots(jobs, 100))) == 2, "many processes share the jobs of a home"
-    few = [(task, 0) for task in load_tasks("test-seen")]
+    few: list[Job] = [(task, 0) for task in load_tasks("test-seen")]
     assert sorted(play._lots(few, 2), key=lambda lot: few.index(lot[0])) == [[job] for job in few]
 
 
