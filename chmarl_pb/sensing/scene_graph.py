@@ -1,7 +1,7 @@
 """The scene graph of what one robot sees: classes and states of things, and relations between them."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,7 @@ _ON, _INSIDE = catalog.RELATION_IDS["on"], catalog.RELATION_IDS["inside"]
 _RELATIONS = {number: name for name, number in catalog.RELATION_IDS.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class SceneGraph:
+class SceneGraph(NamedTuple):
     """A graph with named nodes, as arrays; ids are those of the catalogue, 0 is padding.
 
     Attributes:
