@@ -61,11 +61,12 @@ class Board:
     ) -> Messages:
         """Return the board with what any robot has identified since; bits are never cleared."""
         now = messages.copy()
-        seen: set[str] = set().union(*outcome.seen.values())
-        for name in seen.intersection(goal.receptacles):
-            _set(now[1], catalog.room_of(name), rooms)
-        if goal.item in seen:
-            _set(now[0], outcome.item_room, rooms)
+        for seen in outcome.seen.values():
+            if goal.item in seen:
+                _set(now[0], outcome.item_room, rooms)
+            for name in goal.receptacles:
+                if name in seen:
+                    _set(now[1], catalog.room_of(name), rooms)
         return now
 
     def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
