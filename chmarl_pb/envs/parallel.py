@@ -181,7 +181,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         succeeded, self.snapshots = execute(
             self.world, self.simulation.robots, self._plan(names), self.options.execution == "simulated"
         )
-        self.collisions += collisions(self.snapshots)
+        if self.snapshots:
+            self.collisions += collisions(self.snapshots)
         self.world.sync()  # who reads poses from world.client finds every body where it is in the state
         previous, self.outcome = self.outcome, self._look()
         self.messages = self._say(self.messages)

@@ -67,7 +67,7 @@ class MobileRobot:
         """Decide what an action does; None if it fails."""
         pose = self.pose
         end = pose if action == "stay" else int(self.lattice.moves[pose, self._columns[action]])
-        if end >= 0 and self.lattice.cell(end) in taken:
+        if taken and end >= 0 and self.lattice.cell(end) in taken:
             end = self.lattice.nearest(end, taken) if action.startswith("goto_") else -1
         return None if end < 0 else Motion(end)
 
