@@ -3,13 +3,14 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from copy import deepcopy
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import yourdfpy
+from lxml import etree
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.files import replacing
@@ -99,16 +100,18 @@ def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.
 
 def to_xml(robot: yourdfpy.Robot) -> bytes:
     """Return a URDF's bytes, the same on every machine: numbers rounded to six digits, no negative zeros."""
-    text = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, filename_handler=str).write_xml_string()
-    tree = ElementTree.fromstring(text)
-    for element in tree.iter():
+    urdf = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, filename_handler=str)
+    root = urdf.write_xml().getroot()
+    for element in root.iter():
         for key, value in element.attrib.items():
             if key not in ("name", "filename", "type", "link"):
-                element.set(key, " ".join(_number(word) for word in value.split()))
-    ElementTree.indent(tree)
-    return bytes(ElementTree.tostring(tree, encoding="utf-8", xml_declaration=True)) + b"\n"
+                element.set(key, " ".join([_number(word) for word in value.split()]))
+    etree.indent(root)
+    text = etree.tostring(root, encoding="utf-8").replace(b"/>", b" />")
+    return b"<?xml version='1.0' encoding='utf-8'?>\n" + bytes(text) + b"\n"
 
 
+@lru_cache(maxsize=4096)
 def _number(word: str) -> str:
     """Return a number's shortest text with at most six digits after the point."""
     return f"{round(float(word), DIGITS) + 0.0:.{DIGITS}f}".rstrip("0").rstrip(".")
@@ -222,15 +225,21 @@ def _sides(wall: Wall, layout: Layout) -> list[tuple[int, Room]]:
 
 def _furniture(piece: Furniture, known: Catalog) -> yourdfpy.Link:
     """Return a model's link with the colours of this piece, its meshes found beside the home."""
-    link = deepcopy(load_model(piece.model, known).link)
+    link = load_model(piece.model, known).link
     recoloured = {"primary": piece.color, "secondary": piece.secondary}
+    visuals = []
     for visual in link.visuals:
-        colour = recoloured.get(visual.material.name) or visual.material.color.rgba
-        visual.material = _material(colour)
-    for shape in (*link.visuals, *link.collisions):
-        if shape.geometry.mesh is not None:
-            shape.geometry.mesh.filename = f"{MESHES}/{Path(shape.geometry.mesh.filename).name}"
-    return _link("", link.visuals, link.collisions)
+        material = _material(recoloured.get(visual.material.name) or visual.material.color.rgba)
+        visuals.append(yourdfpy.Visual(visual.name, visual.origin, _beside(visual.geometry), material))
+    collisions = [yourdfpy.Collision(solid.name, solid.origin, _beside(solid.geometry)) for solid in link.collisions]
+    return _link("", visuals, collisions)
+
+
+def _beside(geometry: yourdfpy.Geometry) -> yourdfpy.Geometry:
+    """Return a model's geometry with its mesh found beside the home."""
+    if geometry.mesh is None:
+        return geometry
+    return yourdfpy.Geometry(mesh=replace(geometry.mesh, filename=f"{MESHES}/{Path(geometry.mesh.filename).name}"))
 
 
 def _copy_meshes(model: Model, folder: Path) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from pathlib import Path, PurePath
 from typing import NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 
 from chmarl_pb.homes.dae import read_dae
 from chmarl_pb.homes.mesh import Mesh, checked, read_stl
-from chmarl_pb.homes.solids import Points, Solid, solid_from_vertices
+from chmarl_pb.homes.solids import Points, Solid, prism, solid_from_vertices
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.wavefront import read_obj
 
@@ -23,8 +24,8 @@ Numbers = tuple[float, ...]
 
 _READERS: dict[str, Callable[[bytes, Path, Source], Mesh]] = {
     ".obj": read_obj,
-    ".stl": lambda content, *_: read_stl(content),
-    ".dae": lambda content, *_: read_dae(content),
+    ".stl": lambda content, *_: checked(read_stl(content)),
+    ".dae": lambda content, *_: checked(read_dae(content)),
 }
 #: The attributes of each kind of shape that hold its size.
 SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",)}
@@ -33,6 +34,8 @@ _BOX = np.array(list(product((-0.5, 0.5), repeat=3)))
 _CYLINDER = np.array(
     [(np.cos(angle), np.sin(angle), z) for angle in np.linspace(0, 2 * np.pi, 25)[:-1] for z in (-0.5, 0.5)]
 )
+#: Which of these corners follow each other round the foot, counter-clockwise from above.
+_RINGS = {"box": [0, 4, 6, 2], "cylinder": [*range(0, 48, 2)]}
 
 
 class Origin(NamedTuple):
@@ -43,14 +46,8 @@ class Origin(NamedTuple):
 
     @property
     def frame(self) -> Points:
-        """The same as a matrix (4 x 4)."""
-        frame = np.eye(4)
-        (si, sj, sk), (ci, cj, ck) = np.sin(self.rpy), np.cos(self.rpy)
-        frame[0, :3] = cj * ck, sj * (si * ck) - ci * sk, sj * (ci * ck) + si * sk
-        frame[1, :3] = cj * sk, sj * (si * sk) + ci * ck, sj * (ci * sk) - si * ck
-        frame[2, :3] = -sj, cj * si, cj * ci
-        frame[:3, 3] = self.xyz
-        return frame + 0.0  # without negative zeros
+        """The same as a matrix (4 x 4), not to be changed."""
+        return _frame_of(self)
 
     @staticmethod
     def of(frame: Points) -> "Origin":
@@ -61,6 +58,20 @@ class Origin(NamedTuple):
         else:  # looking straight up or down, where both turn about one axis
             roll, yaw = np.arctan2(-frame[1, 2], frame[1, 1]), 0.0
         return Origin(tuple(frame[:3, 3].tolist()), (float(roll), float(np.arctan2(-frame[2, 0], level)), float(yaw)))
+
+
+@lru_cache(maxsize=4096)
+def _frame_of(origin: Origin) -> Points:
+    """Return an origin as a matrix; most shapes of furniture have one of a few."""
+    frame = np.eye(4)
+    (si, sj, sk), (ci, cj, ck) = np.sin(origin.rpy), np.cos(origin.rpy)
+    frame[0, :3] = cj * ck, sj * (si * ck) - ci * sk, sj * (ci * ck) + si * sk
+    frame[1, :3] = cj * sk, sj * (si * sk) + ci * ck, sj * (ci * sk) - si * ck
+    frame[2, :3] = -sj, cj * si, cj * ci
+    frame[:3, 3] = origin.xyz
+    frame += 0.0  # without negative zeros
+    frame.flags.writeable = False
+    return frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +98,10 @@ class Shape:
         Raises:
             ValueError: it spans no volume.
         """
-        return solid_from_vertices(self.points(frame))
+        points, ring = self.points(frame), _RINGS.get(self.kind)
+        if ring is not None and (frame @ self.origin.frame)[:3, 2].tolist() == [0.0, 0.0, 1.0]:
+            return prism(points[ring, :2], float(points[:, 2].min()), float(points[:, 2].max()))
+        return solid_from_vertices(points)
 
     def check_place(self, frame: Points) -> None:
         """Check that it lies near the world's origin, from its link's frame.
@@ -142,7 +156,7 @@ def read_mesh(name: str, source: Source) -> Mesh:
         source.inside(source.urdf.parent, name)
         raise ValueError(f"is of an unknown kind; use {', '.join(_READERS)}")
     path, content = source.named(name)
-    return checked(reader(content, path, source))
+    return reader(content, path, source)
 
 
 def numbers_of(element: Element | None, name: str, default: Numbers = ()) -> Numbers:
@@ -168,12 +182,13 @@ def read_shape(element: Element, colours: Mapping[str, Numbers], meshes: Mapping
     Raises:
         ValueError: it has no geometry.
     """
-    shape = element.find("geometry/*")
-    if shape is None:
+    geometry = element.find("geometry")
+    if geometry is None or not len(geometry):
         raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
+    shape = geometry[0]
     sizes = {name: numbers_of(shape, name, (1.0, 1.0, 1.0)) for name in SIZES[shape.tag]}
     material = element.find("material")
-    own = numbers_of(element.find("material/color"), "rgba")
+    own = () if material is None else numbers_of(material.find("color"), "rgba")
     colour = own or (None if material is None else colours.get(material.get("name", "")))
     mesh = meshes[shape.get("filename", "")] if shape.tag == "mesh" else None
     return Shape(shape.tag, sizes, read_origin(element), colour, mesh)

@@ -4,6 +4,7 @@ All functions are vectorised NumPy on world coordinates (metres, z up). A mesh c
 hull, which is also what PyBullet makes of a collision mesh.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,9 +71,34 @@ def solid_from_vertices(vertices: Points) -> Solid:
     outline = vertices[:, :2]
     polygon = outline[ConvexHull(outline).vertices]
     rows = np.round(hull.equations, 9) + 0.0  # without negative zeros
-    planes = np.array(sorted(set(map(tuple, rows.tolist()))))  # np.unique is many times as slow on so few rows
+    planes = _sorted(rows)
     bottom, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     return Solid(polygon, bottom, top, planes, _facet(vertices[hull.vertices], planes, top, polygon))
+
+
+def prism(outline: Points, bottom: float, top: float) -> Solid:
+    """Return an upright prism, many times as fast as from its vertices.
+
+    Args:
+        outline: (k, 2) corners of a convex outline, counter-clockwise.
+        bottom: its lowest z.
+        top: its highest z.
+    """
+    corners = outline.tolist()
+    first = corners.index(min(corners))
+    corners = corners[first:] + corners[:first]
+    rows = [(0.0, 0.0, 1.0, -top), (0.0, 0.0, -1.0, bottom)]
+    for (x, y), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
+        length = math.hypot(x1 - x, y1 - y)
+        across, along = (y1 - y) / length, (x - x1) / length
+        rows.append((across, along, 0.0, -(across * x + along * y)))
+    polygon = np.array(corners)
+    return Solid(polygon, bottom, top, _sorted(np.round(rows, 9) + 0.0), polygon)  # without negative zeros
+
+
+def _sorted(rows: Points) -> Points:
+    """Return the distinct rows in order; np.unique is many times as slow on so few."""
+    return np.array(sorted(set(map(tuple, rows.tolist()))))
 
 
 def _facet(corners: Points, planes: Points, top: float, polygon: Points) -> Points | None:
@@ -94,8 +120,8 @@ def _facet(corners: Points, planes: Points, top: float, polygon: Points) -> Poin
 
 def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
     """Return whether points (..., 2) lie in a convex polygon, at most ``margin`` outside its edges."""
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+    edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     offsets = np.einsum("kd,kd->k", normals, polygon)
     within: NDArray[np.bool_] = ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
@@ -111,8 +137,8 @@ class Outlines:
         shape = (len(polygons), most)
         self._normals, self._offsets = np.zeros((*shape, 2)), np.zeros(shape)
         for row, polygon in enumerate(polygons):
-            edges = np.roll(polygon, -1, axis=0) - polygon
-            normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+            edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
+            normals = np.column_stack([edges[:, 1], -edges[:, 0]])
             offsets = (normals * polygon).sum(axis=1)
             order = np.minimum(np.arange(most), len(polygon) - 1)
             self._normals[row], self._offsets[row] = normals[order], offsets[order]

@@ -5,10 +5,9 @@ import os
 import stat
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NoReturn
 from xml.etree import ElementTree
-
-import defusedxml.ElementTree
-from defusedxml import DefusedXmlException
+from xml.parsers import expat
 
 from chmarl_pb.homes.problem import Refused
 
@@ -73,10 +72,13 @@ class Source:
         self.urdf = urdf
         self.pictures: dict[Path, bytes] = {}
         self._folder = urdf.resolve().parent
+        self._folders: dict[Path, Path] = {}
+        self._places: dict[Path, Path] = {}
         self._lines = 0
         self._named: dict[str, Path] = {}
         self._inner: set[Path] = set()
         self._contents: dict[Path, bytes] = {}
+        self._bytes = 0
 
     def read_urdf(self) -> bytes:
         """Return the URDF.
@@ -85,7 +87,7 @@ class Source:
             Refused: it cannot be read.
         """
         try:
-            return self.read(self.urdf.resolve(), MOST_URDF_BYTES)
+            return self.read(self._resolved(self.urdf), MOST_URDF_BYTES)
         except ValueError as error:
             raise Refused(f"{error}; `chmarl-pb homes list` names the packaged homes") from error
 
@@ -116,12 +118,22 @@ class Source:
             ValueError: it leads out of the home's folder.
         """
         try:
-            path = (folder / name).resolve()
+            path = self._resolved(folder / name)
         except (OSError, RuntimeError, ValueError) as error:  # too long, a loop of links, a null character
             raise ValueError("is not the name of a file; rename it") from error
         if "://" in name or not path.is_relative_to(self._folder):
             raise ValueError("leaves the home's folder; copy it beside the URDF and use a relative path")
         return path
+
+    def _resolved(self, path: Path) -> Path:
+        """Return where a path leads to in the end; most files lie in one folder, which is followed once."""
+        if path not in self._places:
+            if path.parent not in self._folders:
+                self._folders[path.parent] = path.parent.resolve()
+            place = self._folders[path.parent] / path.name
+            odd = path.name == ".." or "\0" in path.name or place.is_symlink()
+            self._places[path] = place.resolve() if odd else place
+        return self._places[path]
 
     def read(self, path: Path, most: int = MOST_FILE_BYTES) -> bytes:
         """Return a file's content; it is read at the first time.
@@ -134,7 +146,8 @@ class Source:
         if len(self._contents) > MOST_FILES:
             raise ValueError(f"is one file too many; a home has at most {MOST_FILES:,}, join some")
         content = read_regular(path, most)
-        if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
+        self._bytes += len(content)
+        if self._bytes > MOST_BYTES:
             raise ValueError(f"is too much; the files of a home have at most {MOST_BYTES:,} bytes, make them smaller")
         self._contents[path] = content
         return content
@@ -158,7 +171,7 @@ class Source:
     @property
     def content(self) -> str:
         """The sha256 of all files as they were read."""
-        return sha256_of(self._contents[path.resolve()] for path in self.files)
+        return sha256_of(self._contents[self._resolved(path)] for path in self.files)
 
 
 def safe_xml(text: bytes) -> ElementTree.Element:
@@ -170,9 +183,20 @@ def safe_xml(text: bytes) -> ElementTree.Element:
     if text.count(b"<") > 2 * MOST_ELEMENTS:  # a start and an end
         raise ValueError(f"has more than {MOST_ELEMENTS:,} XML elements; make it smaller")
     try:
-        root: ElementTree.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
-        return root
-    except DefusedXmlException as error:
-        raise ValueError(f"document types and entities are refused ({error}); remove the <!DOCTYPE>") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two: its encoding
+        guard = expat.ParserCreate()
+        guard.StartDoctypeDeclHandler = _refuse_doctype
+        guard.Parse(text, True)
+        return ElementTree.fromstring(text)
+    except _DoctypeError as error:
+        raise ValueError("document types and entities are refused; remove the <!DOCTYPE>") from error
+    # The last two: its encoding.
+    except (expat.ExpatError, ElementTree.ParseError, ValueError, LookupError) as error:
         raise ValueError(f"not XML ({error}); fix the file at that place") from error
+
+
+class _DoctypeError(Exception):
+    """An XML text declares its type, and with that perhaps entities, which can be any size and any file."""
+
+
+def _refuse_doctype(*_: object) -> NoReturn:
+    raise _DoctypeError

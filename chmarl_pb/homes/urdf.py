@@ -3,19 +3,16 @@
 All that PyBullet will load is parsed here first, within limits: see :mod:`chmarl_pb.homes.plain`.
 """
 
-import math
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
+from chmarl_pb.homes.link_shapes import Numbered, Shapes, check_numbers_of
 from chmarl_pb.homes.problem import Findings, Refused, raise_first
-from chmarl_pb.homes.shape import SIZES, Numbers, Origin, Shape, numbers_of, read_mesh, read_origin, read_shape
+from chmarl_pb.homes.shape import Origin, Shape, read_origin
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source, safe_xml
 
@@ -23,26 +20,8 @@ from chmarl_pb.homes.source import Source, safe_xml
 MOST = {
     "link": 2000, "joint": 2000, "visual": 2000, "collision": 600, "mesh": 4000, "material": 4000, "texture": 4000,
 }  # fmt: skip
-#: Vertices of the mesh of one collision, and of all: of their convex hulls.
-MOST_HULL_POINTS, MOST_POINTS_OF_HULLS = 4000, 20_000
-#: Of all textures, three a pixel, as often as they are used: TinyRenderer copies one for each.
-MOST_PICTURE_BYTES = 128 * 2**20
-
 _LONGEST_LINE = 1000  # PyBullet by itself, in which homes work as well, cuts a URDF's lines at 1,023 characters
 _LONGEST_VALUE = 400  # characters of an attribute
-_SMALLEST = 1e-5  # metres
-#: Element -> attribute -> how many finite numbers it holds.
-_NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3},
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "mesh": {"scale": 3},
-    "color": {"rgba": 4},
-    "mass": {"value": 1},
-}
-_OPTIONAL = {"xyz", "rpy", "scale"}
-_LENGTHS = {"size", "radius", "length"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +65,7 @@ def read_links(source: Source, found: Findings) -> tuple[Link, ...]:
     links = _links(root, found)
     joints = _joints(root, links, found)
     places = _places(links, joints, found)
-    shapes = _Shapes(root, source, found)
+    shapes = Shapes(root, source, found)
     read = [(name, *place, *shapes.of(links[name])) for name, place in places.items()]
     shapes.check_hulls()
     return tuple([_link(*parts, found) for parts in read])
@@ -172,7 +151,7 @@ def _joints(root: Element, links: dict[str, Element], found: Findings) -> _Joint
         if parent in links and child in links and child not in joints:
             joints[child] = parent, Origin()
             with found.listing(child, f"joint {name!r}: "):
-                _check_numbers_of(joint)
+                check_numbers_of(joint)
                 joints[child] = parent, read_origin(joint)
     roots = [name for name in links if name not in joints]
     if len(roots) != 1:
@@ -226,138 +205,8 @@ def _place(
     return frame, origin if parent not in joints else Origin.of(frame)
 
 
-def _check_numbers_of(part: Element) -> None:
-    """Check the numbers of an element and all in it.
-
-    Raises:
-        ValueError: they are not finite numbers, or out of range.
-    """
-    for element in part.iter():
-        for name, count in _NUMBERS.get(element.tag, {}).items():
-            text = element.get(name)
-            if text is not None or name not in _OPTIONAL:
-                _check_numbers(f"<{element.tag} {name}={text!r}>", name, count, text or "")
-
-
-def _check_numbers(label: str, name: str, count: int, text: str) -> None:
-    """Check the numbers of one attribute."""
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{label} is not {count} finite numbers; fix it")
-    if name in _LENGTHS and not min(numbers) > 0:
-        raise ValueError(f"{label} is not above 0; fix it")
-    if name in _LENGTHS and min(numbers) < _SMALLEST:
-        raise ValueError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
-    if name == "scale" and 0 in numbers:
-        raise ValueError(f"{label} leaves nothing of the mesh; fix it")
-    if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
-        raise ValueError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
-
-
-_Numbered = list[tuple[int, Shape]]
-
-
-class _Shapes:
-    """Reads the shapes of links, and counts what they hold in all."""
-
-    def __init__(self, root: Element, source: Source, found: Findings):
-        """Read the colours that have names."""
-        self._source, self._found = source, found
-        self._meshes: dict[str, Mesh] = {}
-        self._hulls: list[tuple[str, str, int]] = []
-        self._triangles = self._pictures = 0
-        self._colours: dict[str, Numbers] = {}
-        for material in root.iter("material"):
-            with suppress(ValueError):  # it is listed where it stands
-                _check_numbers_of(material)
-                if rgba := numbers_of(material.find("color"), "rgba"):
-                    self._colours[material.get("name", "")] = rgba
-        for part in root:
-            if part.tag not in ("link", "joint"):
-                with found.listing("", f"{part.tag} {part.get('name', '')!r}: "):
-                    self._check_part(part)
-
-    def of(self, link: Element) -> tuple[_Numbered, _Numbered]:
-        """Return the visuals and the collisions of a link, each with its number, without those that are broken."""
-        name = link.get("name", "")
-        shapes: dict[str, _Numbered] = {"visual": [], "collision": []}
-        counts: Counter[str] = Counter()
-        for part in link:
-            counts[part.tag] += 1
-            number = counts[part.tag]
-            if part.tag not in shapes:
-                with self._found.listing(name):
-                    self._check_part(part)
-                continue
-            with self._found.listing(name, f"{part.tag} {number}: "):
-                shapes[part.tag].append((number, self._shape(part, name)))
-        return shapes["visual"], shapes["collision"]
-
-    def check_hulls(self) -> None:
-        """Check how many points the convex hulls of collisions are to be made of.
-
-        Raises:
-            Refused: they are too many.
-        """
-        total = 0
-        for link, name, points in self._hulls:
-            total += points
-            if points > MOST_HULL_POINTS or total > MOST_POINTS_OF_HULLS:
-                raise Refused(
-                    f"mesh {name!r}: a collision has at most {MOST_HULL_POINTS:,} vertices, and all have "
-                    f"{MOST_POINTS_OF_HULLS:,}; give it a simpler mesh", link,
-                )  # fmt: skip
-
-    def _check_part(self, part: Element) -> None:
-        """Check the numbers of an element, and the files of textures in it."""
-        _check_numbers_of(part)
-        for texture in part.iter("texture"):
-            self._named("texture", texture.get("filename", ""))
-
-    def _shape(self, part: Element, link: str) -> Shape:
-        """Return a <visual> or <collision> of a link.
-
-        Raises:
-            ValueError: it is broken.
-            Refused: there are too many triangles or pixels.
-        """
-        for geometry in part.iter("geometry"):
-            if len(geometry) != 1 or geometry[0].tag not in SIZES:
-                raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
-        self._check_part(part)
-        for element in part.iter("mesh"):
-            self._add_mesh(element.get("filename", ""), link, part.tag)
-        return read_shape(part, self._colours, self._meshes)
-
-    def _add_mesh(self, name: str, link: str, tag: str) -> None:
-        if name not in self._meshes:
-            self._meshes[name] = self._named("mesh", name)
-        mesh = self._meshes[name]
-        self._triangles += len(mesh.corners)
-        self._pictures += len(mesh.texture or b"")
-        if self._triangles > MOST_TRIANGLES or self._pictures > MOST_PICTURE_BYTES:
-            raise Refused(
-                f"mesh {name!r}: too much in all, with each mesh and its texture as often as they are used: at most "
-                f"{MOST_TRIANGLES:,} triangles and {MOST_PICTURE_BYTES // 3:,} pixels; make some smaller", link,
-            )  # fmt: skip
-        if tag == "collision":
-            self._hulls.append((link, name, len(mesh.used_vertices)))
-
-    def _named(self, tag: str, name: str) -> Any:
-        """Read a mesh, or the file of a texture: PyBullet draws textures of meshes alone."""
-        try:
-            return read_mesh(name, self._source) if tag == "mesh" else self._source.named(name)
-        except ValueError as error:
-            problem = str(error)
-            remedy = f"; add the file or remove the {tag}" if problem.endswith("does not exist") else ""
-            raise ValueError(f"{tag} {name!r}: {problem}{remedy}") from error
-
-
 def _link(
-    name: str, frame: Points, origin: Origin, visuals: _Numbered, collisions: _Numbered, found: Findings
+    name: str, frame: Points, origin: Origin, visuals: Numbered, collisions: Numbered, found: Findings
 ) -> Link:  # fmt: skip
     """Return a link with those of its shapes that lie near the origin and have a volume, where they are solid."""
     seen = []

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.homes.materials import texture_of
-from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
+from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh, checked
 from chmarl_pb.homes.source import Source
 
 _LEAST_NUMBERS = {b"v": 3, b"vt": 2, b"vn": 3}
@@ -114,7 +114,7 @@ def read_obj(content: bytes, path: Path, source: Source) -> Mesh:
         normals, corners = normals[:0], _without_normals(corners)
     texture = texture_of(obj.libraries, obj.materials, path, source)
     unread = ("colours",) if obj.materials and obj.libraries and texture is None else ()
-    return Mesh(vertices, corners, normals, texture_points, texture, unread)
+    return checked(Mesh(vertices, corners, normals, texture_points, texture, unread))
 
 
 def _read_plain(content: bytes, path: Path) -> Mesh | None:
@@ -132,7 +132,7 @@ def _read_plain(content: bytes, path: Path) -> Mesh | None:
     corners[..., ::2] = np.fromiter(map(int, chain.from_iterable(faces)), np.int64).reshape(-1, 3, 2) - 1
     if not normals.any(axis=1).all():
         return None
-    return Mesh(vertices, corners, normals, np.zeros((0, 2)), file=path)
+    return checked(Mesh(vertices, corners, normals, np.zeros((0, 2)), file=path))
 
 
 _read_small = lru_cache(maxsize=512)(_read_plain)

@@ -50,7 +50,7 @@ FORWARD_CELLS = np.array(
     ],
     dtype=int,
 )
-_OBSTACLES_AT_ONCE, _CORNERS_AT_ONCE = 64, 2**20  # tested together, so that memory is bounded in any home
+_OBSTACLES_AT_ONCE, _CORNERS_AT_ONCE = 512, 2**20  # tested together, so that memory is bounded in any home
 _DRIVE_CELLS = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j])
 #: The drone's moves forward, backward, left, right in cells of its lattice.
 DRONE_CELLS = np.array([(0, 2), (0, -2), (-2, 0), (2, 0)])
@@ -143,8 +143,8 @@ class Lattice:
         corners = [path[0]]
         while corners[-1] != path[-1]:
             rest = path[path.index(corners[-1]) + 1 :]
-            starts = np.repeat(self.points[corners[-1]][None], len(rest), axis=0)
-            free = ~_blocked(list(self.obstacles), starts, self.points[list(rest)], self.footprint.radius)
+            starts = np.full(len(rest), corners[-1])
+            free = ~_blocked(list(self.obstacles), self.points, starts, np.array(rest), self.footprint.radius)
             free[0] = True
             corners.append(rest[int(np.flatnonzero(free)[-1])])
         return self.points[corners]
@@ -231,8 +231,8 @@ def reached_lattice(home: Home, footprint: Footprint) -> tuple[Lattice, list[str
     """Return the lattice of the largest connected part of a home, and the rooms that it does not reach."""
     cells, rooms = _cells_on_floors(home, SPACING)
     obstacles = [solid for solid in home.solids if solid.spans(footprint.low, footprint.high)]
-    here = cells * SPACING
-    free = ~_blocked(obstacles, here, here, footprint.radius)
+    here = np.arange(len(cells))
+    free = ~_blocked(obstacles, cells * SPACING, here, here, footprint.radius)
     cells, rooms = cells[free], rooms[free]
     starts, ends, _ = _links(cells, _DRIVE_CELLS, obstacles, footprint.radius)
     count, part = connected_components(_graph(cells, starts, ends), directed=False)
@@ -299,34 +299,45 @@ def _links(
     neighbours = _neighbours(cells, offsets)
     numbers, starts = np.nonzero(neighbours.T >= 0)
     ends = neighbours[starts, numbers].astype(int)
-    free = ~_blocked(obstacles, cells[starts] * SPACING, cells[ends] * SPACING, radius)
+    free = ~_blocked(obstacles, cells * SPACING, starts, ends, radius)
     return starts[free], ends[free], numbers[free]
 
 
-def _blocked(obstacles: list[Solid], starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:
-    """Return which straight drives of a base of a radius touch an obstacle."""
+def _blocked(
+    obstacles: list[Solid], points: Points, starts: NDArray[np.int64], ends: NDArray[np.int64], radius: float
+) -> NDArray[np.bool_]:
+    """Return which straight drives of a base of a radius, from points to points by their numbers, touch an obstacle."""
     blocked = np.zeros(len(starts), dtype=bool)
     for corners in sorted({len(solid.polygon) for solid in obstacles}):
         outlines = np.stack([solid.polygon for solid in obstacles if len(solid.polygon) == corners], axis=1)
         for first in range(0, outlines.shape[1], _OBSTACLES_AT_ONCE):
             some, left = outlines[:, first : first + _OBSTACLES_AT_ONCE], np.flatnonzero(~blocked)
-            drives, solids = _near(some, starts[left], ends[left], radius)
+            drives, solids = _near(some, points, starts[left], ends[left], radius)
             step = _CORNERS_AT_ONCE // corners + 1
             for part in (slice(at, at + step) for at in range(0, len(drives), step)):
                 there, outline = left[drives[part]], some[:, solids[part]]
-                close = ~apart(outline, starts[there], ends[there], radius)
+                close = ~apart(outline, points[starts[there]], points[ends[there]], radius)
                 there, outline = there[close], outline[:, close]
                 # A hair less than the radius: a doorway of exactly the footprint's width is passable.
-                hit = segments_hit(outline, starts[there], ends[there], radius - 1e-6)
+                hit = segments_hit(outline, points[starts[there]], points[ends[there]], radius - 1e-6)
                 blocked[there[hit]] = True
     return blocked
 
 
-def _near(outlines: Points, starts: Points, ends: Points, radius: float) -> tuple[NDArray[np.intp], ...]:
+def _near(
+    outlines: Points, points: Points, starts: NDArray[np.int64], ends: NDArray[np.int64], radius: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the numbers of drives and of outlines (k, n, 2) whose bounding boxes meet."""
-    low, high = np.minimum(starts, ends) - radius, np.maximum(starts, ends) + radius
     (x0, y0), (x1, y1) = outlines.min(axis=0).T, outlines.max(axis=0).T
-    return np.nonzero((low[:, :1] < x1) & (low[:, 1:] < y1) & (high[:, :1] > x0) & (high[:, 1:] > y0))
+    # Many drives start at each point: outlines far from it are left out for all of them at once.
+    reach = radius + np.abs(points[ends] - points[starts]).max(initial=0.0)
+    x, y = points.T[..., None]
+    close = (x > x0 - reach) & (x < x1 + reach) & (y > y0 - reach) & (y < y1 + reach)
+    drives, solids = csr_array(close)[starts].nonzero()
+    begin, end = points[starts[drives]], points[ends[drives]]
+    low, high = (np.minimum(begin, end) - radius).T, (np.maximum(begin, end) + radius).T
+    meet = (low[0] < x1[solids]) & (low[1] < y1[solids]) & (high[0] > x0[solids]) & (high[1] > y0[solids])
+    return drives[meet], solids[meet]
 
 
 def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> csr_array:

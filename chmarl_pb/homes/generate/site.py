@@ -103,6 +103,8 @@ class Site:
 
         fits = np.ones(len(origins), dtype=bool)
         for part in group.parts:
+            if not fits.any():
+                return fits
             boxes = there(part.area)
             fits &= inside(boxes, self.boxes)
             if extent(part.model).thing_class != "rug":

@@ -1,0 +1,161 @@
+"""Read the shapes of a home's links, with the meshes that they name, within limits on what they hold in all."""
+
+import math
+from collections import Counter
+from contextlib import suppress
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh
+from chmarl_pb.homes.problem import Findings, Refused
+from chmarl_pb.homes.shape import SIZES, Numbers, Shape, numbers_of, read_mesh, read_shape
+from chmarl_pb.homes.source import Source
+
+#: Vertices of the mesh of one collision, and of all: of their convex hulls.
+MOST_HULL_POINTS, MOST_POINTS_OF_HULLS = 4000, 20_000
+#: Of all textures, three a pixel, as often as they are used: TinyRenderer copies one for each.
+MOST_PICTURE_BYTES = 128 * 2**20
+
+#: Shapes of one kind of a link, each with its number among them, counted from 1.
+Numbered = list[tuple[int, Shape]]
+
+_SMALLEST = 1e-5  # metres
+#: Element -> attribute -> how many finite numbers it holds.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "color": {"rgba": 4},
+    "mass": {"value": 1},
+}
+_OPTIONAL = {"xyz", "rpy", "scale"}
+_LENGTHS = {"size", "radius", "length"}
+
+
+def check_numbers_of(part: Element) -> None:
+    """Check the numbers of an element and all in it.
+
+    Raises:
+        ValueError: they are not finite numbers, or out of range.
+    """
+    for element in part.iter():
+        for name, count in _NUMBERS.get(element.tag, {}).items():
+            text = element.get(name)
+            if text is not None or name not in _OPTIONAL:
+                _check_numbers(f"<{element.tag} {name}={text!r}>", name, count, text or "")
+
+
+def _check_numbers(label: str, name: str, count: int, text: str) -> None:
+    """Check the numbers of one attribute."""
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{label} is not {count} finite numbers; fix it")
+    if name in _LENGTHS and not min(numbers) > 0:
+        raise ValueError(f"{label} is not above 0; fix it")
+    if name in _LENGTHS and min(numbers) < _SMALLEST:
+        raise ValueError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
+    if name == "scale" and 0 in numbers:
+        raise ValueError(f"{label} leaves nothing of the mesh; fix it")
+    if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
+        raise ValueError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
+
+
+class Shapes:
+    """Reads the shapes of links, and counts what they hold in all."""
+
+    def __init__(self, root: Element, source: Source, found: Findings):
+        """Read the colours that have names."""
+        self._source, self._found = source, found
+        self._meshes: dict[str, Mesh] = {}
+        self._hulls: list[tuple[str, str, int]] = []
+        self._triangles = self._pictures = 0
+        self._colours: dict[str, Numbers] = {}
+        for material in root.iter("material"):
+            with suppress(ValueError):  # it is listed where it stands
+                check_numbers_of(material)
+                if rgba := numbers_of(material.find("color"), "rgba"):
+                    self._colours[material.get("name", "")] = rgba
+        for part in root:
+            if part.tag not in ("link", "joint"):
+                with found.listing("", f"{part.tag} {part.get('name', '')!r}: "):
+                    self._check_part(part)
+
+    def of(self, link: Element) -> tuple[Numbered, Numbered]:
+        """Return the visuals and the collisions of a link, each with its number, without those that are broken."""
+        name = link.get("name", "")
+        shapes: dict[str, Numbered] = {"visual": [], "collision": []}
+        counts: Counter[str] = Counter()
+        for part in link:
+            counts[part.tag] += 1
+            number = counts[part.tag]
+            if part.tag not in shapes:
+                with self._found.listing(name):
+                    self._check_part(part)
+                continue
+            with self._found.listing(name, f"{part.tag} {number}: "):
+                shapes[part.tag].append((number, self._shape(part, name)))
+        return shapes["visual"], shapes["collision"]
+
+    def check_hulls(self) -> None:
+        """Check how many points the convex hulls of collisions are to be made of.
+
+        Raises:
+            Refused: they are too many.
+        """
+        total = 0
+        for link, name, points in self._hulls:
+            total += points
+            if points > MOST_HULL_POINTS or total > MOST_POINTS_OF_HULLS:
+                raise Refused(
+                    f"mesh {name!r}: a collision has at most {MOST_HULL_POINTS:,} vertices, and all have "
+                    f"{MOST_POINTS_OF_HULLS:,}; give it a simpler mesh", link,
+                )  # fmt: skip
+
+    def _check_part(self, part: Element) -> None:
+        """Check the numbers of an element, and the files of textures in it."""
+        check_numbers_of(part)
+        for texture in part.iter("texture"):
+            self._named("texture", texture.get("filename", ""))
+
+    def _shape(self, part: Element, link: str) -> Shape:
+        """Return a <visual> or <collision> of a link.
+
+        Raises:
+            ValueError: it is broken.
+            Refused: there are too many triangles or pixels.
+        """
+        for geometry in part.iter("geometry"):
+            if len(geometry) != 1 or geometry[0].tag not in SIZES:
+                raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
+        self._check_part(part)
+        for element in part.iter("mesh"):
+            self._add_mesh(element.get("filename", ""), link, part.tag)
+        return read_shape(part, self._colours, self._meshes)
+
+    def _add_mesh(self, name: str, link: str, tag: str) -> None:
+        if name not in self._meshes:
+            self._meshes[name] = self._named("mesh", name)
+        mesh = self._meshes[name]
+        self._triangles += len(mesh.corners)
+        self._pictures += len(mesh.texture or b"")
+        if self._triangles > MOST_TRIANGLES or self._pictures > MOST_PICTURE_BYTES:
+            raise Refused(
+                f"mesh {name!r}: too much in all, with each mesh and its texture as often as they are used: at most "
+                f"{MOST_TRIANGLES:,} triangles and {MOST_PICTURE_BYTES // 3:,} pixels; make some smaller", link,
+            )  # fmt: skip
+        if tag == "collision":
+            self._hulls.append((link, name, len(mesh.used_vertices)))
+
+    def _named(self, tag: str, name: str) -> Any:
+        """Read a mesh, or the file of a texture: PyBullet draws textures of meshes alone."""
+        try:
+            return read_mesh(name, self._source) if tag == "mesh" else self._source.named(name)
+        except ValueError as error:
+            problem = str(error)
+            remedy = f"; add the file or remove the {tag}" if problem.endswith("does not exist") else ""
+            raise ValueError(f"{tag} {name!r}: {problem}{remedy}") from error
