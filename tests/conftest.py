@@ -157,7 +157,7 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     draw = HomeViews.draw
 
     def noted(*arguments: Any) -> object:
-        drawn.append(arguments[-1])
+        drawn.append(arguments[3])
         return draw(*arguments)
 
     monkeypatch.setattr(HomeViews, "draw", noted)

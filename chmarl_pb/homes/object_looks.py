@@ -110,31 +110,27 @@ def _model(row: ThingClass, number: int, place: int) -> tuple[tuple[str, bytes],
     paint = [None, *(_RGB[colour] for colour in colours)][(number + place) % (len(colours) + 1)]
     width, height = _WIDTHS[int(rng.integers(len(_WIDTHS)))], _HEIGHTS[int(rng.integers(len(_HEIGHTS)))]
     root = ElementTree.fromstring(urdf.read_bytes())
-    meshes = _resize(root, np.array([width, width, height]))
+    _resize(root, np.array([width, width, height]), urdf.parent)
     for element in root.iter("material"):
         if paint is not None and element.get("name") == material:
             _set_numbers(element.find("color"), "rgba", (*paint, 1.0))
-    files = {Path(name).name: (urdf.parent / name).read_bytes() for name in meshes}
-    return ((urdf.name, ElementTree.tostring(root)), *files.items())
+    return ((urdf.name, ElementTree.tostring(root)),)
 
 
-def _resize(root: ElementTree.Element, scale: np.ndarray) -> list[str]:
-    """Scale all lengths of an object and return the names of its meshes, which from now on lie beside the URDF."""
-    meshes = []
+def _resize(root: ElementTree.Element, scale: np.ndarray, folder: Path) -> None:
+    """Scale all lengths of an object; its meshes are named where they lie, from the folder of its URDF."""
     for element in root.iter():
         if element.tag == "origin":
             _set_numbers(element, "xyz", _numbers(element, "xyz") * scale)
         elif element.tag == "box":
             _set_numbers(element, "size", _numbers(element, "size") * scale)
         elif element.tag == "mesh":
-            meshes.append(element.attrib["filename"])
-            element.set("filename", Path(meshes[-1]).name)
+            element.set("filename", str(folder / element.attrib["filename"]))
             _set_numbers(element, "scale", scale)
         elif element.tag == "inertia":
             squares = np.array([scale[1] * scale[2], scale[0] * scale[2], scale[0] * scale[1]])  # near enough
             for name, factor in zip(("ixx", "iyy", "izz"), squares, strict=True):
                 _set_numbers(element, name, _numbers(element, name) * factor)
-    return meshes
 
 
 def _numbers(element: ElementTree.Element, name: str) -> np.ndarray:

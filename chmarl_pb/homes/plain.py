@@ -64,7 +64,7 @@ def plain_mesh(corners: Points, normals: Points) -> tuple[str, bytes]:
 
 @contextmanager
 def plain_files(files: Mapping[str, bytes]) -> Iterator[Path]:
-    """Write files for PyBullet and yield the path of the first one; they are there as long as the context lasts.
+    """Write files for PyBullet and yield their folder; they are there as long as the context lasts.
 
     Raises:
         HomeError: they cannot be written.
@@ -75,7 +75,7 @@ def plain_files(files: Mapping[str, bytes]) -> Iterator[Path]:
                 (folder / name).write_bytes(content)
         except OSError as error:
             raise _cannot_copy(error) from error
-        yield folder / next(iter(files))
+        yield folder
 
 
 @contextmanager

@@ -108,7 +108,7 @@ class FastRenderer:
 
     def _empty(self, robot: str, size: int) -> HomeView:
         """Return the empty home as a robot's camera sees it."""
-        return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size)
+        return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size, self._world)
 
     def _others(self, robot: str) -> list[Stand]:
         """Return the robots that a robot might see: of its own body only what it holds before its camera."""

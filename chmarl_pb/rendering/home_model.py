@@ -23,7 +23,7 @@ class HomeModel:
                 tell where a link is, as from the 128th on.
         """
         links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
-        parts = parts_of(client, body)
+        (parts,) = parts_of(client, [body])
         things = [[part for part in parts if part.link == link] for link in links]
         self._models = models_of(things, [{link: number} for number, link in enumerate(links)])
         self._scratch = np.empty((len(self._models.vertices), 6), np.float32)

@@ -9,7 +9,7 @@ import platform
 import sys
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import count
@@ -30,7 +30,7 @@ from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_store
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.world import Client, Vector, loaded_home
+from chmarl_pb.world import Client, Vector, World, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
 
 #: Part of the hash in the names of stored pictures: raise it when homes are drawn differently, be it by one bit.
@@ -106,17 +106,8 @@ class HomeViews:
         self._store = view_store()
         self._files: dict[tuple[RobotModel, int], ViewFile | None] = {}
         self._kept = _kept()
-
-    @cached_property
-    def _model(self) -> HomeModel | None:
-        """The home's triangles, or None if TinyRenderer is to draw them: our own rasteriser is slow as plain Python."""
-        if not COMPILES:
-            return None
-        with self._loaded() as (client, body), closing(client):
-            try:
-                return HomeModel(client.number, body)
-            except AssetError:
-                return None
+        self._model: HomeModel | None = None
+        self._model_is_known = False
 
     @cached_property
     def _drawer(self) -> Client:
@@ -124,13 +115,14 @@ class HomeViews:
         with self._loaded() as (client, _):
             return client
 
-    def look(self, robot: RobotModel, pose: int, size: int) -> HomeView:
+    def look(self, robot: RobotModel, pose: int, size: int, world: World | None = None) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
 
         Args:
             robot: its kind.
             pose: its pose on its lattice.
             size: width and height in pixels.
+            world: one of this home, so that the home need not be loaded once more.
 
         Raises:
             HomeError: the home's files have changed since it was read.
@@ -142,7 +134,7 @@ class HomeViews:
             file, taken = self._file(robot, size), _OWN
             picture = file.get(pose, matrix) if file else None
             if picture is None:
-                drawn = self.draw(camera, matrix, size).picture
+                drawn = self.draw(camera, matrix, size, world).picture
                 picture = file.put(pose, matrix, drawn) if file else None
                 if picture is None:
                     picture, taken = drawn, _OWN + _bytes(drawn)
@@ -150,14 +142,17 @@ class HomeViews:
             self._kept.put(key, view, taken)
         return view
 
-    def draw(self, camera: Camera, view: Vector, size: int) -> HomeView:
+    def draw(self, camera: Camera, view: Vector, size: int, world: World | None = None) -> HomeView:
         """Draw the empty home anew, from anywhere.
 
         Args:
             camera: the camera.
             view: its view matrix.
             size: width and height in pixels.
+            world: one of this home, so that the home need not be loaded once more.
         """
+        if not self._model_is_known:
+            self._model, self._model_is_known = self._read_model(world), True
         if self._model is not None:
             picture = self._model.draw(lens(camera, view), size)
         else:
@@ -171,14 +166,32 @@ class HomeViews:
             array.flags.writeable = False
         return HomeView(view, picture, camera)
 
-    @contextmanager
-    def _loaded(self) -> Iterator[tuple[Client, int]]:
-        """Yield a new client with the home, and the home's body; its meshes are there while the context lasts."""
+    def _read_model(self, world: World | None) -> HomeModel | None:
+        """Return the home's triangles, or None if TinyRenderer is to draw them: plain Python would be slow at it."""
+        if not COMPILES:
+            return None
+        try:
+            if world is not None:
+                self._check()
+                with suppress(FileNotFoundError):  # its meshes were written for PyBullet alone, and are gone
+                    return HomeModel(world.client, world.physics.home)
+            with self._loaded() as (client, body), closing(client):
+                return HomeModel(client.number, body)
+        except AssetError:
+            return None
+
+    def _check(self) -> None:
+        """Raise a HomeError if the home's files have changed since it was read."""
         home = self.space.home
         if content_hash(home) != home.content:
             raise HomeError(f"{home.path}: the home has changed since it was read; start again")
+
+    @contextmanager
+    def _loaded(self) -> Iterator[tuple[Client, int]]:
+        """Yield a new client with the home, and the home's body; its meshes are there while the context lasts."""
+        self._check()
         client = Client()  # disconnected when nobody keeps it
-        with loaded_home(client.number, home) as body:
+        with loaded_home(client.number, self.space.home) as body:
             yield client, body
 
     def _file(self, robot: RobotModel, size: int) -> ViewFile | None:

@@ -1,16 +1,18 @@
 """The triangles of a body, as TinyRenderer holds them after loading it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.rendering.placing import Models
+from chmarl_pb.world import Vector
 from chmarl_pb.world.bullet import pybullet
 
 Floats = NDArray[np.float32]
@@ -50,33 +52,64 @@ class Part:
     corners: NDArray[np.int32]
 
 
-def parts_of(client: int, body: int) -> list[Part]:
-    """Return the parts of a loaded body, in the order in which TinyRenderer draws them.
+def parts_of(client: int, bodies: Sequence[int]) -> list[list[Part]]:
+    """Return the parts of each of some loaded bodies, in the order in which TinyRenderer draws them.
 
     Raises:
         AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
+        FileNotFoundError: a mesh is no longer where it was when PyBullet read it.
     """
-    parts = []
+    own = [list(_shapes(client, body)) for body in bodies]
+    parts = iter(_parts([shape for shapes in own for shape in shapes]))
+    return [list(islice(parts, len(shapes))) for shapes in own]
+
+
+def _parts(shapes: Sequence["_Shape"]) -> list[Part]:
+    """Return shapes in the inertial frames of their links, all worked out at once."""
+    if not shapes:
+        return []
+    counts = np.array([[len(rows) for rows in shape.mesh] for shape in shapes])
+    vertices, normals, _ = (np.concatenate(rows) for rows in zip(*(shape.mesh for shape in shapes), strict=True))
+    bases, shifts, scales = (np.array(rows) for rows in zip(*(shape[2:5] for shape in shapes), strict=True))
+    of_vertex, of_normal, _ = (np.repeat(np.arange(len(shapes)), number) for number in counts.T)
+    points = (vertices.astype(float) * scales[of_vertex]).astype(np.float32)
+    moved = _moved(points, bases[of_vertex], shifts[of_vertex])
+    turned = _settled(_moved(normals, bases[of_normal], np.zeros((1, 3))))
+    ends = np.cumsum(counts, axis=0)[:-1].T
+    rows = zip(shapes, np.split(moved, ends[0]), np.split(turned, ends[1]), strict=True)
+    return [Part(shape.link, shape.colour, own, directions, shape.mesh[2]) for shape, own, directions in rows]
+
+
+class _Shape(NamedTuple):
+    """A visual shape: its mesh, and how that comes into the link's inertial frame: scaled, turned and shifted."""
+
+    link: int
+    colour: NDArray[np.uint8]
+    basis: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    scale: Sequence[float]
+    mesh: Mesh
+
+
+def _shapes(client: int, body: int) -> Iterator[_Shape]:
+    """Yield what there is to see of a body."""
+    inertial: dict[int, tuple[Vector, Vector]] = {}
     flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
     for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
         _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
         if texture >= 0:
             raise AssetError(f"{name.decode() or 'a box'}: textures are not known to our own rasteriser")
-        if kind == pybullet.GEOM_BOX:
-            points, normals, corners = _box(size)
-        else:
-            vertices, normals, corners = _read(_obj_path(kind, name))
-            points = (vertices.astype(float) * size).astype(np.float32)
-        if rgba[3] == 0 or not len(corners):
+        mesh = _box() if kind == pybullet.GEOM_BOX else _read(_obj_path(kind, name))
+        if rgba[3] == 0 or not len(mesh[2]):
             continue  # nothing to see
-        centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
+        if link not in inertial:
+            inertial[link] = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
+        centre, turn = inertial[link]
         # PyBullet's own functions for transforms round to single precision.
         inverse = _turn(turn).T
-        basis = inverse @ _turn(quaternion)
-        moved = _moved(points, basis, inverse @ np.subtract(position, centre))
+        scale = [0.5 * side for side in size] if kind == pybullet.GEOM_BOX else size
         colour = (np.float32(255) * np.array(rgba[:3], dtype=np.float32)).astype(np.uint8)
-        parts.append(Part(link, colour, moved, _settled(_moved(normals, basis, np.zeros(3))), corners))
-    return parts
+        yield _Shape(link, colour, inverse @ _turn(quaternion), inverse @ np.subtract(position, centre), scale, mesh)
 
 
 def _obj_path(kind: int, name: bytes) -> Path:
@@ -86,18 +119,13 @@ def _obj_path(kind: int, name: bytes) -> Path:
     return path
 
 
-def _box(size: Sequence[float]) -> Mesh:
-    """Return TinyRenderer's box of the extents x, y, z in metres: four corners a side, two triangles each."""
-    points = np.array(_BOX_CORNERS) * (np.array(size) * 0.5)
-    return (points.astype(np.float32), *_box_sides())
-
-
 @cache
-def _box_sides() -> tuple[Floats, NDArray[np.int32]]:
-    """Return the normals and the corners of TinyRenderer's box."""
+def _box() -> Mesh:
+    """Return TinyRenderer's box of side 2 m: four corners a side, two triangles each."""
     triangles = np.array([[4 * side + corner for corner in row] for side, row in enumerate(_BOX_TRIANGLES)])
     numbers = triangles.reshape(-1, 3)
-    return np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32), np.hstack([numbers, numbers]).astype(np.int32)
+    normals = np.repeat(_BOX_NORMALS, 4, axis=0).astype(np.float32)
+    return np.array(_BOX_CORNERS, np.float32), normals, np.hstack([numbers, numbers]).astype(np.int32)
 
 
 def _read(path: Path) -> Mesh:
@@ -142,12 +170,13 @@ def _read_obj(path: Path) -> Mesh:
     return vertices, normals, numbers
 
 
-def _moved(points: Floats, basis: NDArray[np.float64], origin: NDArray[np.float64]) -> Floats:
-    """Return points in a frame's parent, worked out in double precision."""
+def _moved(points: Floats, bases: NDArray[np.float64], origins: NDArray[np.float64]) -> Floats:
+    """Return points (n, 3) in their frames' parents, each by a basis (3, 3) and an origin, in double precision."""
     x, y, z = points.astype(float).T
     moved = np.empty(points.shape, dtype=np.float32)
-    for axis, (row, shift) in enumerate(zip(basis.tolist(), origin.tolist(), strict=True)):
-        moved[:, axis] = x * row[0] + y * row[1] + z * row[2] + shift
+    for axis in range(3):
+        row = bases[:, axis]
+        moved[:, axis] = x * row[:, 0] + y * row[:, 1] + z * row[:, 2] + origins[:, axis]
     return moved
 
 

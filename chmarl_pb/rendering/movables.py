@@ -18,7 +18,7 @@ from chmarl_pb.rendering.home_views import HomeView
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
 from chmarl_pb.rendering.triangles import Canvas, clean_canvas
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspable, quiet
+from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspables, quiet
 from chmarl_pb.world.bullet import pybullet
 
 _KEPT = 8192  # poses of robots
@@ -50,16 +50,12 @@ class Movables:
         """Load all graspables of a catalogue and the robots once, to read their meshes."""
         self._connection = Client()
         self._client = client = self._connection.number
-        objects, parts = {}, {}
-        with quiet():
-            for name in known.graspables:
-                with loaded_graspable(client, name, known) as thing:
-                    objects[f"{name}_1"], parts[f"{name}_1"] = thing, parts_of(client, thing.body)
+        with quiet(), loaded_graspables(client, known) as objects:
             self._robots = {name: model.load(client) for name, model, _ in robots}
+            bodies = {name: thing.body for name, thing in objects.items()} | self._robots
+            parts = dict(zip(bodies, parts_of(client, [*bodies.values()]), strict=True))
         self._joints = {name: joints for name, _, joints in robots}
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
-        bodies = {name: thing.body for name, thing in objects.items()} | self._robots
-        parts |= {name: parts_of(client, body) for name, body in self._robots.items()}
         for thing in objects.values():
             pybullet.removeBody(thing.body, physicsClientId=client)
         self.numbers = {name: number for number, name in enumerate(bodies)}

@@ -171,8 +171,8 @@ def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scr
 @compiled
 def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignore[no-untyped-def]
     """Set the colours of the pixels in which triangles are seen."""
-    normals = np.empty((3, 3), np.float32)
-    last = colour.shape[0] - 1
+    rows, normals = np.empty((3, 6), np.float32), np.empty((3, 3), np.float32)
+    known, last = -1, colour.shape[0] - 1
     left, right, top, bottom = _union(boxes)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
@@ -180,10 +180,10 @@ def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignor
             if face < 0:
                 continue
             part, corners = models.part[face], models.corners[face]
-            b0, b1, b2 = weights_at(
-                _rows_of(scratch, corners[0], corners[1], corners[2]), np.float64(column), np.float64(last - row)
-            )
-            _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+            if face != known:  # most neighbours are of one triangle
+                known, rows = face, _rows_of(scratch, corners[0], corners[1], corners[2])
+                _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
+            b0, b1, b2 = weights_at(rows, np.float64(column), np.float64(last - row))
             ambient, reflected = brightness(normals, b0, b1, b2, light)
             for i in range(3):
                 own = np.float32(models.colour[part, i])

@@ -5,7 +5,7 @@ from chmarl_pb.world.bodies import (
     Graspable,
     Pose,
     Vector,
-    loaded_graspable,
+    loaded_graspables,
     loaded_home,
     yaw_quaternion,
 )
@@ -31,7 +31,7 @@ __all__ = [
     "Vector",
     "World",
     "WorldState",
-    "loaded_graspable",
+    "loaded_graspables",
     "loaded_home",
     "quiet",
     "yaw_quaternion",

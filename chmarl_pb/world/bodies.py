@@ -1,7 +1,7 @@
 """Bodies in a PyBullet client: poses, loading a home and graspable objects."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
-from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
+from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.plain import plain_copy, plain_files
@@ -49,11 +49,6 @@ def yaw_quaternion(yaw: float) -> Vector:
     return (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
 
 
-def _parking_place(class_name: str, known: Catalog) -> Vector:
-    x, y, z = _PARKING
-    return (x, y, z + 0.5 * list(known.graspables).index(class_name))
-
-
 @contextmanager
 def loaded_home(client: int, home: Home) -> Iterator[int]:
     """Load a home into a client and yield its body id; while the context lasts, its meshes are where PyBullet says.
@@ -84,24 +79,23 @@ def _plain_file(home: Home) -> Iterator[Path]:
 
 
 @contextmanager
-def _model_file(row: ThingClass) -> Iterator[Path]:
-    """Yield the URDF of a class; of a user's own it is there as long as the context lasts."""
-    if not row.model:
-        yield catalog.graspable_urdf(row.name)
-        return
-    with plain_files(dict(row.model)) as urdf:
-        yield urdf
+def loaded_graspables(client: int, known: Catalog = BENCHMARK) -> Iterator[dict[str, Graspable]]:
+    """Load one object of every graspable class, parked and frozen, and yield them by their names.
 
-
-@contextmanager
-def loaded_graspable(client: int, class_name: str, known: Catalog = BENCHMARK) -> Iterator[Graspable]:
-    """Load one object of a class, parked and frozen; while the context lasts, its meshes are where PyBullet says.
+    While the context lasts, their meshes are where PyBullet says.
 
     Raises:
-        AssetError: its URDF is missing or is not one link with one collision shape.
+        AssetError: a URDF is missing or is not one link with one collision shape.
     """
-    with _model_file(known.graspables[class_name]) as path:
-        yield _load_graspable(client, path, _parking_place(class_name, known))
+    rows = known.graspables.values()
+    own = {name: content for row in rows for name, content in row.model}
+    with plain_files(own) if own else nullcontext(Path()) as folder:
+        paths = [folder / row.model[0][0] if row.model else catalog.graspable_urdf(row.name) for row in rows]
+        x, y, z = _PARKING
+        yield {
+            f"{row.name}_1": _load_graspable(client, path, (x, y, z + 0.5 * place))
+            for place, (row, path) in enumerate(zip(rows, paths, strict=True))
+        }
 
 
 def _load_graspable(client: int, path: Path, parked: Vector) -> Graspable:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.homes.home import Home
-from chmarl_pb.world.bodies import UPRIGHT, Pose, Vector, link_names, loaded_graspable, loaded_home, yaw_quaternion
+from chmarl_pb.world.bodies import UPRIGHT, Pose, Vector, link_names, loaded_graspables, loaded_home, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet
 from chmarl_pb.world.client import Client, Uncopied
 
@@ -69,10 +69,8 @@ class Physics(Uncopied):
             with loaded_home(self.client, home) as body:
                 self.home = body
             self.links = {name: number for number, name in enumerate(link_names(self.client, self.home))}
-            self.objects = {}
-            for name in home.catalog.graspables:
-                with loaded_graspable(self.client, name, home.catalog) as thing:
-                    self.objects[f"{name}_1"] = thing
+            with loaded_graspables(self.client, home.catalog) as objects:
+                self.objects = objects
         except BaseException:
             self.close()
             raise

@@ -121,7 +121,7 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
 
     place = {
         "home": (physics_module, "loaded_home"),
-        "object": (physics_module, "loaded_graspable"),
+        "object": (physics_module, "loaded_graspables"),
         "robot": (RobotModel, "load"),
         "renderer": (sys.modules["chmarl_pb.rendering.fast"], "home_views"),
     }[where]
