@@ -1,23 +1,30 @@
-"""``chmarl-pb cache``: show, clear or fill the pictures of homes on disk."""
+"""``chmarl-pb cache``: show, clear or fill what is kept on disk: pictures, generated homes, trials of homes."""
 
 import argparse
+import shutil
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.files import cache_folder
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.rendering.view_store import Entry, view_store
+
+_MB = 2**20
+#: Folder of the cache -> what is in it, and which of its files are counted.
+_OTHERS = {"homes": ("generated homes", "*.urdf"), "trials": ("trials of homes", "*.json")}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=_run)
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--clear", action="store_true", help="remove them")
+    what.add_argument("--clear", action="store_true", help="remove them all")
     what.add_argument("--fill", nargs="+", metavar="HOME", help="draw all views of these homes, e.g. before a training")
     parser.add_argument("--size", type=int, default=128, metavar="N", help="pixels of the views to draw (default: 128)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that draw (default: 2)")
@@ -31,20 +38,34 @@ def _run(options: argparse.Namespace) -> int:
 
 def run_cache(clear: bool) -> int:
     """Print what is stored and where, or remove it all."""
+    folder = cache_folder()
+    if folder is None:
+        print("nothing is stored on disk")
+        return 0
+    for name, (what, pattern) in _OTHERS.items():
+        _run_other(folder / name, what, pattern, clear)
     store = view_store()
     if store is None:
-        print("no pictures are stored on disk")
         return 0
     entries = store.entries()
-    size = sum(entry.bytes for entry in entries) / 2**20
+    size = sum(entry.bytes for entry in entries) / _MB
     if clear:
         store.clear()
         print(f"{store.folder}: removed {len(entries)} files, {size:,.1f} MB")
         return 0
     if entries:
         _print_table(entries)
-    print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / 2**20:,.0f} MB")
+    print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / _MB:,.0f} MB")
     return 0
+
+
+def _run_other(folder: Path, what: str, pattern: str, clear: bool) -> None:
+    """Print how many files that fit a pattern are in a folder, and the size of all, or remove it."""
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / _MB
+    count = sum(1 for _ in folder.rglob(pattern))
+    print(f"{folder}: {'removed ' if clear else ''}{count:,} {what}, {size:,.1f} MB")
+    if clear:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def run_fill(homes: Sequence[str], size: int, workers: int) -> int:
@@ -80,5 +101,5 @@ def _print_table(entries: list[Entry]) -> None:
     for entry in reversed(entries):
         used = datetime.fromtimestamp(entry.used).strftime("%Y-%m-%d %H:%M")
         what = entry.path.stem.rpartition("_")[0]
-        table.add_row(what, f"{entry.bytes / 2**20:,.1f}", used)
+        table.add_row(what, f"{entry.bytes / _MB:,.1f}", used)
     Console().print(table)

@@ -1,4 +1,4 @@
-"""`chmarl-pb cache`: the view store is shown, cleared and filled."""
+"""`chmarl-pb cache`: what is kept is shown and cleared, and the view store is filled."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,11 +7,14 @@ from typing import Any
 import pytest
 
 from chmarl_pb.cli import main
+from chmarl_pb.files import cache_folder
+from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.rendering.view_store import view_store
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.sensing import view_filling as fill
+from chmarl_pb.tasks.verdict import _keep
 from tests.helpers.stored_views import SIZE, looks, used
 
 
@@ -24,6 +27,17 @@ def test_the_command_shows_and_clears(folder: Path, home: Home, capsys: pytest.C
     assert list(folder.iterdir()) == []
     assert main(["cache"]) == 0
     assert "0 files" in capsys.readouterr().out
+
+
+def test_generated_homes_and_trials_are_shown_and_cleared(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    generate_home(3)
+    _keep("a key", cache_folder(), ())
+    assert main(["cache"]) == 0
+    shown = capsys.readouterr().out
+    assert "1 generated homes, 0." in shown and "1 trials of homes, 0.0 MB" in shown
+    assert main(["cache", "--clear"]) == 0
+    assert "removed 1 generated homes" in capsys.readouterr().out
+    assert not list(folder.parent.rglob("*.*"))
 
 
 @pytest.fixture
