@@ -28,6 +28,10 @@ _MOST_LOOKS = 2000  # views that a search draws before it gives up; the benchmar
 Cells = tuple[int, ...]  # of a lattice, in which other robots stand
 
 
+class HiddenError(TaskError):
+    """A search has drawn as many views as it may: what is looked for is hidden by what is not solid."""
+
+
 class Oracle:
     """Plans for one robot that can grasp, from whatever state its world is in."""
 
@@ -155,7 +159,7 @@ class Oracle:
                     break  # breadth_first takes the first
                 looks += 1
                 if looks == _MOST_LOOKS:
-                    raise TaskError(f"{what} is not seen from {looks:,} poses on the way; take away what hides it")
+                    raise HiddenError(f"{what} is not seen from {looks:,} poses on the way; take away what hides it")
             return found
 
         return sees

@@ -5,6 +5,7 @@ planner, on a few tasks with fixed seeds.
 """
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from chmarl_pb.rendering.home_views import home_views
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.order import plan_all
+from chmarl_pb.tasks.planner import HiddenError
 from chmarl_pb.tasks.setting import DISTRACTORS, receptacles_of
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.task import Task
@@ -30,6 +32,7 @@ _LOW = 1.9  # metres: what a drone sees below this is floor or furniture
 _OPEN = 0.25  # of a drone's pictures over a room that have to show such
 _VIEWS = 12  # pictures of a room
 _NEAR, _GLANCES = 600, 24  # poses around a receptacle, and how many of them are tried
+_MOST_UNSEEN = 4  # receptacles that are found to be hidden before no others are looked at: each takes 72 views
 _TRIES = 6  # tasks of a pair of classes, until one can be solved
 _HOPELESS = 3  # pairs, the first ones, of which one has to be solved
 _FAILED = 0.1  # of the planned tasks that may fail when they are carried out
@@ -52,8 +55,12 @@ def try_home(simulation: Simulation) -> tuple[Problem, ...]:
         if model.flies:
             _look_down(simulation, model, found)
     if simulation.oracles:
-        for name in home.receptacles:
-            _look_at(simulation, name, found)
+        unseen = (name for name in home.receptacles if not _is_seen(simulation, name))
+        for name in islice(unseen, _MOST_UNSEEN):
+            found.error(
+                f"{simulation.oracle.robot.name} does not see what stands on it, from any of {_GLANCES} poses around "
+                "it; take away what hides it, and let <visual> and <collision> agree", name,
+            )  # fmt: skip
         if not found.errors:
             _try_tasks(simulation, found)
     simulation.world.clear()
@@ -132,8 +139,8 @@ def _look_down(simulation: Simulation, model: RobotModel, found: Findings) -> No
             )  # fmt: skip
 
 
-def _look_at(simulation: Simulation, receptacle: str, found: Findings) -> None:
-    """Look at a mug on a receptacle from poses near it, each farther than the one before."""
+def _is_seen(simulation: Simulation, receptacle: str) -> bool:
+    """Return whether a mug on a receptacle is seen from a pose near it, each tried farther than the one before."""
     world, space, oracle = simulation.world, simulation.space, simulation.oracle
     item, robot = _PROBES[0], oracle.robot
     places = space.places(receptacle, world.size(item))
@@ -146,11 +153,8 @@ def _look_at(simulation: Simulation, receptacle: str, found: Findings) -> None:
         for pose in near[:: max(1, len(near) // _GLANCES)].tolist():
             robot.spawn(pose)
             if item in simulation.renderer.visible(robot.name):
-                return
-    found.error(
-        f"{robot.name} does not see what stands on it, from any of {_GLANCES} poses around it; take away what hides "
-        "it, and let <visual> and <collision> agree", receptacle,
-    )  # fmt: skip
+                return True
+    return False
 
 
 def _try_tasks(simulation: Simulation, found: Findings) -> None:
@@ -160,7 +164,11 @@ def _try_tasks(simulation: Simulation, found: Findings) -> None:
     rng = np.random.default_rng(_SEED)
     trials: list[_Trial] = []
     for pair in _pairs(classes):
-        trials.append(_try_pair(simulation, *pair, rng))
+        try:
+            trials.append(_try_pair(simulation, *pair, rng))
+        except HiddenError as error:  # other tasks would take as long, and so would resets
+            found.error(str(error))
+            return
         if len(trials) >= _HOPELESS and not any(trial.objects for trial in trials):
             break
     solved = [trial for trial in trials if trial.objects]
@@ -213,6 +221,8 @@ def _try_pair(simulation: Simulation, source: str, target: str, rng: np.random.G
         try:
             goals = simulation.begin(task).goals
             objects, actions = len(simulation.world.objects), plan_all(oracle, goals).actions
+        except HiddenError:
+            raise
         except TaskError as error:
             reason = str(error)
             continue

@@ -13,7 +13,7 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.navigation.free_space import space_of
-from chmarl_pb.tasks import verdict
+from chmarl_pb.tasks import planner, verdict
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.verdict import judge
 from tests.helpers.small_homes import SMALL_HOME, Boxes, home_text
@@ -153,6 +153,43 @@ def test_a_sparse_large_home_is_ready_after_few_views(write_home: Write, draws: 
     assert len(draws) < 600  # each takes 4 ms; 10,000 were drawn for one reset once
     env.close()
     simulation.close()
+
+
+def curtain(number: int, size: tuple[float, ...], place: tuple[float, ...]) -> str:
+    """Return a link that is seen, but not solid."""
+    where, extents = (" ".join(map(str, values)) for values in (place, size))
+    name = f"livingroom/curtain_{number}"
+    return (
+        f'<link name="{name}"><visual><origin xyz="{where}"/><geometry><box size="{extents}"/></geometry></visual>'
+        f'</link>\n<joint name="to_{name}" type="fixed"><parent link="world"/><child link="{name}"/></joint>\n'
+    )
+
+
+def test_few_views_are_drawn_of_furniture_behind_curtains(write_home: Write, draws: list[int]) -> None:
+    home: Boxes = {"livingroom/floor_1": ((60, 6, 0.1), (0, 0, -0.05))}
+    hidden = ""
+    for number in range(24):
+        place = (2.4 * number - 28, 1.5, 0.375)
+        home[f"livingroom/{('desk', 'cabinet')[number % 2]}_{number}"] = ((1.0, 0.6, 0.75), place)
+        hidden += curtain(number, (1.06, 0.66, 2.0), (*place[:2], 1.0))
+    errors = judge(write_home(home_text(home, hidden))).errors
+    assert len(errors) == 4 and all("does not see what stands on it" in str(error) for error in errors)
+    assert len(draws) < 600
+
+
+def test_a_home_in_which_a_search_is_hopeless_is_refused(
+    write_home: Write, monkeypatch: pytest.MonkeyPatch, draws: list[int]
+) -> None:
+    monkeypatch.setattr(planner, "_MOST_LOOKS", 5)
+    home: Boxes = {
+        "livingroom/floor_1": ((20, 6, 0.1), (0, 0, -0.05)),
+        "livingroom/desk_1": ((1.2, 0.6, 0.75), (9, 2, 0.375)),
+        "livingroom/sofa_1": ((1.8, 0.8, 0.45), (-9, 2, 0.225)),
+    }
+    path = write_home(home_text(home, curtain(1, (0.02, 6.0, 2.4), (7.5, 0, 1.2))))
+    (error,) = judge(path).errors
+    assert "is not seen from 5 poses on the way" in str(error) and "take away what hides it" in str(error)
+    assert len(draws) < 400
 
 
 def test_a_trial_is_kept_by_the_content_of_the_files(
