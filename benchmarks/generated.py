@@ -1,7 +1,7 @@
 """Check generated homes and tell what they are like, beside the benchmark's: ``python -m benchmarks.generated``.
 
-Each home is made from its seed, checked, and tasks drawn for it are solved by the planner. Results are kept, one line a
-home, so that a run that was stopped goes on where it was.
+Each home is made from its seed, checked, and tasks are drawn for it as environments draw them: anew until the planner
+solves one. Results are kept, one line a home, so that a run that was stopped goes on where it was.
 """
 
 import argparse
@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 from itertools import permutations, product
 from pathlib import Path
@@ -28,8 +29,11 @@ from chmarl_pb.homes.layout import Layout, load_layout
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
+from chmarl_pb.tasks.source import draw_solvable
+from chmarl_pb.tasks.task import Task
 
 RESULTS = Path(__file__).parents[1] / "out" / "generated.jsonl"
+_KEPT = ("seed", "problems", "tasks", "solved", "unsolved")
 Likeness = dict[str, Any]  # numbers, the text of the graph of rooms, and how many of each class
 
 
@@ -41,9 +45,9 @@ class Result:
         seed: of the home.
         seconds: processor time that making it took, URDF included.
         problems: why it cannot be played; empty if it can.
-        tasks: how many were drawn.
-        solved: how many of them the planner solved.
-        unsolved: why it did not solve the others.
+        tasks: how many an environment would have played, each solved by the planner.
+        solved: of them, how many are what was drawn first.
+        unsolved: why the first draws of the others were drawn again.
         likeness: what the home is like.
     """
 
@@ -68,25 +72,41 @@ def examine(seed: int, tasks: int, folder: Path) -> Result:
     path = generate_home(seed, folder)
     seconds = time.process_time() - start
     problems = tuple(map(str, check_home(path).problems))
-    unsolved = () if problems or not tasks else tuple(_unsolved(path, seed, tasks))
+    played, again = 0, list[str]()
+    if not problems and tasks:
+        try:
+            for reason in _draw(path, seed, tasks):
+                played += 1
+                again += [reason] if reason else []
+        except TaskError as error:
+            problems = (str(error),)
     path.unlink()
-    return Result(
-        seed, seconds, problems, tasks, tasks - len(unsolved), unsolved, like(load_layout(path.with_suffix(".toml")))
-    )
+    likeness = like(load_layout(path.with_suffix(".toml")))
+    return Result(seed, seconds, problems, played, played - len(again), tuple(again), likeness)
 
 
-def _unsolved(path: Path, seed: int, tasks: int) -> Iterator[str]:
-    """Yield for each of some drawn tasks that the planner cannot solve why it cannot."""
+def _draw(path: Path, seed: int, tasks: int) -> Iterator[str]:
+    """Draw tasks as an environment does, and yield for each why the first draw of it cannot be solved, if so.
+
+    Raises:
+        TaskError: no draw can be solved.
+    """
     simulation, rng = Simulation(str(path)), np.random.default_rng(seed)
     try:
         for _ in range(tasks):
-            task = sample_task(simulation.space, str(path), rng)
-            try:
-                simulation.solve(task)
-            except TaskError as error:
-                yield f"{task.graspable}, {task.source} to {task.target}: {error}"
+            first = sample_task(simulation.space, str(path), deepcopy(rng))
+            task = draw_solvable(simulation, str(path), rng)
+            yield "" if task.seed == first.seed else _why_not(simulation, first)
     finally:
         simulation.close()
+
+
+def _why_not(simulation: Simulation, task: Task) -> str:
+    try:
+        simulation.solve(task)
+    except TaskError as error:
+        return f"{task.graspable}, {task.source} to {task.target}: {error}"
+    raise AssertionError(f"{task} is solved at times")
 
 
 def like(layout: Layout) -> Likeness:
@@ -130,11 +150,11 @@ def report(results: Sequence[Result]) -> str:
     """Return tables of what was found, beside the benchmark's homes."""
     ours = [result.likeness for result in results]
     theirs = [like(load_layout(path)) for path in sorted(SCENES_DIR.glob("home_*.toml"))]
-    good, drawn = sum(not r.problems for r in results), sum(r.tasks for r in results)
+    good, played = sum(not r.problems for r in results), sum(r.tasks for r in results)
     seconds = sorted(result.seconds for result in results)
     lines = [
-        f"{good:,} of {len(results):,} homes can be played; the planner solves {sum(r.solved for r in results):,} of "
-        f"{drawn:,} tasks drawn, first draws",
+        f"{good:,} of {len(results):,} homes can be played; {played:,} tasks are solved by the planner, "
+        f"{sum(r.solved for r in results):,} of them as drawn first",
         f"seconds of processor time to make one: median {seconds[len(seconds) // 2]:.2f}, most {seconds[-1]:.2f}",
         f"{len({home['graph'] for home in ours})} distinct graphs of rooms; the benchmark's {len(theirs)} homes have "
         f"{len({home['graph'] for home in theirs})}",
@@ -164,20 +184,26 @@ def main() -> None:
     """Parse the command line, examine the homes that are missing, and print the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--homes", type=int, default=1000, help="how many seeds, from 0 on (default: %(default)s)")
-    parser.add_argument("--tasks", type=int, default=3, help="tasks drawn for each (default: %(default)s)")
+    parser.add_argument("--tasks", type=int, default=3, help="tasks of each (default: %(default)s)")
+    parser.add_argument("--json", type=Path, help="file for what became of each home and its tasks")
     parser.add_argument("--results", type=Path, default=RESULTS, help="kept results (default: %(default)s)")
     options = parser.parse_args()
     os.environ["CHMARL_CACHE"] = "off"  # views of homes that nobody enters again
     known = {}
     if options.results.is_file():
         rows = map(json.loads, options.results.read_text().splitlines())
-        known = {row["seed"]: Result(**row) for row in rows if row["tasks"] == options.tasks}
+        known = {row["seed"]: Result(**row) for row in rows if row["problems"] or row["tasks"] == options.tasks}
+    options.results.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(options.homes):
             if seed not in known:
                 known[seed] = examine(seed, options.tasks, Path(folder))
                 append_line(options.results, json.dumps(asdict(known[seed])))
-    print(report([known[seed] for seed in range(options.homes)]))
+    results = [known[seed] for seed in range(options.homes)]
+    print(report(results))
+    if options.json:
+        rows = [json.dumps({key: getattr(result, key) for key in _KEPT}) for result in results]
+        options.json.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
