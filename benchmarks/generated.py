@@ -202,8 +202,8 @@ def main() -> None:
     results = [known[seed] for seed in range(options.homes)]
     print(report(results))
     if options.json:
-        rows = [json.dumps({key: getattr(result, key) for key in _KEPT}) for result in results]
-        options.json.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
+        lines = [json.dumps({key: getattr(result, key) for key in _KEPT}) for result in results]
+        options.json.write_text("[\n" + ",\n".join(lines) + "\n]\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
