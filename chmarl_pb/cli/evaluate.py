@@ -39,6 +39,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
     parser.add_argument("--goal", action="store_true", help=GOAL)
+    parser.add_argument("--pointing", action="store_true", help="Pick and Place name a cell of the robot's picture")
     parser.add_argument(
         "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
     )
@@ -73,7 +74,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
             feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
-            catalog=options.catalog,
+            catalog=options.catalog, pointing=options.pointing,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)

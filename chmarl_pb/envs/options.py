@@ -16,6 +16,7 @@ from chmarl_pb.policies.sources import name_of
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.sensing.cells import NodeViewSensor
 from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
@@ -55,6 +56,8 @@ class Options:
         execution: "instant" or "simulated".
         render_mode: None, "rgb_array" or "human".
         renderer: "fast", or "tiny" for plain TinyRenderer: the same pictures, far slower.
+        pointing: whether Pick and Place name a cell of the robot's picture and act on what is there, see
+            :mod:`chmarl_pb.tasks.pointing`; scene graphs then tell where nodes are in it.
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
         robots: one to eight robots in the order in which they act: names of the package's, paths of robot files, or
             :class:`RobotModel` objects.
@@ -76,6 +79,7 @@ class Options:
     renderer: str = "fast"
     robots: tuple[str | Path | RobotModel, ...] = TEAM
     catalog: str | Path | None = None
+    pointing: bool = False
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -94,6 +98,7 @@ class Options:
         _one_of("messages", self.messages, (True, False), Channel)
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
+        _one_of("pointing", self.pointing, (True, False))
         _one_of("task", self.task, tuple(KINDS), TaskKind)
         team_of(self.robots)
         object.__setattr__(self, "robots", tuple(self.robots))  # a list of the same is the same option
@@ -111,7 +116,9 @@ class Options:
 
     def sensors_of(self, known: Catalog) -> tuple[Sensor, ...]:
         """Return what every robot observes the classes of a catalogue with, in order."""
-        return tuple(self._sensor(part, known) if isinstance(part, str) else part for part in self._observed())
+        parts = self._observed()
+        own = [self._sensor(part, known) if isinstance(part, str) else part for part in parts]
+        return (*own, NodeViewSensor()) if self.pointing and "scene_graph" in parts else tuple(own)
 
     def _sensor(self, name: str, known: Catalog) -> Sensor:
         if name in CAMERA_SENSORS:

@@ -15,6 +15,7 @@ from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
 from chmarl_pb.robots.motion import Motion
+from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.robots.robot import decide
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks import language
@@ -25,7 +26,6 @@ from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS, Simulations
 from chmarl_pb.tasks.source import TaskSource
-from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.tasks.verdict import require_playable
 from chmarl_pb.world import World
@@ -87,7 +87,10 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.catalog = self.options.things
         self._kind = speaking_of(self.options.kind, self.catalog)
         self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
-        load = partial(Simulation, models=self._models, renderer=self.options.renderer, known=self.catalog)
+        given = self.options
+        load = partial(
+            Simulation, models=self._models, renderer=given.renderer, known=self.catalog, pointing=given.pointing
+        )
         # The endless split does not come back to a home.
         self._simulations = Simulations(load, 1 if self.episodes_in_a_home > 1 else MOST_SIMULATIONS)
         if self.options.home is not None:
@@ -271,9 +274,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return {name: self.action_name(name, actions[name]) for name in self._models}
 
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
-        outcome, goals = self.outcome, self.setting.goals
-        wanted = {name: target_of(goals, outcome.state, name, outcome.seen[name]) for name in self.setting.graspers}
-        return decide(self.simulation.robots, names, wanted, outcome.seen)
+        seen = self.outcome.seen
+        wanted = self.simulation.targets(names, self.setting.goals, seen)
+        return decide(self.simulation.robots, {name: verb_of(action) for name, action in names.items()}, wanted, seen)
 
     def _look(self) -> Outcome:
         seen = {name: self.simulation.renderer.visible(name) for name in self._models}

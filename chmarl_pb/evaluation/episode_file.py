@@ -23,6 +23,7 @@ _DEFAULTS: dict[str, Any] = {
     "robots": TEAM,
     "task": "rearrange",
     "catalog": None,
+    "pointing": False,
 }  # options that are there if they are others
 
 
@@ -35,7 +36,7 @@ class EpisodeFile:
         policy: name of the policy that played it.
         seed: of the policy.
         options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots,
-            task and catalog where they are not the benchmark's.
+            task, catalog and pointing where they are not the benchmark's.
         actions: T times the number of each robot's action.
         rewards: T shared rewards.
         states: T + 1 state hashes, the first after the reset.
@@ -99,7 +100,7 @@ def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
     options = {option: getattr(given, option) for option in _OPTIONS} | {"observation": given.observation_name}
     robots = tuple(str(robot) if isinstance(robot, Path) else robot for robot in given.robots)
     catalog = None if given.catalog is None else str(given.catalog)
-    others = {"robots": robots, "task": given.task, "catalog": catalog}
+    others = {"robots": robots, "task": given.task, "catalog": catalog, "pointing": given.pointing}
     names = (*options.values(), *robots, given.task)
     if ":" in options["observation"] or not all(isinstance(name, str | int) for name in names):
         raise OptionError(

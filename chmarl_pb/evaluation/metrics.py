@@ -10,7 +10,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
 from chmarl_pb.evaluation.intervals import interval
-from chmarl_pb.evaluation.optimum import Optimum, optimum, plays_with_team
+from chmarl_pb.evaluation.optimum import Optimum, optimum, tasks_say_optimum
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 
@@ -116,7 +116,7 @@ def played(env: HouseholdEnv, episode: Episode, seed: int) -> Played:
         TaskError: other robots than the benchmark's have solved a task that the planner cannot solve with them.
     """
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
-    shortest = optimum(env) if episode.success and not plays_with_team(env) else None
+    shortest = optimum(env) if episode.success and not tasks_say_optimum(env) else None
     return Played(episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest)
 
 

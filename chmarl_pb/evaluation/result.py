@@ -55,9 +55,10 @@ class Report:
 
     @property
     def changed(self) -> str:
-        """Names of the environment, robots and objects that are not the benchmark's own; empty if there are none."""
-        robots = self.settings["options"].get("robots")
-        return ", ".join(part for part in (self.foreign, f"robots {', '.join(robots)}" if robots else "") if part)
+        """Names of environment, robots, objects and rules that are not the benchmark's own; empty if there are none."""
+        robots, pointing = (self.settings["options"].get(name) for name in ("robots", "pointing"))
+        own = (f"robots {', '.join(robots)}" if robots else "", "pointing" if pointing else "")
+        return ", ".join(part for part in (self.foreign, *own) if part)
 
     @property
     def foreign(self) -> str:

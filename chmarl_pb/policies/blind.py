@@ -12,8 +12,8 @@ import numpy as np
 from chmarl_pb.policies.narrow_views import BlindView, Chooser, Narrowed, blind_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.search import sweep_of
+from chmarl_pb.robots.pointing import VERBS
 
-VERBS = ("pick", "place")
 _ROUND = 11  # turns of 30 degrees after the first look
 _PACES = 3  # forward moves before it looks around again
 _BACK = {"turn_left": "turn_right", "turn_right": "turn_left"}

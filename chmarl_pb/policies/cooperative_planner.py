@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from chmarl_pb.errors import TaskError
 from chmarl_pb.policies.policy import Actions, Infos, Observations, PolicyEnv
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.robots.pointing import cell_of, place_of, verb_of
 from chmarl_pb.robots.robot import Robot, taken_cells
 from chmarl_pb.tasks.order import plan_team
 from chmarl_pb.tasks.planner import Cells, Oracle, breadth_first, free_moves
@@ -43,6 +44,7 @@ class GraspingPlanner:
         self.found: set[str] = set()
         self.target = goal.receptacles[0]
         self._ways: dict[_State, list[str]] = {}
+        self._supports = oracle.world.supports
 
     def way(self) -> list[str]:
         """Return the shortest list of actions from here to the goal.
@@ -50,17 +52,27 @@ class GraspingPlanner:
         Raises:
             TaskError: there is none.
         """
-        robot = self.oracle.robot
+        robot, supports = self.oracle.robot, self.oracle.world.supports
+        if self.oracle.pointer is not None and supports is not self._supports:
+            self._ways, self._supports = {}, supports  # other objects may have been moved, and may hide what was seen
         here, taken = (robot.pose, robot.held), taken_cells(robot)
         way = self._ways.get(here)
-        if way is None or (taken and self._is_blocked(way, taken)):
+        if way is None or (taken and self._is_blocked(way, taken)) or (way and not self._still_points(way[0], taken)):
             self._plan_way(here, taken)
         return self._ways[here]
+
+    def _still_points(self, action: str, taken: Cells) -> bool:
+        """Return whether an action means what was planned: other robots, or what they hold, may have come into view."""
+        if cell_of(action) is None or self.oracle.robot.held not in (None, self.goal.item):
+            return True
+        return action in self.oracle.useful(self.goal, self._goals, taken)
 
     def _is_blocked(self, way: list[str], taken: Cells) -> bool:
         """Return whether another robot stands where the first action leads."""
         action = way[0] if way else "stay"
-        return action not in self.oracle.robot.arm_actions and self.oracle.robot.plan(action, taken=taken) is None
+        return (
+            verb_of(action) not in self.oracle.robot.arm_actions and self.oracle.robot.plan(action, taken=taken) is None
+        )
 
     def _plan_way(self, state: _State, taken: Cells) -> None:
         """Plan, and remember what is left to do in every state on the way; others stay where they are."""
@@ -70,11 +82,14 @@ class GraspingPlanner:
         moves = free_moves(robot.lattice, taken)
         for number, action in enumerate(way):
             self._ways[pose, held] = way[number:]
-            if action == "pick":
+            verb = verb_of(action)
+            if verb == "place" and number + 1 < len(way):
+                break  # what was held by mistake is put down: it will be planned anew
+            if verb == "pick":
                 stand = robot.stand(self.goal.item, taken)
                 assert stand is not None, "the oracle has planned this Pick"
                 pose, held = stand, self.goal.item
-            elif action != "place":
+            elif verb != "place":
                 pose = int(moves[pose, moving.index(action)])
         self._ways.setdefault((pose, held), [])
         self.target = self._target_seen_from(pose)
@@ -104,9 +119,10 @@ class FlightPlanner:
             way: what is left of it.
             seen: names of the things in this robot's view.
         """
-        if "pick" in way and plan.goal.item not in plan.found:
+        pick = place_of(way, "pick")
+        if pick is not None and plan.goal.item not in plan.found:
             flight = self._flight(plan.goal.item)
-            if flight and len(flight) < way.index("pick"):
+            if flight and len(flight) < pick:
                 return flight[0]
         if plan.target in seen:
             return "stay"
@@ -191,9 +207,9 @@ class PlannerPolicy:
         try:
             return planner.way()
         except TaskError:
-            if len(self._orders) == 1:
+            if len(self._orders) == 1 and self.env.simulation.pointer is None:
                 raise
-            return []  # another robot is in the way; it will move on
+            return []  # another robot is in the way and will move on, or objects were put where they do not belong
 
     def _flight(self, robot: str, leader: str, ways: dict[str, list[str]], seen: tuple[str, ...]) -> str:
         """Return the action of a robot that flies for one that grasps."""

@@ -9,9 +9,11 @@ from functools import partial
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.policies.blind import VERBS, BlindDrone, BlindHumanoid
+from chmarl_pb.policies.aiming import aimed
+from chmarl_pb.policies.blind import BlindDrone, BlindHumanoid
 from chmarl_pb.policies.narrow_views import Chooser, Narrowed, SeeingView, seeing_view
 from chmarl_pb.policies.policy import grasps
+from chmarl_pb.robots.pointing import VERBS, Cell
 
 
 class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
@@ -36,7 +38,13 @@ class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
         if self._last == VERBS[view.holding]:  # in vain
             self._ruled_out[view.holding].update(self._seen)
         self._seen = view.classes
-        return super().choose(view)
+        verb = super().choose(view)
+        return aimed(verb, self._cell(view)) if verb in VERBS else verb
+
+    def _cell(self, view: SeeingView) -> Cell | None:
+        """Return where what may be wanted is in view."""
+        kinds = self._kinds[view.holding] - self._ruled_out[view.holding]
+        return next((cell for name, cell in view.cells.items() if name in kinds), None)
 
     def _worth_trying(self, view: SeeingView) -> bool:
         return bool((view.classes & self._kinds[view.holding]) - self._ruled_out[view.holding])

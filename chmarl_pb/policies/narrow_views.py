@@ -4,7 +4,7 @@ The policies that show what a score is made of get one of these and nothing else
 anything that is not named here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -12,7 +12,9 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.robots.pointing import Cell
 from chmarl_pb.tasks.language import parse_instructions
 
 Observation = dict[str, np.ndarray]
@@ -42,9 +44,11 @@ class SeeingView(BlindView):
 
     Attributes:
         classes: of the things in its view.
+        cells: class -> the cell at which it is pointed; empty where actions do not point, or pictures are seen.
     """
 
     classes: frozenset[str]
+    cells: Mapping[str, Cell]
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ def blind_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> 
 
 def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> SeeingView:
     """Return the view of a policy that sees but does not read."""
-    return SeeingView(**_blind(rooms, observation), classes=_classes(observation, info, known))
+    return SeeingView(**_blind(rooms, observation), **_seeing(observation, info, known))
 
 
 def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> FullView:
@@ -73,7 +77,7 @@ def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, know
     blind = _blind(rooms, observation)
     pairs = parse_instructions(info["instruction"], known)
     wanted = frozenset(pair[int(blind["holding"])] for pair in pairs)
-    return FullView(**blind, classes=_classes(observation, info, known), wanted=wanted)
+    return FullView(**blind, **_seeing(observation, info, known), wanted=wanted)
 
 
 def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
@@ -83,6 +87,10 @@ def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
         "messages": (known[0], known[1]), "feedback": bool(observation["feedback"].any()),
         "room": rooms[own] if own < len(rooms) else None, "holding": bool(observation["self"][-1]),
     }  # fmt: skip
+
+
+def _seeing(observation: Observation, info: Info, known: Catalog) -> dict[str, Any]:
+    return {"classes": _classes(observation, info, known), "cells": cells_of(observation, known)}
 
 
 def _classes(observation: Observation, info: Info, known: Catalog) -> frozenset[str]:
@@ -136,6 +144,6 @@ class Narrowed(Generic[View]):
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own view alone."""
         return {
-            name: self.actions[name].index(chooser.choose(self._view(self.rooms, observations[name], infos[name])))
+            name: number_of(self.actions[name], chooser.choose(self._view(self.rooms, observations[name], infos[name])))
             for name, chooser in self.choosers.items()
         }

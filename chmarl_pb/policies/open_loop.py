@@ -10,6 +10,7 @@ from itertools import chain, cycle
 from pathlib import Path
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.tasks.language import parse_instructions
 
@@ -32,7 +33,7 @@ class OpenLoopPolicy:
         """Return robot -> number of its action."""
         for robot in self.actions.keys() - self._tours.keys():
             self._tours[robot] = self._begin(robot, infos[robot]["instruction"])
-        return {robot: names.index(next(self._tours[robot])) for robot, names in self.actions.items()}
+        return {robot: number_of(names, next(self._tours[robot])) for robot, names in self.actions.items()}
 
     def _begin(self, robot: str, instruction: str) -> Iterator[str]:
         (_, target), *_ = parse_instructions(instruction, self._catalog)

@@ -7,6 +7,7 @@ import numpy as np
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import OptionError
+from chmarl_pb.robots.pointing import place_of
 
 Observations = dict[str, dict[str, np.ndarray]]
 Infos = dict[str, dict[str, Any]]
@@ -70,7 +71,7 @@ class PolicyEnv(Protocol):
 
 def grasps(actions: Sequence[str]) -> bool:
     """Return whether a robot with these actions can grasp."""
-    return "pick" in actions
+    return place_of(actions, "pick") is not None
 
 
 #: Makes the policy that drives an environment.

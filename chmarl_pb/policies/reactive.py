@@ -5,9 +5,11 @@ from functools import partial
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.aiming import aimed
 from chmarl_pb.policies.narrow_views import Chooser, FullView, Narrowed, full_view
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
+from chmarl_pb.robots.pointing import VERBS
 
 _TRY = 0.85  # how often it picks or places what it sees; else it moves on, lest it fails for ever
 _MOVES = ("turn_left", "move_forward", "goto")
@@ -28,7 +30,8 @@ class ReactiveHumanoid:
     def choose(self, view: FullView) -> str:
         """Return the name of the next action."""
         if view.wanted & view.classes and self._rng.random() < _TRY:
-            return "place" if view.holding else "pick"
+            cells = [cell for name, cell in view.cells.items() if name in view.wanted]
+            return aimed(VERBS[view.holding], next(iter(cells), None))
         known = view.messages[view.holding]
         if known and view.room not in known:
             return f"goto_{self._rng.choice(known)}"

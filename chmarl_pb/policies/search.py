@@ -15,8 +15,10 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.tidying import Tidying
+from chmarl_pb.robots.pointing import Cell, verb_of
 from chmarl_pb.tasks.language import parse_instructions
 
 _SIDES = ("turn_left", "turn_right")
@@ -57,6 +59,7 @@ class HumanoidSearch:
         self._looks: list[str] = []
         self._searched: set[str] = set()
         self._wanted, self._tried = frozenset[str](), ""
+        self._away = False  # whether it has just put down what was picked by mistake
         self._tidying = Tidying()
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
@@ -67,11 +70,11 @@ class HumanoidSearch:
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
-        return self.actions.index(self._choose(observation, info))
+        return number_of(self.actions, self._choose(observation, info))
 
     def note(self, action: int) -> None:
         """Go on from the action that was taken, whatever was proposed."""
-        self._tried = done = self.actions[action]
+        self._tried = done = verb_of(self.actions[action])
         if done.startswith("goto_"):
             self._looks = self._round()
             return
@@ -82,19 +85,31 @@ class HumanoidSearch:
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
         pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
+        cells = cells_of(observation, self._catalog)
+        if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
+            return self._put_away(cells, info["action_success"])
         seen = frozenset(map(catalog.class_of, info["visible"]))
-        wanted = self._tidying.wanted(pairs, holding, seen, self._tried, info["action_success"])
+        tried, self._away = "" if self._away else self._tried, False
+        wanted = self._tidying.wanted(pairs, holding, seen, tried, info["action_success"])
         verb, row = ("place", 1) if holding else ("pick", 0)
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
         here = room_of(observation, self.rooms)
         failed = self._tried == verb and not info["action_success"]
-        if wanted & seen and not failed:
-            return verb
+        aims = [cell for name, cell in cells.items() if name in wanted]
+        if wanted & seen and not failed and (aims or "node_view" not in observation):
+            return aimed(verb, aims[0] if aims else None)
         known = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
         if len(pairs) > 1:  # the board does not say which object has been seen where
             known = self._not_searched(here, known)
         return self._look_around(here, known)
+
+    def _put_away(self, cells: dict[str, Cell], succeeded: bool) -> str:
+        """Put down what was picked by mistake, on anything that is in view."""
+        tops = [cell for name, cell in cells.items() if name in self._catalog.receptacles]
+        failed = self._tried == "place" and not succeeded
+        self._away = bool(tops) and not failed
+        return aimed("place", tops[0]) if self._away else _SIDES[0]
 
     def _not_searched(self, here: str | None, known: list[str]) -> list[str]:
         """Return the rooms of the board in which it has not yet looked all around."""

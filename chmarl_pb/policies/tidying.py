@@ -36,5 +36,5 @@ class Tidying:
             self._carried = [*self._carried[1:], self._carried[0]]  # it was of another goal
         self._seen = seen
         if holding:
-            return frozenset({(self._carried or left)[0][1]})
+            return frozenset({(self._carried or left or [*pairs])[0][1]})
         return frozenset(x for x, _ in [pair for pair in left if pair not in self._done] or pairs)

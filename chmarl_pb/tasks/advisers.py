@@ -67,17 +67,18 @@ class MissedChance:
 
     def __init__(self, simulation: Simulation, robot: str, goals: Goals):
         """Watch a robot in an episode that begins in a simulation."""
-        self._robot, self._goals = simulation.robots[robot], goals
+        self._oracle, self._goals = simulation.oracles[robot], goals
         self._missed: str | None = None
 
     def before(self, action: str, outcome: Outcome) -> None:
         """Ask whether Pick or Place would work now, unless that is what the robot does."""
-        robot, seen = self._robot, outcome.seen[self._robot.name]
-        goal = target_of(self._goals, outcome.state, robot.name, seen)
+        robot = self._oracle.robot
+        goal = target_of(self._goals, outcome.state, robot.name, outcome.seen[robot.name])
         missed = within_sight(goal, outcome, robot.name)
-        if missed == action or (missed and robot.plan(missed, goal, seen, taken_cells(robot)) is None):
-            missed = None
-        self._missed = missed
+        if missed and missed != action:
+            useful = list(self._oracle.useful(goal, self._goals, taken_cells(robot)))
+            missed = missed if useful and action not in useful else None
+        self._missed = None if missed == action else missed
 
     def after(self, succeeded: bool) -> str | None:
         """Return the Pick or Place that was missed."""

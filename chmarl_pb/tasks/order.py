@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.robots.pointing import place_of
 from chmarl_pb.robots.robot import taken_cells
 from chmarl_pb.tasks.planner import Oracle
 from chmarl_pb.tasks.targets import is_done
@@ -46,10 +47,13 @@ def plan_team(oracles: Mapping[str, Oracle], goals: Sequence[Goal]) -> TeamPlan:
     """
     if len(oracles) == 1:
         ((name, oracle),) = oracles.items()
-        return TeamPlan({name: plan_all(oracle, goals)}, len(goals) == 1 and not _others(oracle))
+        plan = plan_all(oracle, goals)
+        proven = len(goals) == 1 and not _others(oracle) and oracle.surely_shortest(plan.actions)
+        return TeamPlan({name: plan}, proven)
     plans = _share_out(oracles, goals)
     longest = max(len(plan.actions) for plan in plans.values())
-    return TeamPlan(plans, len(goals) == 1 and longest <= _least(oracles, goals[0]))
+    proven = len(goals) == 1 and longest <= _least(oracles, goals[0])
+    return TeamPlan(plans, proven and all(oracles[name].surely_shortest(plan.actions) for name, plan in plans.items()))
 
 
 def _others(oracle: Oracle) -> bool:
@@ -153,7 +157,7 @@ class _Search:
             try:
                 way = self.oracle.plan(goal, self.goals)
                 ways.append((way, goal))
-                self.carrying.setdefault(goal, len(way) - way.index("pick") if "pick" in way else len(way))
+                self.carrying.setdefault(goal, len(way) - (place_of(way, "pick") or 0))
             except TaskError as error:
                 self.reason = str(error)
         return ways

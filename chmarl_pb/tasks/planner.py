@@ -6,10 +6,14 @@ which a Y with a free place is seen, Place. Both ways are found by breadth-first
 lattice; whether a pose sees a thing is answered by the camera itself. No other robot ever shortens a
 plan: only the own view of a robot that can grasp counts. What the others do meanwhile is planned in
 :mod:`chmarl_pb.policies.cooperative_planner`.
+
+Where Pick and Place point, a pose will do only if X, or a Y, has most pixels in some cell. The plan is then the
+shortest of those that touch X alone; see :attr:`Oracle.surely_shortest`.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +23,14 @@ from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.manipulator import MobileManipulator
+from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.robots.robot import Robot, taken_cells
+from chmarl_pb.tasks.pointing import Pointer
 from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.view_bounds import Outlook
 
 Seer = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+_LEAST_ASTRAY = 4  # steps of a plan that also touches something else, or puts X down on the way
 _MOST_LOOKS = 2000  # views that a search draws before it gives up; the benchmark's tasks draw up to about 100
 Cells = tuple[int, ...]  # of a lattice, in which other robots stand
 
@@ -35,15 +42,18 @@ class HiddenError(TaskError):
 class Oracle:
     """Plans for one robot that can grasp, from whatever state its world is in."""
 
-    def __init__(self, robot: MobileManipulator, robots: Mapping[str, Robot], renderer: Renderer):
+    def __init__(
+        self, robot: MobileManipulator, robots: Mapping[str, Robot], renderer: Renderer, pointer: Pointer | None = None
+    ):
         """Plan for a robot.
 
         Args:
             robot: picks and places.
             robots: all robots of its world.
             renderer: tells what they see.
+            pointer: tells what Pick and Place point at; None where they take no argument.
         """
-        self.world, self.space, self.renderer = robot.world, robot.space, renderer
+        self.world, self.space, self.renderer, self.pointer = robot.world, robot.space, renderer, pointer
         self.outlook = Outlook(self.space, robot.model)
         self.robot, self.robots = robot, robots
 
@@ -61,6 +71,8 @@ class Oracle:
         robot, taken = self.robot, () if alone else taken_cells(self.robot)
         if robot.held == goal.item:
             return self._to_place(goal, robot.pose, taken)
+        if robot.held is not None and self.pointer is not None:
+            return self._put_away(robot.held, goal, goals, alone)
         if goal.item not in self.world.supports:
             raise TaskError(f"another robot holds {goal.item}")
         support = self.world.supports[goal.item]
@@ -69,10 +81,43 @@ class Oracle:
         motion_end = robot.stand(goal.item, taken)
         if motion_end is None:
             raise TaskError(f"{goal.item} on {support.receptacle} cannot be reached; choose another place or seed")
-        what = f"{goal.item} on {support.receptacle}"
-        to_pick = self._search(robot.pose, self._sees_item(goal, goals or (goal,), taken), what, taken)
+        to_pick = self._to_pick(goal, goals or (goal,), f"{goal.item} on {support.receptacle}", taken)
         with self._holding(goal.item, motion_end):
-            return [*to_pick, "pick", *self._to_place(goal, motion_end, taken)]
+            return [*to_pick, *self._to_place(goal, motion_end, taken)]
+
+    def surely_shortest(self, plan: Sequence[str]) -> bool:
+        """Return whether no plan that also touches something else than X can be shorter, if no other robot can help.
+
+        Without pointing there is none. With it, Pick and Place of whatever is in view also drive the robot there, which
+        now and then may save steps; such plans have four steps or more.
+        """
+        return self.pointer is None or len(plan) <= _LEAST_ASTRAY
+
+    def useful(self, goal: Goal, goals: Sequence[Goal] = (), taken: Cells = ()) -> Iterator[str]:
+        """Yield the Picks, or Places, that would now bring a goal nearer; of several the one with most pixels first.
+
+        Args:
+            goal: the goal.
+            goals: all goals of the task; this one alone if empty.
+            taken: cells in which other robots stand.
+        """
+        robot, seen = self.robot, self.renderer.visible(self.robot.name)
+        if robot.held == goal.item:
+            in_view = [name for name in goal.receptacles if name in seen]
+            for action, things in self._acting_on("place", in_view):
+                if robot.plan("place", Goal(goal.item, tuple(things)), seen, taken) is not None:
+                    yield action
+        elif robot.held is None:
+            meant = self.pointer is not None or target_of(goals or (goal,), self.world.state, robot.name, seen) == goal
+            if meant and robot.plan("pick", goal, seen, taken) is not None:
+                yield from (action for action, _ in self._acting_on("pick", (goal.item,)))
+
+    def _acting_on(self, verb: str, things: Collection[str]) -> Iterable[tuple[str, Collection[str]]]:
+        """Return the Picks, or Places, that act on one of some things, and on which of them each does."""
+        if self.pointer is None or not things:
+            return [(verb, things)] if things else []
+        shown = self.pointer.shown(self.robot.name, verb)
+        return [(action, (thing,)) for action, thing in shown.items() if thing in things]
 
     def seen_from(self, robot: str, pose: int) -> tuple[str, ...]:
         """Return the names of the things that a robot would see at another pose."""
@@ -102,67 +147,68 @@ class Oracle:
         """Return the actions from a pose with the object in hand up to Place."""
         if self.robot.plan("place", goal, goal.receptacles, taken) is None:
             raise TaskError(f"{goal.item} has no free place within reach on {' or '.join(goal.receptacles)}")
-        sees = self._sees_target(goal, taken)
-        return [*self._search(start, sees, " or ".join(goal.receptacles), taken), "place"]
+        balls = [self._ball(name) for name in goal.receptacles]
+        works = partial(self.useful, goal, taken=taken)
+        return self._search(start, " or ".join(goal.receptacles), balls, lambda: True, works, taken)
 
-    def _search(self, start: int, sees: Seer, what: str, taken: Cells) -> list[str]:
-        moving = [name for name in self.robot.actions if name not in ("pick", "place", "stay")]
-        found = breadth_first(start, free_moves(self.robot.lattice, taken), sees)
-        if found is None:
-            raise TaskError(f"{self.space.home.name}: the {self.robot.name} cannot see {what} from any pose")
-        return [moving[number] for number in found]
+    def _to_pick(self, goal: Goal, goals: Sequence[Goal], what: str, taken: Cells) -> list[str]:
+        """Return the actions with an empty hand up to Pick."""
+        could = partial(self.renderer.could_see, self.robot.name, goal.item)
+        works = partial(self.useful, goal, goals, taken)
+        return self._search(self.robot.pose, what, [self._ball(goal.item)], could, works, taken)
 
-    def _sees_item(self, goal: Goal, goals: Sequence[Goal], taken: Cells) -> Seer:
-        robot = self.robot
+    def _put_away(self, held: str, goal: Goal, goals: Sequence[Goal], alone: bool) -> list[str]:
+        """Return the actions that put down what no goal asks for, as soon as possible, and then reach a goal."""
+        anywhere = Goal(held, tuple(self.space.home.receptacles))
+        away = self._to_place(anywhere, self.robot.pose, () if alone else taken_cells(self.robot))
+        try:
+            with self.acting(away, anywhere):
+                return [*away, *self.plan(goal, goals, alone)]
+        finally:
+            self.world.sync()
 
-        def works() -> bool:
-            seen = self.renderer.visible(robot.name)
-            meant = target_of(goals, self.world.state, robot.name, seen) == goal
-            return meant and robot.plan("pick", goal, seen, taken) is not None
+    def _ball(self, name: str) -> tuple[NDArray[np.float64], float]:
+        """Return the middle and the radius of a ball that holds an object or a receptacle."""
+        return self.centre(name), self.radius(name)
 
-        ball = self.centre(goal.item), self.radius(goal.item)
-        return self._seer(goal.item, [ball], lambda: self.renderer.could_see(robot.name, goal.item), works)
-
-    def _sees_target(self, goal: Goal, taken: Cells) -> Seer:
-        robot = self.robot
-        balls = [(self.centre(name), self.radius(name)) for name in goal.receptacles]
-
-        def works() -> bool:
-            return robot.plan("place", goal, self.renderer.visible(robot.name), taken) is not None
-
-        return self._seer(" or ".join(goal.receptacles), balls, lambda: True, works)
-
-    def _seer(
-        self, what: str, balls: list[tuple[NDArray[np.float64], float]], could: Callable[[], bool],
-        works: Callable[[], bool],
-    ) -> Seer:  # fmt: skip
-        """Return a test of poses: the action works when the robot stands there.
+    def _search(
+        self, start: int, what: str, balls: Sequence[tuple[NDArray[np.float64], float]], could: Callable[[], bool],
+        works: Callable[[], Iterator[str]], taken: Cells,
+    ) -> list[str]:  # fmt: skip
+        """Return the shortest way to a pose where a Pick, or a Place, works, and that at its end.
 
         Args:
+            start: the pose to start from.
             what: is to be seen.
             balls: in which it lies, one of them.
-            could: whether it can be seen if nothing hides it.
-            works: the test itself, which may draw a view of the home.
+            could: whether it can be seen if nothing hides it, when the robot stands there.
+            works: yields the Picks, or Places, that work then; it may draw a view of the home.
+            taken: cells in which other robots stand.
         """
-        looks = 0
+        looks, action = 0, ""
 
         def sees(poses: NDArray[np.int64]) -> NDArray[np.bool_]:
-            nonlocal looks
+            nonlocal looks, action
             maybe = np.logical_or.reduce([self.outlook.may_see(poses, centre, radius) for centre, radius in balls])
             found = np.zeros(len(poses), dtype=bool)
             for number in np.flatnonzero(maybe):
                 with self._standing(int(poses[number])):
                     if not could():
                         continue
-                    found[number] = works()
-                if found[number]:
+                    action = next(works(), "")
+                if action:
+                    found[number] = True
                     break  # breadth_first takes the first
                 looks += 1
                 if looks == _MOST_LOOKS:
                     raise HiddenError(f"{what} is not seen from {looks:,} poses on the way; take away what hides it")
             return found
 
-        return sees
+        moves = breadth_first(start, free_moves(self.robot.lattice, taken), sees)
+        if moves is None:
+            raise TaskError(f"{self.space.home.name}: the {self.robot.name} cannot see {what} from any pose")
+        moving = [name for name in self.robot.actions if name not in (*self.robot.arm_actions, "stay")]
+        return [*(moving[number] for number in moves), action]
 
     @contextmanager
     def acting(self, actions: Sequence[str], goal: Goal) -> Iterator[None]:
@@ -175,7 +221,8 @@ class Oracle:
         try:
             for action in actions:
                 seen, taken = self.renderer.visible(self.robot.name), taken_cells(self.robot)
-                motion = self.robot.plan(action, goal, seen, taken)
+                meant = goal if self.pointer is None else self.pointer.meant(self.robot.name, action)
+                motion = self.robot.plan(verb_of(action), meant, seen, taken)
                 if motion is None or not self.robot.finish(motion):
                     raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")
             yield

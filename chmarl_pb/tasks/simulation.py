@@ -1,6 +1,6 @@
 """A simulation: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
@@ -8,16 +8,20 @@ from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import limits
 from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.rendering.registry import RENDERERS
+from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.pointing import pointing_actions
 from chmarl_pb.robots.registry import TEAM, make_robot, team_of
 from chmarl_pb.robots.robot import Robot, introduce
 from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
 from chmarl_pb.tasks.order import TeamPlan, plan_team
 from chmarl_pb.tasks.planner import Oracle
+from chmarl_pb.tasks.pointing import Pointer
 from chmarl_pb.tasks.setting import Setting, draw_starts
 from chmarl_pb.tasks.splits import check_fixed
+from chmarl_pb.tasks.targets import target_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
 
@@ -32,6 +36,7 @@ class Simulation(Uncopied):
         robots: name -> robot.
         renderer: draws what they see.
         graphs: the scene graphs of what they see.
+        pointer: tells what Pick and Place point at; None where they take no argument.
         oracles: robot that can grasp -> the privileged planner of what it does.
     """
 
@@ -41,6 +46,7 @@ class Simulation(Uncopied):
         models: Mapping[str, RobotModel] | None = None,
         renderer: str = "fast",
         known: Catalog = BENCHMARK,
+        pointing: bool = False,
     ):
         """Load a home.
 
@@ -49,6 +55,7 @@ class Simulation(Uncopied):
             models: robot -> its kind; the benchmark's robots if None.
             renderer: one of :data:`chmarl_pb.rendering.registry.RENDERERS`.
             known: the classes of things.
+            pointing: whether Pick and Place name a cell, see :mod:`chmarl_pb.tasks.pointing`.
 
         Raises:
             HomeError: the home cannot be used.
@@ -75,8 +82,9 @@ class Simulation(Uncopied):
             self._lattices = tuple(robot.lattice for robot in self.robots.values())
             self.renderer = RENDERERS[renderer](self.world, self.models)
             self.graphs = SceneGraphs(self.space, self.world.links, self.renderer.names, self.models)
+            self.pointer = Pointer(self.world, self.renderer) if pointing else None
             self.oracles = {
-                name: Oracle(robot, self.robots, self.renderer)
+                name: Oracle(robot, self.robots, self.renderer, self.pointer)
                 for name, robot in self.robots.items()
                 if isinstance(robot, MobileManipulator)
             }
@@ -87,7 +95,18 @@ class Simulation(Uncopied):
     @property
     def actions(self) -> dict[str, tuple[str, ...]]:
         """Robot -> names of its actions, in the order of their numbers."""
-        return {name: robot.actions for name, robot in self.robots.items()}
+        names = {name: robot.actions for name, robot in self.robots.items()}
+        return names if self.pointer is None else {name: pointing_actions(own) for name, own in names.items()}
+
+    def targets(
+        self, actions: Mapping[str, str], goals: Sequence[Goal], seen: Mapping[str, Sequence[str]]
+    ) -> dict[str, Goal]:
+        """Return robot -> what its Pick or Place acts on: what it points at, else what the task is about."""
+        state, graspers = self.world.state, self.world.graspers
+        if self.pointer is None:
+            return {name: target_of(goals, state, name, seen[name]) for name in graspers}
+        meant = {name: self.pointer.meant(name, actions[name]) for name in graspers}
+        return {name: goal for name, goal in meant.items() if goal is not None}
 
     def begin(self, task: AnyTask, kind: TaskKind = REARRANGE) -> Setting:
         """Lay out a task of a kind and put the robots at their starts.

@@ -2,6 +2,7 @@
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
+from chmarl_pb.robots.pointing import MIDDLE, cell_of, verb_of
 from chmarl_pb.viewer.record import Moment, Recording
 
 
@@ -19,6 +20,8 @@ def action_words(action: str, recording: Recording) -> str:
     """Return an action as a command: ``goto_livingroom`` -> ``Go to the living room``."""
     if action.startswith("goto_"):
         return f"Go to the {room_words(action.removeprefix('goto_'))}"
+    if cell_of(action) is not None:
+        return f"{verb_of(action).capitalize()} at the {cell_words(action)}"
     if action == "pick":
         return f"Pick up the {item_words(recording)}"
     if action == "place":
@@ -30,7 +33,16 @@ def short_action_words(action: str) -> str:
     """Return an action in few words: ``goto_livingroom`` -> ``go to living room``, ``turn_left`` -> ``turn left``."""
     if action.startswith("goto_"):
         return f"go to {room_words(action.removeprefix('goto_'))}"
+    if cell_of(action) is not None:
+        return f"{verb_of(action)} {cell_words(action)}"
     return action.replace("_", " ")
+
+
+def cell_words(action: str) -> str:
+    """Return where in the picture an action points: ``pick_0_2`` -> ``upper right``."""
+    row, column = cell_of(action) or MIDDLE
+    words = [("upper", "", "lower")[row], ("left", "", "right")[column]]
+    return " ".join(word for word in words if word) or "middle"
 
 
 def item_words(recording: Recording) -> str:

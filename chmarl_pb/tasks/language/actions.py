@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from chmarl_pb import catalog
+from chmarl_pb.robots.pointing import verb_of
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def ways_to_say(action: str, held_out: bool) -> list[Verb]:
         held_out: whether names of rooms that are held out of training may be used.
     """
     if not action.startswith("goto_"):
-        return list(VERBS[action])
+        return list(VERBS[verb_of(action)])
     rooms = _rooms(action.removeprefix("goto_"), held_out)
     return [verb.applied(room) for room in rooms for verb in GOTO]
 

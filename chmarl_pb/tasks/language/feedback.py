@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, Name
+from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.tasks.language.actions import TRY, Verb, ways_to_say
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, sentence
@@ -51,7 +52,7 @@ def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK) -> st
 
 def templates_for(advice: Advice) -> Templates:
     """Return the sentences that fit an advice."""
-    return {"pick": MISSED_PICK, "place": MISSED_PLACE}.get(advice.better, DETOUR)
+    return {"pick": MISSED_PICK, "place": MISSED_PLACE}.get(verb_of(advice.better), DETOUR)
 
 
 def phrase(template: str, x: Name, y: Name, advice: Advice, done: Verb, better: Verb) -> str:

@@ -1,0 +1,74 @@
+"""Where things are in a robot's picture: their pixels in the cells of a grid, and the middles of a graph's nodes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from chmarl_pb.compiled import compiled
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, Renderer
+from chmarl_pb.robots.pointing import CELLS, GRID
+from chmarl_pb.sensing.scene_graph import MAX_NODES
+from chmarl_pb.sensing.sensors import View
+
+
+def pixels_in_cells(renderer: Renderer, robot: str, numbers: Sequence[int]) -> NDArray[np.int64]:
+    """Return the pixels (n, GRID, GRID) of some things in each cell of a robot's picture of ``VISIBILITY_SIZE``.
+
+    Args:
+        renderer: draws the picture.
+        robot: whose picture it is.
+        numbers: of the things, in ``renderer.names``.
+    """
+    shown = renderer.picture(robot, VISIBILITY_SIZE).segmentation
+    line = (2 * np.arange(VISIBILITY_SIZE) + 1) * GRID // (2 * VISIBILITY_SIZE)  # by the middle of a pixel
+    cells = line[:, None] * GRID + line
+    counts = np.bincount(
+        (shown + 1).ravel() * len(CELLS) + cells.ravel(), minlength=(len(renderer.names) + 1) * len(CELLS)
+    )
+    of_things: NDArray[np.int64] = counts.reshape(-1, GRID, GRID)[1:]
+    return of_things[list(numbers)]
+
+
+class NodeViewSensor:
+    """Where each node of the scene graph is in the robot's picture: ``node_view``.
+
+    A row for each node: u and v, the middle of its pixels, from the left and from the top, and the share of the
+    picture's pixels that are its own; all from 0 to 1, and all 0 for rooms and padding.
+    """
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        """Return the space of the rows."""
+        return {"node_view": spaces.Box(0, 1, (MAX_NODES, 3), np.float32)}
+
+    def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
+        """Return the rows."""
+        renderer, rows = view.renderer, np.zeros((MAX_NODES, 3), np.float32)
+        if view.seen:
+            found = _middles(renderer.picture(view.robot, VISIBILITY_SIZE).segmentation, len(renderer.names))
+            places = {name: number for number, name in enumerate(renderer.names)}
+            rows[: len(view.seen)] = found[[places[name] for name in view.seen]]  # the first nodes, in this order
+        return {"node_view": rows}
+
+
+@compiled
+def _middles(segmentation, count):  # type: ignore[no-untyped-def]
+    """Return u, v and share (count, 3) of each thing in a picture; zeros of one that it does not show."""
+    size = len(segmentation)
+    found = np.zeros((count, 3))
+    for row in range(size):
+        for column in range(size):
+            number = segmentation[row, column]
+            if number >= 0:
+                found[number, 0] += column + 0.5
+                found[number, 1] += row + 0.5
+                found[number, 2] += 1
+    for number in range(count):
+        pixels = found[number, 2]
+        if pixels > 0:
+            found[number, 0] /= pixels * size
+            found[number, 1] /= pixels * size
+            found[number, 2] = pixels / (size * size)
+    return found
