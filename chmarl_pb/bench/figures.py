@@ -55,6 +55,8 @@ FIGURES = (
     Figure("scene graph, fresh tasks", partial(playing.steps, observation="scene_graph", split="train")),
     Figure("scene graph, the same 50 tasks", partial(playing.steps, observation="scene_graph")),
     *(Figure(name, partial(playing.steps, observation="visual", size=size)) for size, name in _VISUAL.items()),
+    Figure("scene graph, pointing", partial(playing.steps, observation="scene_graph", split="train", pointing=True)),
+    Figure("visual, two 128 px views, pointing", partial(playing.steps, observation="visual", pointing=True)),
     Figure("visual, 128 px, first visits", _in_process("first_visits", 128, 200)),
     Figure("reset", playing.resets),
     Figure("URDF files loaded after the first reset of each home", _in_process("loads", 25)),

@@ -40,14 +40,16 @@ class Effort:
     warm_up: int = 100_000
 
 
-def steps(effort: Effort, observation: str, size: int = VISIBILITY_SIZE, split: str = SPLIT) -> Samples:
+def steps(
+    effort: Effort, observation: str, size: int = VISIBILITY_SIZE, split: str = SPLIT, pointing: bool = False
+) -> Samples:
     """Yield joint steps a second of a random policy, resets included, when the views of the home are warm.
 
     Played are a split's tasks in its first home, in a random order, over and over. A tenth of them is also played to
     warm up, or all of them if there are but 50: training has so many that most are new, tests have few.
     """
     few, others = tasks_to_play(split)
-    with closing(HouseholdEnv(observation, split=split, image_size=size)) as env:
+    with closing(HouseholdEnv(observation, split=split, image_size=size, pointing=pointing)) as env:
         env.reset(options={"task": few[0]})
         warm_up(env, scouted_poses(effort.warm_up, split))
         rng = np.random.default_rng(1)
