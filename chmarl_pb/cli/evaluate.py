@@ -35,6 +35,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
     parser.add_argument(
+        "--symbols", dest="messages", action="store_const", const="symbols", help="no board; robots have own words"
+    )
+    parser.add_argument(
         "--feedback", choices=("paper", "planner"), default=True, help="style of the language feedback (default: paper)"
     )
     parser.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")

@@ -11,6 +11,7 @@ from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.policies.code import RoomCode
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.world import World
@@ -57,7 +58,8 @@ class JointEnv(gymnasium.Env):
         self.render_mode = self.parallel.render_mode
         self.flat_actions = flat_actions
         self._robots = tuple(self.parallel.possible_agents)
-        counts = [len(names) for names in self.parallel.action_names.values()]
+        own = [self.parallel.symbols] if self.parallel.symbols else []  # after each robot's action its symbol
+        counts = [count for names in self.parallel.action_names.values() for count in (len(names), *own)]
         self._counts = counts
         self.action_space = spaces.Discrete(int(np.prod(counts))) if flat_actions else PairOfActions(counts)
         self.observation_space = spaces.Dict(
@@ -98,7 +100,7 @@ class JointEnv(gymnasium.Env):
         cut = _truncated(self, truncated[robot])
         return _joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
 
-    def _split(self, action: Any) -> dict[str, int]:
+    def _split(self, action: Any) -> dict[str, Any]:
         try:
             numbers = np.asarray(action)
         except ValueError as error:
@@ -106,10 +108,12 @@ class JointEnv(gymnasium.Env):
         if self.flat_actions:
             if numbers.size != 1 or numbers.dtype.kind not in "iu" or not 0 <= numbers.item() < np.prod(self._counts):
                 raise ActionError(f"action {action!r} is not a whole number from 0 to {np.prod(self._counts) - 1}")
-            chosen = np.unravel_index(numbers.item(), self._counts)
-            return {name: int(number) for name, number in zip(self._robots, chosen, strict=True)}
-        if numbers.shape != (len(self._robots),):
-            raise ActionError(f"action {action!r} is not one number for each of {list(self._robots)}")
+            numbers = np.array(np.unravel_index(numbers.item(), self._counts))
+        if numbers.shape != (len(self._counts),):
+            symbols = ", and one for its symbol" if self.parallel.symbols else ""
+            raise ActionError(f"action {action!r} is not one number for each of {list(self._robots)}{symbols}")
+        if self.parallel.symbols:
+            return dict(zip(self._robots, numbers.reshape(-1, 2), strict=True))
         return {name: numbers[index] for index, name in enumerate(self._robots)}
 
     def render(self) -> np.ndarray | None:
@@ -144,7 +148,11 @@ class HumanoidEnv(gymnasium.Env):
         self.observation_space = self.parallel.observation_space(self._robot)
         searches = SearchPolicy(names, self.parallel.rooms, self.parallel.catalog).searches
         self._others = {name: search for name, search in searches.items() if name != self._robot}
-        self._other_actions: dict[str, int] = {}
+        self._codes = {
+            name: RoomCode(self.parallel.rooms, self.parallel.symbols, self.parallel.catalog)
+            for name in self._others if self.parallel.symbols
+        }  # fmt: skip
+        self._other_actions: dict[str, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
@@ -163,6 +171,8 @@ class HumanoidEnv(gymnasium.Env):
         observations, infos = self.parallel.reset(seed=seed, options=options)
         for search in self._others.values():
             search.reset(seed)
+        for code in self._codes.values():
+            code.reset()
         self._choose(observations, infos)
         return observations[self._robot], _alone(infos[self._robot])
 
@@ -183,9 +193,11 @@ class HumanoidEnv(gymnasium.Env):
 
     def _choose(self, observations: dict[str, dict[str, np.ndarray]], infos: dict[str, Info]) -> None:
         """Let the others choose their next actions."""
-        self._other_actions = {
-            name: search.act(observations[name], infos[name]) for name, search in self._others.items()
-        }  # fmt: skip
+        heard = {name: code.listen(observations[name], infos[name]) for name, code in self._codes.items()}
+        seen = {**observations, **heard}
+        actions = {name: search.act(seen[name], infos[name]) for name, search in self._others.items()}
+        said = {name: (actions[name], code.speak()) for name, code in self._codes.items()}
+        self._other_actions = {**actions, **said}
 
     def render(self) -> np.ndarray | None:
         """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""

@@ -23,10 +23,12 @@ from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
 from chmarl_pb.tasks.kinds import KINDS, TaskKind
 from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLITS, homes_of
+from chmarl_pb.tasks.symbols import Symbols, Talk
 
 OBSERVATIONS = ("scene_graph", "visual")  # the benchmark's; sensors are more
 SENSORS = ("scene_graph", *CAMERA_SENSORS, "text")
 EXECUTIONS = ("instant", "simulated")
+SYMBOLS = "symbols"  # the option ``messages`` for own words with the usual dials
 RENDER_MODES = (None, "rgb_array", "human")
 
 Observed = str | Sensor | tuple[str | Sensor, ...]  # what the option ``observation`` may be
@@ -48,7 +50,8 @@ class Options:
         split: split that tasks are drawn from; "generated" draws homes, too, a new one every 100 episodes.
         task: kind of the tasks: "rearrange", the benchmark's; "tidy"; or a :class:`TaskKind`.
         home: name or path of a home to play in instead of the split's homes.
-        messages: whether the robots' messages are observed; if not, they read as zeros. Or a :class:`Channel`.
+        messages: whether the robots' messages are observed; if not, they read as zeros. "symbols": own words, see
+            :class:`chmarl_pb.tasks.symbols.Symbols`. Or a :class:`Channel`.
         feedback: style of the language feedback: "paper" (or True), "planner"; it is empty if False. Or an
             :class:`Adviser`.
         max_steps: joint steps after which an episode is truncated.
@@ -68,7 +71,7 @@ class Options:
     observation: Observed = "scene_graph"
     split: str = "train"
     home: str | Path | None = None
-    messages: bool | Channel = True
+    messages: bool | str | Channel = True
     feedback: bool | str | Adviser = True
     max_steps: int = MAX_STEPS
     image_size: int = 128
@@ -95,7 +98,7 @@ class Options:
         _one_of("execution", self.execution, EXECUTIONS)
         _one_of("render_mode", self.render_mode, RENDER_MODES)
         _one_of("renderer", self.renderer, tuple(RENDERERS))
-        _one_of("messages", self.messages, (True, False), Channel)
+        _one_of("messages", self.messages, (True, False, SYMBOLS), Channel)
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
         _one_of("pointing", self.pointing, (True, False))
@@ -136,10 +139,17 @@ class Options:
 
     @property
     def channel(self) -> Channel:
-        """What carries messages."""
-        if isinstance(self.messages, Channel):
-            return self.messages
-        return Board() if self.messages else Silence()
+        """What carries messages.
+
+        Raises:
+            OptionError: robots are to have own words, and there is but one.
+        """
+        channel = Symbols() if self.messages == SYMBOLS else self.messages
+        if isinstance(channel, Talk):
+            return channel.among(tuple(self.models))
+        if isinstance(channel, Channel):
+            return channel
+        return Board() if channel else Silence()
 
     @property
     def adviser(self) -> Adviser | None:

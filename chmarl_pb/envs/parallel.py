@@ -12,6 +12,7 @@ from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.options import Observed, Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
+from chmarl_pb.envs.words import action_space, parted
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
 from chmarl_pb.robots.motion import Motion
@@ -26,6 +27,7 @@ from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS, Simulations
 from chmarl_pb.tasks.source import TaskSource
+from chmarl_pb.tasks.symbols import Talk
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.tasks.verdict import require_playable
 from chmarl_pb.world import World
@@ -60,6 +62,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         collisions: driven motions of this episode in which an arm, or what it holds, passes through something by more
             than 5 mm, as no free way was found.
         steps: joint steps taken in this episode.
+        symbols: how many symbols each robot can choose from in every step; 0 without own words.
+        said: robot -> symbol that it said in the last step; empty without own words.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -99,7 +103,11 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.rooms, self.action_names = self.simulation.rooms, self.simulation.actions
         self._observer = Observer(self.options, self.rooms, self.catalog)
         self._channel, self._adviser = self.options.channel, self.options.adviser
-        self._action_spaces = {name: spaces.Discrete(len(names)) for name, names in self.action_names.items()}
+        self._talk = self._channel if isinstance(self._channel, Talk) else None
+        self.symbols = self._talk.vocabulary if self._talk else 0
+        self._action_spaces = {
+            name: action_space(len(names), self.symbols) for name, names in self.action_names.items()
+        }
         self.observation_spaces = {name: self.observation_space(name) for name in self.possible_agents}
         self.action_spaces = {name: self.action_space(name) for name in self.possible_agents}
         said = self._channel.begin(self.rooms).size
@@ -109,6 +117,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.snapshots: tuple[Snapshot, ...] = ()
         self.collisions = 0
         self.steps = 0
+        self.said: dict[str, int] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew from the options: with physics of their own, and not reset."""
@@ -118,8 +127,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Return an agent's observation space."""
         return self._observer.space
 
-    def action_space(self, agent: str) -> spaces.Discrete:
-        """Return an agent's action space."""
+    def action_space(self, agent: str) -> spaces.Discrete | spaces.MultiDiscrete:
+        """Return an agent's action space; with own words that of pairs of an action and a symbol."""
         return self._action_spaces[agent]
 
     @property
@@ -164,6 +173,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._instruction_tokens = self._observer.tokens(self.instruction)
         self._wanted = language.parse_instruction(self.instruction, self.catalog) if self.options.goal else None
         self.agents, self.steps, self.snapshots, self.collisions = list(self._models), 0, (), 0
+        self.said = {}
         if self._adviser:
             self._adviser.begin(self.simulation, self.task, self.setting.goals)
         return self._observe({}, dict.fromkeys(self._models, True))
@@ -172,7 +182,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Let all robots act once.
 
         Args:
-            actions: robot -> number of its action.
+            actions: robot -> number of its action, or, with own words, of action and symbol.
 
         Raises:
             NotResetError: there is no episode to go on with.
@@ -190,6 +200,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         previous, self.outcome = self.outcome, self._look()
         self.messages = self._say(self.messages)
         shared_reward = reward(previous, self.outcome)
+        if self._talk:
+            self.messages = self._talk.say(self.messages, self.said, self._rng)
+            shared_reward -= self._talk.cost(self.said)
         feedback = self._adviser.after(succeeded, self.steps) if self._adviser else {}
         self.steps += 1
         terminated = self.outcome.success
@@ -218,6 +231,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             ActionError: it is not a whole number, or out of range.
         """
         names = self.action_names[robot]
+        action, _ = parted(robot, action, self.symbols)
         if type(action) is int and 0 <= action < len(names):
             return names[action]
         number = np.asarray(action)
@@ -271,7 +285,10 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             raise NotResetError("step() without a running episode; call reset() first")
         if not isinstance(actions, dict) or actions.keys() != self._models.keys():
             raise ActionError(f"actions {actions!r} are not a dict with one action for each of {self.agents}")
-        return {name: self.action_name(name, actions[name]) for name in self._models}
+        names = {name: self.action_name(name, actions[name]) for name in self._models}
+        if self.symbols:
+            self.said = {name: parted(name, actions[name], self.symbols)[1] for name in self._models}
+        return names
 
     def _plan(self, names: dict[str, str]) -> dict[str, Motion | None]:
         seen = self.outcome.seen

@@ -8,6 +8,7 @@ import numpy as np
 from pettingzoo import AECEnv
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.words import parted
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.policy import Infos, Observations, Policy
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -29,6 +30,7 @@ class Episode:
         success: whether X stands on Y, whatever a wrapper says.
         potential: phi at the end.
         steps: joint steps of the home; T, unless a wrapper repeats or skips actions.
+        said: T times robot -> symbol that it said; empty dicts without own words.
     """
 
     task: AnyTask
@@ -39,6 +41,7 @@ class Episode:
     success: bool
     potential: float
     steps: int
+    said: tuple[dict[str, int], ...] = ()
 
     def __len__(self) -> int:
         """Return the number of actions of each robot."""
@@ -78,17 +81,19 @@ def rollout(
     policy.reset(seed)
     watch(core)
     all_observations, all_infos, actions, rewards = [observations], [infos], [], []
+    said: list[dict[str, int]] = []
     while env.agents:
         chosen = policy.act(observations, infos)
         observations, reward, _, _, infos = env.step(chosen)
-        actions.append({name: int(chosen[name]) for name in core.possible_agents})
+        actions.append({name: int(parted(name, chosen[name], core.symbols)[0]) for name in core.possible_agents})
+        said.append(core.said)
         rewards.append(reward[core.possible_agents[0]])
         all_observations.append(observations)
         all_infos.append(infos)
         watch(core)
     return Episode(
         core.task, tuple(all_observations), tuple(actions), np.array(rewards), tuple(all_infos),
-        core.outcome.success, core.outcome.potential, core.steps,
+        core.outcome.success, core.outcome.potential, core.steps, tuple(said),
     )  # fmt: skip
 
 

@@ -42,6 +42,7 @@ class EpisodeFile:
         states: T + 1 state hashes, the first after the reset.
         success: whether X stands on Y at the end.
         home_sha256: of the home.
+        said: T times the symbol that each robot said; empty without own words.
         library: version of this package.
         format: of the file.
     """
@@ -55,6 +56,7 @@ class EpisodeFile:
     states: tuple[str, ...]
     success: bool
     home_sha256: str
+    said: tuple[tuple[int, ...], ...] = ()
     library: str = chmarl_pb.__version__
     format: str = FORMAT
 
@@ -91,7 +93,8 @@ def record_episode(
     actions = tuple(tuple(chosen[robot] for robot in env.possible_agents) for chosen in episode.actions)
     home = home_hash(episode.task.home)
     rewards = tuple(episode.rewards.tolist())
-    return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home)
+    said = tuple(tuple(words.values()) for words in episode.said if words)
+    return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home, said)
 
 
 def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
@@ -120,7 +123,7 @@ def replay_episode(file: EpisodeFile) -> str | None:
         return f"the home {file.task.home} is not the one that the episode was played in"
     env = HouseholdEnv(home=file.task.home, **file.options)
     try:
-        again = record_episode(env, ReplayPolicy(file.actions, env), file.policy, file.seed, file.task)
+        again = record_episode(env, ReplayPolicy(file.actions, env, file.said), file.policy, file.seed, file.task)
         return _first_difference(file, again, env.action_names)
     finally:
         env.close()
@@ -144,7 +147,7 @@ def _first_difference(file: EpisodeFile, again: EpisodeFile, names: dict[str, tu
 
 def save_episode(file: EpisodeFile, path: Path | str) -> None:
     """Write an episode file, one line for each part, whole or not at all."""
-    parts = asdict(file)
+    parts = {name: part for name, part in asdict(file).items() if name != "said" or part}
     order = ("format", "library", *(name for name in parts if name not in ("format", "library")))
     lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(parts[name])}" for name in order)
     write_atomically(Path(path), f"{{\n{lines}\n}}\n")
@@ -176,12 +179,15 @@ def _parse(data: dict[str, Any]) -> EpisodeFile:
         actions=tuple(tuple(map(int, numbers)) for numbers in file.actions),
         rewards=tuple(map(float, file.rewards)),
         states=tuple(map(str, file.states)),
+        said=tuple(tuple(map(int, symbols)) for symbols in file.said),
     )
     steps = len(file.actions)
     if len(file.states) != steps + 1 or len(file.rewards) != steps:
         raise ValueError(f"{steps} actions, {len(file.rewards)} rewards and {len(file.states)} states do not fit")
     robots = file.options.get("robots", TEAM)
-    if any(len(numbers) != len(robots) for numbers in file.actions):
+    if file.said and len(file.said) != steps:
+        raise ValueError(f"{steps} actions and {len(file.said)} rows of symbols do not fit")
+    if any(len(numbers) != len(robots) for numbers in (*file.actions, *file.said)):
         raise ValueError(f"an action is not {len(robots)} numbers")
     if not (file.seed is None or (isinstance(file.seed, int) and file.seed >= 0)):
         raise ValueError(f"its seed {file.seed!r} is not a whole number from 0 on")

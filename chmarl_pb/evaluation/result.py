@@ -56,8 +56,13 @@ class Report:
     @property
     def changed(self) -> str:
         """Names of environment, robots, objects and rules that are not the benchmark's own; empty if there are none."""
-        robots, pointing = (self.settings["options"].get(name) for name in ("robots", "pointing"))
-        own = (f"robots {', '.join(robots)}" if robots else "", "pointing" if pointing else "")
+        options = self.settings["options"]
+        robots, messages = options.get("robots"), options["messages"]
+        own = (
+            f"robots {', '.join(robots)}" if robots else "",
+            "pointing" if options.get("pointing") else "",
+            "own words" if messages == "symbols" else "",
+        )
         return ", ".join(part for part in (self.foreign, *own) if part)
 
     @property

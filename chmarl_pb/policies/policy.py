@@ -32,7 +32,7 @@ class Policy(Protocol):
         """Forget the last episode; called after the environment's reset."""
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return robot -> number of its action."""
+        """Return robot -> number of its action; with own words a pair of it and a symbol, see ``Symbols``."""
 
 
 class RandomPolicy:
@@ -72,6 +72,11 @@ class PolicyEnv(Protocol):
 def grasps(actions: Sequence[str]) -> bool:
     """Return whether a robot with these actions can grasp."""
     return place_of(actions, "pick") is not None
+
+
+def symbols_of(env: Any) -> int:
+    """Return how many symbols robots choose from in every step; 0 where they have no words of their own."""
+    return int(getattr(env, "symbols", 0))
 
 
 #: Makes the policy that drives an environment.

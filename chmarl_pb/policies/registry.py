@@ -4,10 +4,11 @@ from typing import Any
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.blind import BlindPolicy
+from chmarl_pb.policies.code import RoomCode, Talking
 from chmarl_pb.policies.cooperative_planner import PlannerPolicy
 from chmarl_pb.policies.instruction_blind import InstructionBlindPolicy
 from chmarl_pb.policies.open_loop import OpenLoopPolicy
-from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of
+from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of, symbols_of
 from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.policies.variants import Alone, Unheard
@@ -22,16 +23,26 @@ SHORTCUTS = {
 
 
 def _search(env: PolicyEnv) -> Policy:
-    return SearchPolicy(env.action_names, env.rooms, env.catalog)
+    policy, symbols = SearchPolicy(env.action_names, env.rooms, env.catalog), symbols_of(env)
+    if not symbols:
+        return policy
+    return Talking(policy, {name: RoomCode(env.rooms, symbols, env.catalog) for name in env.action_names})
+
+
+def _without_words(env: PolicyEnv, policy: Policy) -> Policy:
+    """Return a policy that reads a board, which has nothing on it where robots have words of their own."""
+    return Unheard(policy, (2, len(env.rooms))) if symbols_of(env) else policy
 
 
 #: Name -> what makes the policy for an environment.
 BUILT_IN: dict[str, Factory] = {
     "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
     "open-loop": lambda env: OpenLoopPolicy(env.action_names, env.catalog),
-    "reactive": lambda env: ReactivePolicy(env.action_names, env.rooms, env.catalog),
-    "blind": lambda env: BlindPolicy(env.action_names, env.rooms),
-    "instruction-blind": lambda env: InstructionBlindPolicy(env.action_names, env.rooms, env.catalog),
+    "reactive": lambda env: _without_words(env, ReactivePolicy(env.action_names, env.rooms, env.catalog)),
+    "blind": lambda env: _without_words(env, BlindPolicy(env.action_names, env.rooms)),
+    "instruction-blind": lambda env: _without_words(
+        env, InstructionBlindPolicy(env.action_names, env.rooms, env.catalog)
+    ),
     "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms, env.catalog),
     "search-silent": lambda env: Unheard(_search(env)),
     "search": _search,

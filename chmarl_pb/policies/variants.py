@@ -13,9 +13,9 @@ from chmarl_pb.tasks.language import parse_instructions
 class Unheard:
     """A policy whose robots do not hear each other: messages read as zeros."""
 
-    def __init__(self, policy: Policy):
-        """Silence a policy."""
-        self.policy = policy
+    def __init__(self, policy: Policy, shape: tuple[int, ...] | None = None):
+        """Silence a policy; its messages are of this shape, or of that of the channel."""
+        self.policy, self.shape = policy, shape
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -23,8 +23,11 @@ class Unheard:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return what the policy does when no message reaches it."""
-        silent = {name: {**seen, "messages": np.zeros_like(seen["messages"])} for name, seen in observations.items()}
+        silent = {name: {**seen, "messages": self._nothing(seen["messages"])} for name, seen in observations.items()}
         return self.policy.act(silent, infos)
+
+    def _nothing(self, messages: np.ndarray) -> np.ndarray:
+        return np.zeros(messages.shape if self.shape is None else self.shape, messages.dtype)
 
 
 class Alone:
@@ -52,6 +55,9 @@ class Alone:
         """Return what the robots that grasp do by themselves."""
         own = {}
         for name, seen in observations.items():
+            if seen["messages"].shape != self._notes[name].shape:  # own words: those of who stays are silence
+                own[name] = seen
+                continue
             self._note(self._notes[name], seen["messages"], infos[name])
             own[name] = {**seen, "messages": self._notes[name].copy()}
         return {**self.policy.act(own, infos), **self._staying}

@@ -1,7 +1,8 @@
 """Where things are in a robot's picture: their pixels in the cells of a grid, and the middles of a graph's nodes."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from gymnasium import spaces
@@ -12,17 +13,39 @@ from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, Renderer
 from chmarl_pb.robots.pointing import CELLS, GRID
 from chmarl_pb.sensing.scene_graph import MAX_NODES
 from chmarl_pb.sensing.sensors import View
+from chmarl_pb.world import WorldState
+
+Segmentation: TypeAlias = NDArray[np.integer[Any]]
 
 
-def pixels_in_cells(renderer: Renderer, robot: str, numbers: Sequence[int]) -> NDArray[np.int64]:
-    """Return the pixels (n, GRID, GRID) of some things in each cell of a robot's picture of ``VISIBILITY_SIZE``.
+#: Renderer -> robot -> the state that it has drawn last, and what that showed: an action points at what was observed.
+_last: WeakKeyDictionary[Renderer, dict[str, tuple[WorldState, Segmentation]]] = WeakKeyDictionary()
+
+
+def segmentation(renderer: Renderer, robot: str, state: WorldState) -> Segmentation:
+    """Return what each pixel of a robot's picture of ``VISIBILITY_SIZE`` shows, by its number in ``renderer.names``.
 
     Args:
         renderer: draws the picture.
         robot: whose picture it is.
+        state: of the renderer's world, as it is now.
+    """
+    kept = _last.setdefault(renderer, {})
+    if robot not in kept or kept[robot][0] is not state:
+        kept[robot] = state, renderer.picture(robot, VISIBILITY_SIZE).segmentation
+    return kept[robot][1]
+
+
+def pixels_in_cells(renderer: Renderer, robot: str, state: WorldState, numbers: Sequence[int]) -> NDArray[np.int64]:
+    """Return the pixels (n, GRID, GRID) of some things in each cell of what :func:`segmentation` shows.
+
+    Args:
+        renderer: draws the picture.
+        robot: whose picture it is.
+        state: of the renderer's world, as it is now.
         numbers: of the things, in ``renderer.names``.
     """
-    shown = renderer.picture(robot, VISIBILITY_SIZE).segmentation
+    shown = segmentation(renderer, robot, state)
     line = (2 * np.arange(VISIBILITY_SIZE) + 1) * GRID // (2 * VISIBILITY_SIZE)  # by the middle of a pixel
     cells = line[:, None] * GRID + line
     counts = np.bincount(
@@ -47,7 +70,7 @@ class NodeViewSensor:
         """Return the rows."""
         renderer, rows = view.renderer, np.zeros((MAX_NODES, 3), np.float32)
         if view.seen:
-            found = _middles(renderer.picture(view.robot, VISIBILITY_SIZE).segmentation, len(renderer.names))
+            found = _middles(segmentation(renderer, view.robot, view.state), len(renderer.names))
             places = {name: number for number, name in enumerate(renderer.names)}
             rows[: len(view.seen)] = found[[places[name] for name in view.seen]]  # the first nodes, in this order
         return {"node_view": rows}

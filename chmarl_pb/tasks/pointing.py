@@ -43,7 +43,7 @@ class Pointer:
         numbers = [number for number, name in enumerate(names) if name in seen]
         if not numbers:
             return {}
-        pixels = pixels_in_cells(self._renderer, robot, numbers)
+        pixels = pixels_in_cells(self._renderer, robot, self._world.state, numbers)
         most, first = pixels.max(axis=0), pixels.argmax(axis=0)
         cells = sorted((cell for cell in CELLS if most[cell]), key=lambda cell: -int(most[cell]))
         return {named(verb, cell): names[numbers[first[cell]]] for cell in cells}

@@ -97,7 +97,7 @@ def _robot(recording: Recording, moment: Moment, place: int, robot: str, picture
 def _action(recording: Recording, moment: Moment, robot: str) -> str:
     if not moment.actions:
         return "At the start"
-    words = escape(wording.action_words(moment.actions[robot], recording))
+    words = escape(wording.action_words(moment.actions[robot], recording) + wording.said_words(moment, robot))
     return words if moment.succeeded[robot] else f'{words} <b class="failed">failed</b>'
 
 

@@ -100,7 +100,7 @@ def _robot_card(
     x, width = left + _PAD, COLUMN_WIDTH - 2 * _PAD
     sheet.text(x, _CARD_TOP + 26, wording.robot_words(robot), 13, MUTED)
     action = now.actions.get(robot)
-    words = "Start" if action is None else wording.action_words(action, recording)
+    words = "Start" if action is None else wording.action_words(action, recording) + wording.said_words(now, robot)
     end = x + sheet.text(x, _CARD_TOP + 52, wrap(words, 22, width - 40, 1)[0], 22)
     if known is now and action is not None:
         _verdict(sheet, end + 20, _CARD_TOP + 44, now.succeeded[robot])

@@ -37,11 +37,12 @@ class Moment:
         succeeded: robot -> whether its action did.
         reward: shared reward of the step.
         potential: phi after the step.
-        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen.
+        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen; zeros with another channel.
         feedback: robot -> what it was told.
         visible: robot -> names of the things that it sees.
         motion: scenes of the driven step at 30 Hz.
         rest: the scene after the step.
+        said: robot -> symbol that it said in the step; empty without own words.
     """
 
     actions: dict[str, str]
@@ -53,6 +54,7 @@ class Moment:
     visible: dict[str, tuple[str, ...]]
     motion: tuple[Scene, ...]
     rest: Scene
+    said: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def record_file(file: EpisodeFile, on_step: Callable[[], None] = lambda: None) -
         raise ResultError(f"the home {file.task.home} is not the one that the episode was played in; save it again")
     options = file.options | {"execution": "simulated"}
     env, task = HouseholdEnv(home=file.task.home, **options), file.task
-    recording = _recorded(env, task, lambda: ReplayPolicy(file.actions, env), file.policy, on_step)
+    recording = _recorded(env, task, lambda: ReplayPolicy(file.actions, env, file.said), file.policy, on_step)
     if (recording.steps, recording.success) != (len(file.actions), file.success):
         raise ResultError("the episode goes another way than its file says; `chmarl-pb episode replay` says where")
     return recording
@@ -180,7 +182,8 @@ def _note(env: HouseholdEnv) -> _Noted:
     """Return how the last step went: its scenes at 30 Hz, the scene after it, and the messages."""
     rest = scene_of(env.world)
     motion = tuple(scene_during(snapshot, rest) for snapshot in env.snapshots)
-    return motion, rest, env.messages.copy()
+    board = env.messages if env.messages.shape == (2, len(env.rooms)) else np.zeros((2, len(env.rooms)), np.int8)
+    return motion, rest, board.copy()
 
 
 def _moments(env: HouseholdEnv, episode: Episode, noted: list[_Noted]) -> tuple[Moment, ...]:
@@ -199,6 +202,9 @@ def _moments(env: HouseholdEnv, episode: Episode, noted: list[_Noted]) -> tuple[
             {name: infos[name]["visible"] for name in robots},
             motion,
             rest,
+            said,
         )
-        for actions, reward, infos, (motion, rest, messages) in zip(chosen, rewards, episode.infos, noted, strict=True)
+        for actions, reward, infos, (motion, rest, messages), said in zip(
+            chosen, rewards, episode.infos, noted, ({}, *episode.said), strict=True
+        )
     )

@@ -41,5 +41,5 @@ def _cells(recording: Recording, moment: Moment) -> list[str]:
 def _action(moment: Moment, robot: str) -> str:
     if not moment.actions:
         return "[dim]start[/dim]"
-    words = wording.short_action_words(moment.actions[robot])
+    words = wording.short_action_words(moment.actions[robot]) + wording.said_words(moment, robot)
     return words if moment.succeeded[robot] else f"[red]{words} (failed)[/red]"

@@ -3,6 +3,7 @@
 from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.robots.pointing import MIDDLE, cell_of, verb_of
+from chmarl_pb.tasks.symbols import SILENT
 from chmarl_pb.viewer.record import Moment, Recording
 
 
@@ -36,6 +37,12 @@ def short_action_words(action: str) -> str:
     if cell_of(action) is not None:
         return f"{verb_of(action)} {cell_words(action)}"
     return action.replace("_", " ")
+
+
+def said_words(moment: Moment, robot: str) -> str:
+    """Return what a robot said in a step, to follow its action: `` and says 5``; nothing if it was silent."""
+    symbol = moment.said.get(robot, SILENT)
+    return "" if symbol == SILENT else f" and says {symbol}"
 
 
 def cell_words(action: str) -> str:

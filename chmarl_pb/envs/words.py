@@ -1,0 +1,35 @@
+"""Actions on a channel on which robots choose what they say: a pair of an action and a symbol, or an action alone."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from chmarl_pb.errors import ActionError
+from chmarl_pb.tasks.symbols import SILENT
+
+
+def action_space(actions: int, symbols: int) -> spaces.Discrete | spaces.MultiDiscrete:
+    """Return the space of a robot's actions, or of its pairs of an action and a symbol if there are any symbols."""
+    return spaces.MultiDiscrete([actions, symbols]) if symbols else spaces.Discrete(actions)
+
+
+def parted(robot: str, action: Any, symbols: int) -> tuple[Any, int]:
+    """Return a robot's action and the symbol that it says; an action alone says nothing.
+
+    Args:
+        robot: its name, for messages.
+        action: a number, or a pair of numbers.
+        symbols: how many there are; 0: nothing can be said.
+
+    Raises:
+        ActionError: it is a pair where nothing can be said, or the symbol is out of range.
+    """
+    if not symbols or np.ndim(action) == 0:
+        return action, SILENT
+    pair = np.asarray(action)
+    if pair.shape != (2,) or pair.dtype.kind not in "iu" or not 0 <= pair[1] < symbols:
+        raise ActionError(
+            f"{robot}: {action!r} is not an action and a symbol, whole numbers, the second below {symbols}"
+        )
+    return int(pair[0]), int(pair[1])
