@@ -127,8 +127,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """Return an agent's observation space."""
         return self._observer.space
 
-    def action_space(self, agent: str) -> spaces.Discrete | spaces.MultiDiscrete:
-        """Return an agent's action space; with own words that of pairs of an action and a symbol."""
+    def action_space(self, agent: str) -> Any:
+        """Return an agent's action space: Discrete, or with own words MultiDiscrete, of an action and a symbol."""
         return self._action_spaces[agent]
 
     @property
@@ -178,7 +178,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             self._adviser.begin(self.simulation, self.task, self.setting.goals)
         return self._observe({}, dict.fromkeys(self._models, True))
 
-    def step(self, actions: dict[str, int]) -> Results:
+    def step(self, actions: dict[str, Any]) -> Results:
         """Let all robots act once.
 
         Args:
@@ -279,7 +279,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             return self._tasks.named(options["task"])
         return self._tasks.draw(self._rng, self._simulations.enter)
 
-    def _check(self, actions: dict[str, int]) -> dict[str, str]:
+    def _check(self, actions: dict[str, Any]) -> dict[str, str]:
         """Return robot -> name of its action."""
         if not self.agents:
             raise NotResetError("step() without a running episode; call reset() first")
