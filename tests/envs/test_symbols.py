@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from pettingzoo.test import parallel_api_test
+from pettingzoo.utils import BaseParallelWrapper
 
 import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -205,6 +206,37 @@ def test_interfaces_take_pairs(env: HouseholdEnv) -> None:
     observations, *_ = vector.step(np.array([[9, 4, 8, 6], [9, 0, 8, 1]]))
     assert observations["drone_messages"].argmax(axis=2).ravel().tolist() == [4, 0]
     vector.close()
+
+
+class FlatWords(BaseParallelWrapper):  # type: ignore[misc]
+    """The wrapper of docs/environments.md: one number for a pair."""
+
+    def action_space(self, agent: str) -> spaces.Discrete:
+        return spaces.Discrete(int(self.env.action_space(agent).nvec.prod()))
+
+    def step(self, actions: dict[str, int]) -> Any:
+        pairs = {robot: np.unravel_index(n, self.env.action_space(robot).nvec) for robot, n in actions.items()}
+        return self.env.step(pairs)
+
+
+def test_flat_learners_wrap_it(env: HouseholdEnv) -> None:
+    pytest.importorskip("torch")
+    from chmarl_pb.learning.spaces import spaces_of
+
+    flat = FlatWords(env)
+    with pytest.raises(ValueError, match="MultiDiscrete"):
+        spaces_of(env)
+    assert spaces_of(flat)[1] == {"humanoid": 160, "drone": 144}
+
+    class Saying:
+        def reset(self, seed: int | None) -> None:
+            pass
+
+        def act(self, observations: Any, infos: Any) -> dict[str, int]:
+            return {"humanoid": 9 * 16 + 5, "drone": 8 * 16 + 3}
+
+    episode = chmarl_pb.rollout(flat, Saying(), 0)
+    assert episode.said[0] == {"humanoid": 5, "drone": 3} and len(episode.said) == len(episode)
 
 
 def test_the_drone_of_the_humanoid_alone_talks() -> None:
