@@ -8,6 +8,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 
 import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -244,12 +245,12 @@ def test_equal_seeds_give_equal_episodes_in_copies_and_by_the_plain_renderer(env
 
 def test_gymnasium_and_vectors_take_it() -> None:
     joint = gymnasium.make("CHMARL/SceneGraph-v0", pointing=True, split="val-unseen")
-    np.testing.assert_array_equal(joint.action_space.nvec, [26, 9])
+    assert joint.action_space == spaces.MultiDiscrete([26, 9])
     joint.reset(seed=0)
     joint.step(joint.action_space.sample())
     joint.close()
     single = gymnasium.make("CHMARL/SceneGraphHumanoid-v0", pointing=True, split="val-unseen")
-    assert single.action_space.n == 26
+    assert single.action_space == spaces.Discrete(26)
     single.close()
     vector = chmarl_pb.vector_env(2, workers=0, pointing=True, split="val-unseen")
     observations, _ = vector.reset(seed=0)

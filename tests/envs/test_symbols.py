@@ -190,13 +190,13 @@ def test_interfaces_take_pairs(env: HouseholdEnv) -> None:
     assert turns.unwrapped.steps == 2 and turns.unwrapped.said == dict.fromkeys(ROBOTS, 3)
     turns.close()
     joint = gymnasium.make("CHMARL/SceneGraph-v0", messages="symbols", split="val-unseen")
-    assert joint.action_space.nvec.tolist() == [10, 16, 9, 16]
+    assert joint.action_space == spaces.MultiDiscrete([10, 16, 9, 16])
     joint.reset(seed=0)
     observation, *_ = joint.step(np.array([9, 4, 8, 6]))
     assert observation["drone_messages"].argmax() == 4 and observation["humanoid_messages"].argmax() == 6
     joint.close()
     flat = gymnasium.make("CHMARL/SceneGraph-v0", messages="symbols", split="val-unseen", flat_actions=True)
-    assert flat.action_space.n == 10 * 16 * 9 * 16
+    assert flat.action_space == spaces.Discrete(10 * 16 * 9 * 16)
     flat.reset(seed=0)
     observation, *_ = flat.step(int(np.ravel_multi_index((9, 4, 8, 6), (10, 16, 9, 16))))
     assert observation["drone_messages"].argmax() == 4
