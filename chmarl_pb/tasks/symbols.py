@@ -51,8 +51,8 @@ class Symbols:
     >>> env.action_space("humanoid")
     MultiDiscrete([10 16])
     >>> observations, *_ = env.step({"humanoid": (9, 5), "drone": (8, 0)})
-    >>> observations["drone"]["messages"].argmax(), observations["humanoid"]["messages"].any()
-    (np.int64(5), np.False_)
+    >>> int(observations["drone"]["messages"].argmax()), bool(observations["humanoid"]["messages"].any())
+    (5, False)
 
     Attributes:
         vocabulary: number of symbols, with 0, which says nothing.
