@@ -24,6 +24,7 @@ class ArmBoxes:
 
     Attributes:
         links: names of the links.
+        numbers: PyBullet's link indices of them.
         halves: (b, 3) half of their boxes' extents, metres.
     """
 
@@ -57,7 +58,7 @@ class ArmBoxes:
         moved = {info[0]: _mover(info[0], parents, order) for info in infos}
         boxes = {i: np.array(p.getAABB(body, i, physicsClientId=client)) for i, mover in moved.items() if mover > 0}
         boxes = {i: box for i, box in boxes.items() if np.ptp(box, axis=0).max() > _LEAST}
-        self.links = tuple(infos[i][12].decode() for i in boxes)
+        self.links, self.numbers = tuple(infos[i][12].decode() for i in boxes), tuple(boxes)
         self._movers = np.array([moved[i] for i in boxes])
         self._centres = np.array([box.mean(axis=0) for box in boxes.values()])
         self.halves = np.array([np.ptp(box, axis=0) / 2 for box in boxes.values()])
@@ -107,7 +108,7 @@ class ArmBoxes:
             lifts: (n,) how far the trunk is raised, metres.
         """
         some = self._kept_off[self._kept_off < boxes.middles.shape[1]]
-        shapes = Boxes(boxes.middles[:, some], boxes.axes[:, some], boxes.halves[some])
+        shapes = boxes.only(some)
         below = shapes.middles - lifts[:, None, None] * (0.0, 0.0, 1.0)
         trunk = self._trunk.depth(Boxes(below, shapes.axes, shapes.halves), -_OWN)
         depths: Array = np.maximum(trunk, self._chassis.depth(shapes, -_OWN)).max(axis=1)

@@ -26,6 +26,10 @@ class Boxes:
     axes: Array
     halves: Array
 
+    def only(self, some: NDArray[np.bool_]) -> "Boxes":
+        """Return some of the b boxes."""
+        return Boxes(self.middles[:, some], self.axes[:, some], self.halves[some])
+
     def at(self, x: Array, y: Array, yaw: Array) -> "Boxes":
         """Return them moved from the frame of a base to the world's, by n poses of the base (or one for all)."""
         c, s = np.cos(yaw), np.sin(yaw)

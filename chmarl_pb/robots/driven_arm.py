@@ -1,16 +1,15 @@
 """Drive an arm through a motion in physics alone: generators that command it and yield once for a simulation step."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.navigation.free_space import Size, grip_point
 from chmarl_pb.robots import trajectory
-from chmarl_pb.robots.arm import Arm, Configuration
+from chmarl_pb.robots.arm import OPEN, Arm, Configuration
 from chmarl_pb.robots.motion import Motion, Tick
-from chmarl_pb.robots.planning import ALLOWED, Depths, Path, as_posture, find_path, find_start, line
+from chmarl_pb.robots.planning import ALLOWED, Depths, Path, as_posture, find_path, find_start, search
 from chmarl_pb.robots.reaching import Reach, choose_reach
 from chmarl_pb.robots.surroundings import Surroundings, Touching
 from chmarl_pb.robots.travel import choose_postures
@@ -23,23 +22,28 @@ TOLERANCE = 0.02  # metres between the driven gripper or object and where it was
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
 _WITH_LOAD = 0.6  # of the joints' highest speeds: what is held lags behind a faster hand by more than a centimetre
 _HOLDING = Arm.carry[-2:]  # fingers closed on an object
+_BOTH_FINGERS = slice(-3, -1)  # of a posture
+_GAP = 0.008  # metres between an open finger and an object
+_BY_MOTORS, _CARRIED = Tick(), Tick(by_motors=False)
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
 
-#: Postures in which the arm is taken along, the usual one first: drawn in low and high, and over the head.
+#: Postures in which the arm is taken along: the usual one, drawn in low and high, and hanging down. The last is all
+#: within the footprint that the lattice keeps free.
 _EMPTY: tuple[Configuration, ...] = (
     Arm.rest,
     (-0.054, -0.599, 0.081, 0.024, 1.821, -0.53, -1.423, 0.536, 0.0, 0.0),
     (0.209, 0.392, 0.465, 1.087, 2.412, -1.416, 0.066, 0.043, 0.0, 0.0),
-    (0.188, 2.85, 0.622, 0.568, 0.0, -1.426, 0.79, -0.085, 0.0, 0.0),
+    (0.3, 0.0, 0.0, 0.0, 0.0, float(np.pi / 2), 0.0, 0.0, 0.0, 0.0),
 )
-#: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head.
+#: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head. The
+#: last is within the footprint with even the widest object of the benchmark.
 _LOADED: tuple[Configuration, ...] = (
     Arm.carry,
     (0.148, -0.995, 0.546, -0.636, 1.629, -1.312, -0.589, 0.074, *_HOLDING),
     (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, *_HOLDING),
     (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, *_HOLDING),
     (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, *_HOLDING),
-    (0.0, 2.886, 0.319, 0.475, 0.279, -0.757, 1.218, 1.073, *_HOLDING),
+    (-0.407, 2.78, 0.44, 0.038, 0.554, 0.817, -0.422, -0.763, *_HOLDING),
 )
 #: On the way between a place and the rest: the hand before the chest, the elbow drawn back.
 _BETWEEN: tuple[Configuration, ...] = (Arm.carry, (0.0, -0.8, 0.0, 0.0, *Arm.carry[4:]))
@@ -68,7 +72,11 @@ class DrivenArm:
         self._held_pose, self._surroundings = held_pose, surroundings
         self._grip: Grip | None = world.state.grips.get(name)
         self._posture = as_posture(arm.configuration(), 0.0 if self._grip is None else self._grip.turn)
-        self._tick = Tick()
+
+    @property
+    def held(self) -> str | None:
+        """Name of the object in its gripper by now, or None."""
+        return None if self._grip is None else self._grip.item
 
     def act(self, motion: Motion, legs: Sequence[Array], end: Array, turn: float) -> Iterator[Tick]:
         """Drive the base along its way, then pick or place.
@@ -80,76 +88,76 @@ class DrivenArm:
             turn: yaw relative to the base of the object to be picked, radians.
         """
         if motion.arm is None:
-            yield from self._drive(legs, end, self._standing(end, self._grip)) if legs else ()
+            yield from self._drive(legs, end, self._free(end, self._grip)) if legs else ()
         elif motion.pick is not None:
             grip = Grip(motion.pick, turn)
-            reach = self._choose_reach(motion, self._world.grip(motion.pick), end, (self._grip, grip))
-            yield from self._drive(legs, end, reach.start)
-            yield from self._pick(grip, reach, end)
+            level = self._world.pose(motion.pick)[0][2]
+            reach = self._choose_reach(motion, self._world.grip(motion.pick), level, end, (self._grip, grip))
+            yield from self._drive(legs, end, [reach.start])
+            yield from self._pick(grip, reach)
         else:
             assert motion.place is not None and self._grip is not None
             item, put = self._grip.item, motion.place
             turn = self._grip.turn + trajectory.wrap(put.yaw - float(end[2]) - self._grip.turn)
             x, y, z = put.position
             point = grip_point((x, y, z), self._world.size(item))
-            reach = self._choose_reach(motion, point, end, (Grip(item, turn), None))
-            yield from self._drive(legs, end, reach.start)
-            yield from self._place(put.position, reach, end)
+            reach = self._choose_reach(motion, point, z, end, (Grip(item, turn), None))
+            yield from self._drive(legs, end, [reach.start])
+            yield from self._place(put.position, reach)
 
-    def _drive(self, legs: Sequence[Array], end: Array, option: int) -> Iterator[Tick]:
+    def _drive(self, legs: Sequence[Array], end: Array, ends: Sequence[int]) -> Iterator[Tick]:
         """Drive the base; it is kinematic and takes a held object along.
 
         Args:
             legs: of the base.
             end: where it is at the end.
-            option: number of the arm's posture there.
+            ends: numbers of the postures that the arm may have there.
         """
         legs = [*legs, end[None]]
         grip, options = self._grip, _options(self._grip)
-        start = self._standing(legs[0][0], grip)
-        self._jump(options[start])
+        free = self._free(legs[0][0], grip)
         around, load = self._surroundings, self._size(grip)
-        ways = choose_postures(
+        start, ways = choose_postures(
             legs,
-            start,
-            option,
+            free,
+            ends,
             options,
             lambda posture, bases, margin: around.depths(posture, bases, Touching(load, margin)),
-            partial(self._path, grip),
+            lambda one, other, base, searching: self._path(grip, one, [other], base, searching),
         )
+        self._jump(options[start])
         for leg, way in zip(legs, ways, strict=True):
             yield from self._follow(way.path)
-            tick = Tick(way.depth, by_motors=False)
             for x, y, yaw in leg.tolist():
                 self._physics.move_robot(self._name, ((x, y, 0.0), yaw_quaternion(yaw)))
                 if self._grip is not None:
                     self._physics.move_object(self._grip.item, self._held_pose(self._grip))
-                yield tick
+                yield _CARRIED
 
-    def _pick(self, grip: Grip, reach: Reach, base: Array) -> Iterator[Tick]:
+    def _pick(self, grip: Grip, reach: Reach) -> Iterator[Tick]:
         """Reach down to an object, close the fingers on it and bring it to where it is carried."""
         yield from self._follow(reach.there)
-        yield from self._go_straight(reach.target, base)
+        yield from self._move_arm(reach.target, True)
         _check(self._physics.grasp_pose(self._name)[0], self._world.grip(grip.item))
         yield from self._move_arm(_closed(reach.target), True)
         self._grip = grip
         self._physics.grip(self._name, grip.item, self._world.pose(grip.item))
         self._physics.thaw(grip.item, solid=False)
-        yield from self._go_straight(_closed(reach.above), base)
+        yield from self._move_arm(_closed(reach.above), True)
         yield from self._follow(reach.back)
 
-    def _place(self, position: Vector, reach: Reach, base: Array) -> Iterator[Tick]:
+    def _place(self, position: Vector, reach: Reach) -> Iterator[Tick]:
         """Bring the held object over its place, turn it on the way, put it down and withdraw the arm."""
         grip = self._grip
         assert grip is not None
         yield from self._follow(reach.there)
-        yield from self._go_straight(_closed(reach.target), base)
+        yield from self._move_arm(_closed(reach.target), True)
         _check(self._physics.read_object(grip.item)[0], position)
         self._physics.release(self._name)
         self._physics.thaw(grip.item)
         self._grip = None
         yield from self._move_arm(reach.target, True)
-        yield from self._go_straight(reach.above, base)
+        yield from self._move_arm(reach.above, True)
         yield from self._follow(reach.back)
 
     # Planning
@@ -157,73 +165,74 @@ class DrivenArm:
     def _size(self, grip: Grip | None) -> Size | None:
         return None if grip is None else self._world.size(grip.item)
 
-    def _standing(self, base: Array, grip: Grip | None) -> int:
-        """Return the number of the posture of a robot that stands somewhere: the first free one, or the least deep."""
-        return self._free(base, grip)[0]
-
     def _free(self, base: Array, grip: Grip | None) -> list[int]:
         """Return the numbers of the postures that are free where the base stands; that of the least deep if none is."""
         depths = self._surroundings.depths(_options(grip), base, Touching(self._size(grip)))
         return np.flatnonzero(depths <= ALLOWED).tolist() or [int(depths.argmin())]
 
-    def _depths(self, base: Array, grip: Grip | None, fingers: bool = True) -> Depths:
+    def _depths(self, base: Array, grip: Grip | None, level: float | None = None) -> Depths:
         load = self._size(grip)
-        return lambda postures, margin: self._surroundings.depths(postures, base, Touching(load, margin, fingers))
+        return lambda postures, margin: self._surroundings.depths(postures, base, Touching(load, margin, level))
 
-    def _path(self, grip: Grip | None, start: Array, goal: Array, base: Array, searching: bool) -> Path:
-        """Return how the arm gets from one posture into another while the base stands somewhere."""
-        ways = _options(grip) if grip else [*_options(None), *map(as_posture, _BETWEEN)]
-        low, high = sorted((float(start[-1]), float(goal[-1])))
-        limits = np.append(self._arm.lower, low), np.append(self._arm.upper, high)
-        return find_path(self._depths(base, grip), start, goal, ways, limits if searching else None)
+    def _ways(self, grip: Grip | None) -> list[Array]:
+        """Return postures by which the arm may go from one place to another."""
+        return _options(grip) if grip else [*_options(None), *map(as_posture, _BETWEEN)]
 
-    def _best_path(self, grip: Grip | None, start: Array, goals: Sequence[Array], base: Array, searching: bool) -> Path:
-        """Return the path to the first of several postures that the arm gets to freely, or the least deep one."""
-        best = Path((), np.inf)
-        for goal in goals:
-            path = self._path(grip, start, goal, base, False)
-            if path.depth <= 0:
-                return path
-            best = min(best, path, key=lambda path: path.depth)
-        found = self._path(grip, start, goals[0], base, True) if searching else best
-        return min(found, best, key=lambda path: path.depth)
+    def _limits(self, postures: Sequence[Array]) -> tuple[Array, Array]:
+        """Return between which postures the arm may look for a way from some of these to others."""
+        turns = [float(posture[-1]) for posture in postures]
+        return np.append(self._arm.lower, min(turns)), np.append(self._arm.upper, max(turns))
+
+    def _path(self, grip: Grip | None, start: Array, goals: Sequence[Array], base: Array, searching: bool) -> Path:
+        """Return how the arm gets from one posture into one of others while the base stands somewhere."""
+        limits = self._limits([start, *goals]) if searching else None
+        return find_path(self._depths(base, grip), start, goals, self._ways(grip), limits)
 
     def _choose_reach(
-        self, motion: Motion, point: Vector, base: Array, grips: tuple[Grip | None, Grip | None]
+        self, motion: Motion, point: Vector, level: float, base: Array, grips: tuple[Grip | None, Grip | None]
     ) -> Reach:
         """Choose how to reach a point.
 
         Args:
             motion: with the configuration that was decided on; it is taken if it is free.
             point: where the fingertips shall be.
+            level: height of the surface that they may touch.
             base: where the base stands.
             grips: what the gripper holds on its way there, and on its way back.
         """
         assert motion.arm is not None
         x, y, yaw = base.tolist()
         found = self._arm.solutions(point, ((x, y, 0.0), yaw_quaternion(yaw)))
-        turn = next(grip.turn for grip in grips if grip)
-        targets = np.column_stack([np.vstack([motion.arm, found]), np.full(len(found) + 1, turn)])
+        held = next(grip for grip in grips if grip)
+        targets = np.column_stack([np.vstack([motion.arm, found]), np.full(len(found) + 1, held.turn)])
+        targets[:, _BOTH_FINGERS] = _opening(self._world.size(held.item))
         above = targets.copy()
         above[:, 0] = np.minimum(above[:, 0] + _CLEARANCE, self._arm.upper[0])
         there, back = grips
-        starts, ends = _options(self._grip), _options(back)
-        free = [ends[number] for number in self._free(base, back)]
+        starts, ends = _options(self._grip), [_options(back)[number] for number in self._free(base, back)]
+        free = self._free(base, self._grip)
 
         def depths(targets: Array, above: Array) -> Array:
             both = np.concatenate([targets, above])
-            each = [self._depths(base, grip, False)(_grasping(both, grip), 0.0) for grip in grips]
+            each = [self._depths(base, grip, level)(_grasping(both, grip), 0.0) for grip in grips]
             deepest: Array = np.maximum(*each).reshape(2, -1).max(axis=0)
             return deepest
 
-        def connect(above: Array, searching: bool) -> tuple[int, Path, Path]:
-            goal = _grasping(above, there)
-            start, path = find_start(self._depths(base, there), starts, goal)
-            if searching and path.depth > 0:
-                path = self._path(there, starts[start], goal, base, True)
-            return start, path, self._best_path(back, _grasping(above, back), free, base, searching)
+        def go_there(above: Array, searching: bool) -> tuple[int, int, Path]:
+            goals, some = list(_grasping(above, there)), [starts[option] for option in free]
+            clear = self._depths(base, there)
+            found = (
+                search(clear, (some, goals), self._ways(there), self._limits([*some, *goals])) if searching else None
+            )
+            if found is not None:
+                return found[1], free[found[0]], found[2]
+            number, path = find_start(clear, some, goals[0])
+            return 0, free[number], path
 
-        return choose_reach(targets, above, depths, connect)
+        def go_back(above: Array, searching: bool) -> Path:
+            return self._path(back, _grasping(above, back), ends, base, searching)
+
+        return choose_reach(targets, above, depths, go_there, go_back)
 
     # Moving
 
@@ -237,13 +246,7 @@ class DrivenArm:
                 self._physics.move_object(self._grip.item, self._held_pose(self._grip))
             self._level()
 
-    def _go_straight(self, goal: Array, base: Array) -> Iterator[Tick]:
-        """Move straight to or from a place, where the fingers may touch."""
-        depth = float(self._depths(base, self._grip, False)(line(self._posture, goal), 0.0).max())
-        yield from self._follow(Path((goal,), depth if depth > ALLOWED else 0.0))
-
     def _follow(self, path: Path) -> Iterator[Tick]:
-        self._tick = Tick(path.depth)
         for number, posture in enumerate(path.postures):
             yield from self._move_arm(posture, number == len(path.postures) - 1)
 
@@ -256,14 +259,14 @@ class DrivenArm:
             if self._grip is not None:
                 self._grip = Grip(self._grip.item, float(start[-1] + share * (goal[-1] - start[-1])))
             self._level()
-            yield self._tick
+            yield _BY_MOTORS
         self._posture = goal
         arm.drive(goal[:-1])
         for _ in range(round(_CATCH_UP_TIME / TIME_STEP) if exactly else 0):
             if np.abs(np.subtract(goal[:-1], arm.configuration())).max() < _CAUGHT_UP:
                 return
             self._level()
-            yield self._tick
+            yield _BY_MOTORS
 
     def _level(self) -> None:
         """Keep a held object upright in the gripper."""
@@ -279,8 +282,13 @@ def _options(grip: Grip | None) -> list[Array]:
 def _closed(postures: Array) -> Array:
     """Return postures with the fingers closed on an object."""
     closed = postures.copy()
-    closed[..., -3:-1] = _HOLDING
+    closed[..., _BOTH_FINGERS] = _HOLDING
     return closed
+
+
+def _opening(size: Size) -> float:
+    """Return how far each finger is from the closing plane where it reaches for an object, metres."""
+    return min(OPEN, max(_HOLDING[0], min(size[:2]) / 2) + _GAP)
 
 
 def _grasping(postures: Array, grip: Grip | None) -> Array:

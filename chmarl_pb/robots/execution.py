@@ -27,8 +27,7 @@ class Snapshot:
         bases: robot -> pose of its base.
         joints: robot -> positions of its movable joints.
         items: object -> its pose, for those that are picked, carried or placed.
-        depths: robot -> how deep its arm, or what it holds, stands in something, metres: 0, but where its plan found
-            no free way.
+        depths: robot -> how deep its arm, or what it holds, stands in something until the next snapshot, metres.
     """
 
     bases: dict[str, Pose]
@@ -62,12 +61,8 @@ def execute(
 
 
 def collisions(snapshots: Sequence[Snapshot]) -> int:
-    """Return how many robots' driven motions pass through something, as no free way was found for them."""
-    deepest: dict[str, float] = {}
-    for snapshot in snapshots:
-        for name, depth in snapshot.depths.items():
-            deepest[name] = max(depth, deepest.get(name, 0.0))
-    return sum(depth > DEEP for depth in deepest.values())
+    """Return how many robots' driven motions pass through something, as where no free way was found for them."""
+    return len({name for snapshot in snapshots for name, depth in snapshot.depths.items() if depth > DEEP})
 
 
 def _rehearse(
@@ -91,11 +86,12 @@ def _rehearse(
     try:
         while running:
             ticks = {name: _advance(running, name, missed) for name in list(running)}
+            if count % TICKS_PER_FRAME == 0:
+                snapshots.append(_snapshot(world, items, dict.fromkeys(robots, 0.0)))
+            deepest = snapshots[-1].depths
+            deepest.update((name, tick.depth) for name, tick in ticks.items() if tick.depth > deepest[name])
             if any(tick.by_motors for tick in ticks.values()):
                 world.physics.step()
-            if count % TICKS_PER_FRAME == 0:
-                depths = {name: ticks[name].depth if name in ticks else 0.0 for name in robots}
-                snapshots.append(_snapshot(world, items, depths))
             count += 1
     finally:
         for item in items:

@@ -1,6 +1,7 @@
 """A robot with an arm: drives, picks and places."""
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -12,6 +13,7 @@ from chmarl_pb.robots.arm import Arm, Configuration
 from chmarl_pb.robots.arm_boxes import ArmBoxes
 from chmarl_pb.robots.clearance import Obstacles
 from chmarl_pb.robots.driven_arm import DrivenArm
+from chmarl_pb.robots.gauge import Gauge
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.mobile import MobileRobot
 from chmarl_pb.robots.model import RobotModel
@@ -20,6 +22,7 @@ from chmarl_pb.robots.surroundings import Surroundings
 from chmarl_pb.world import Grip, Pose, RobotBody, World, yaw_quaternion
 
 _REMEMBERED = 10_000  # reaches whose inverse kinematics is kept
+_MEASURED = 4  # simulation steps between two measurements of how deep a driven arm stands in something
 _TRIED_PLACES = 400  # nearest places that Place looks at before it gives up
 
 Reaches = dict[tuple[int, tuple[float, float, float]], Configuration | None]  # pose and grip -> the arm's configuration
@@ -178,7 +181,7 @@ class MobileManipulator(MobileRobot):
         self.arm.drive(self.arm.configuration())
 
     def drive(self, motion: Motion) -> Iterator[Tick]:
-        """Move base and arm in physics alone, one simulation step at a time.
+        """Move base and arm in physics alone, one simulation step at a time, and measure where they touch.
 
         Raises:
             MissedError: the hand or the object has missed its target.
@@ -188,7 +191,9 @@ class MobileManipulator(MobileRobot):
         arm = DrivenArm(self.name, self.arm, self.world, self.held_pose, around)
         turn = 0.0 if motion.pick is None else self.turn_of(motion.pick, motion.pose)
         legs = [leg for leg in self._legs(motion) if len(leg)]
-        return arm.act(motion, legs, np.array(self.lattice.pose(motion.pose)), turn)
+        gauge = Gauge(self.world, self.name, self._shape, motion)
+        for number, tick in enumerate(arm.act(motion, legs, np.array(self.lattice.pose(motion.pose)), turn)):
+            yield replace(tick, depth=gauge.depth(arm.held)) if number % _MEASURED == 0 else tick
 
     @cached_property
     def _solids(self) -> Obstacles:

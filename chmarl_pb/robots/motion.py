@@ -36,8 +36,7 @@ class Tick:
     """One simulation step of a driven motion.
 
     Attributes:
-        depth: how deep, by its plan, an arm or what it holds stands in something, metres: 0, but where no free way is
-            known.
+        depth: how deep an arm, or what it holds, stands in something before the step, metres; 0 if not measured.
         by_motors: whether motors move the robot, so that physics has to be simulated; if not, it is put where it is.
     """
 

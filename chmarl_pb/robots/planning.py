@@ -6,21 +6,25 @@ way: it is asked of a function that tells how deep postures stand in something.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 from typing import TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 #: How deep (n,) postures (n, d) stand in something when a margin is to be kept free, metres; 0: nowhere.
 Depths: TypeAlias = Callable[[Array, float], Array]
+#: Postures at which a path may start, and at which it may end.
+Ends: TypeAlias = tuple[Sequence[Array], Sequence[Array]]
 
 MARGIN = 0.015  # metres that a path keeps free where it can
 ALLOWED = 0.003  # metres of depth that count as free without the margin: things touch where they stand
 
-_STEP = 0.1  # radians or metres of the joint that moves most, between two postures that are looked at
-_TRIES = 150  # draws of the random tree
+_TIGHT = 0.006  # metres that it keeps free where it cannot keep more
+_STEP, _TIGHT_STEP = 0.07, 0.035  # rad or m of the joint that moves most, between two postures that are looked at
+_TRIES = 240  # draws of the random tree
 _WIDE = 1.0  # radians by which the tree goes beyond start and goal
 
 
@@ -38,36 +42,69 @@ class Path:
 
 
 def find_path(
-    depths: Depths, start: Array, goal: Array, ways: Sequence[Array], limits: tuple[Array, Array] | None, seed: int = 0
+    depths: Depths,
+    start: Array,
+    goals: Sequence[Array],
+    ways: Sequence[Array],
+    limits: tuple[Array, Array] | None,
+    seed: int = 0,
 ) -> Path:
-    """Return a free path, or the least bad one that is known.
+    """Return a free path to one of several postures, or the least bad one that is known.
 
     Args:
         depths: how deep postures stand in something.
         start: where the arm is.
-        goal: where it shall be.
+        goals: where it shall be, the best first.
         ways: postures by which it may go.
         limits: lowest and highest posture that a random tree may draw; None: no tree is grown.
         seed: of the tree.
     """
     # No deeper than where it has to begin or end.
-    allowed = max(ALLOWED, float(depths(np.stack([start, goal]), 0.0).max()))
-    best = Path((goal,), np.inf)
-    for margin, most in ((MARGIN, 0.0), (0.0, allowed)):
-        for some in ((), ways):
-            best = _by_ways(depths, start, goal, some, margin, most)
+    ends = depths(np.stack([start, *goals]), 0.0)
+    allowed = max(ALLOWED, float(ends[0]), float(ends[1:].min()))
+    others = [way for way in ways if not any(np.array_equal(way, goal) for goal in goals)]
+    best = Path((goals[0],), np.inf)
+    for margins, most in (((MARGIN, _TIGHT), 0.0), ((0.0,), allowed)):
+        for some, margin in product(((), others), margins):
+            best = _by_ways(depths, start, goals, some, margin, most)
             if best.depth <= most:
                 return Path(best.postures, _counted(best.depth))
-    if limits is not None:
-        tree = _grow(depths, start, goal, limits, allowed, np.random.default_rng(seed))
-        if tree is not None:
-            return Path(_shortened(depths, tree, allowed), _counted(allowed))
-    return best
+    found = None if limits is None else search(depths, ([start], goals), ways, limits, seed)
+    return best if found is None else found[2]
 
 
-def _by_ways(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], margin: float, free: float) -> Path:
-    """Return the least deep path of straight moves between way postures, of equally deep ones that of fewest moves."""
-    nodes = [start, *ways, goal]
+def search(
+    depths: Depths, ends: Ends, ways: Sequence[Array], limits: tuple[Array, Array], seed: int = 0
+) -> tuple[int, int, Path] | None:
+    """Look for a path by random trees that grow towards each other.
+
+    Args:
+        depths: how deep postures stand in something.
+        ends: where the arm may start, and where it may get to.
+        ways: postures towards which the trees grow first.
+        limits: lowest and highest posture that they may draw.
+        seed: of what they draw.
+
+    Returns:
+        Numbers of its start and its goal, and the path; None if none was found.
+    """
+    # No deeper than where it has to begin or end.
+    allowed = max(ALLOWED, *(float(depths(np.stack(some), 0.0).min()) for some in ends))
+    tree = _grow(depths, ends, ways, limits, allowed, np.random.default_rng(seed))
+    if tree is None:
+        return None
+    first, last = (
+        next(number for number, one in enumerate(some) if one is tree[place])
+        for some, place in zip(ends, (0, -1), strict=True)
+    )
+    return first, last, Path(_shortened(depths, tree, allowed), _counted(allowed))
+
+
+def _by_ways(
+    depths: Depths, start: Array, goals: Sequence[Array], ways: Sequence[Array], margin: float, free: float
+) -> Path:
+    """Return the least deep path of straight moves by way postures, of equally deep ones that of fewest moves."""
+    nodes = [start, *goals, *ways]
     pairs = list(combinations(range(len(nodes)), 2))
     deep = np.zeros((len(nodes), len(nodes)))
     for (one, other), depth in zip(
@@ -75,18 +112,18 @@ def _by_ways(depths: Depths, start: Array, goal: Array, ways: Sequence[Array], m
     ):
         deep[one, other] = deep[other, one] = depth if depth > free else 0.0
     best: list[tuple[float, tuple[int, ...]]] = [(float(deep[0, node]), (node,)) for node in range(len(nodes))]
-    for _ in ways:
+    for _ in nodes[2:]:
         for via, node in permutations(range(1, len(nodes)), 2):
             depth = max(best[via][0], float(deep[via, node]))
             if (depth, len(best[via][1]) + 1) < (best[node][0], len(best[node][1])):
                 best[node] = depth, (*best[via][1], node)
-    depth, corners = best[-1]
+    depth, corners = min(best[1 : len(goals) + 1], key=lambda known: (known[0], len(known[1])))
     return Path(tuple(nodes[corner] for corner in corners), depth)
 
 
 def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[int, Path]:
     """Return from which of several postures a goal is best reached straight, the first if it is free, and the path."""
-    for margin in (MARGIN, 0.0):
+    for margin in (MARGIN, _TIGHT, 0.0):
         deepest = _deepest(depths, [(start, goal) for start in starts], margin)
         free = [number for number, depth in enumerate(deepest) if depth <= (ALLOWED if margin == 0 else 0.0)]
         if free:
@@ -94,9 +131,9 @@ def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[in
     return int(np.argmin(deepest)), Path((goal,), min(deepest))
 
 
-def line(start: Array, goal: Array) -> Array:
+def line(start: Array, goal: Array, margin: float = 0.0) -> Array:
     """Return postures (n, d) from a start, which is not among them, straight to a goal, which is."""
-    count = max(1, int(np.ceil(np.abs(goal - start).max() / _STEP)))
+    count = max(1, int(np.ceil(np.abs(goal - start).max() / (_STEP if margin >= MARGIN else _TIGHT_STEP))))
     return start + np.linspace(0, 1, count + 1)[1:, None] * (goal - start)
 
 
@@ -106,28 +143,29 @@ def _counted(depth: float) -> float:
 
 
 def _deepest(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float) -> list[float]:
-    lines = [line(*edge) for edge in edges]
+    lines = [line(*edge, margin) for edge in edges]
     found = depths(np.concatenate(lines), margin)
     ends = np.cumsum([len(one) for one in lines])[:-1]
     return [float(part.max()) for part in np.split(found, ends)]
 
 
 def _grow(
-    depths: Depths, start: Array, goal: Array, limits: tuple[Array, Array], allowed: float, rng: np.random.Generator
+    depths: Depths, ends: Ends, ways: Sequence[Array], limits: tuple[Array, Array], allowed: float, rng: Generator
 ) -> list[Array] | None:
-    """Grow two random trees towards each other; return the postures from start to goal, or None."""
-    low = np.maximum(limits[0], np.minimum(start, goal) - _WIDE)
-    high = np.minimum(limits[1], np.maximum(start, goal) + _WIDE)
-    trees: list[tuple[list[Array], list[int]]] = [([start], [-1]), ([goal], [-1])]
+    """Grow two random trees towards each other; return the postures from a start to a goal, or None."""
+    both = np.stack([*ends[0], *ends[1]])
+    low, high = np.maximum(limits[0], both.min(axis=0) - _WIDE), np.minimum(limits[1], both.max(axis=0) + _WIDE)
+    trees: list[tuple[list[Array], list[int]]] = [([*some], [-1] * len(some)) for some in ends]
     for turn in range(_TRIES):
         one, other = trees[turn % 2], trees[1 - turn % 2]
-        reached = _extend(depths, one, rng.uniform(low, high), allowed)
+        aim = ways[turn // 2] if turn // 2 < len(ways) else rng.uniform(low, high)
+        reached = _extend(depths, one, aim, allowed)
         if reached is None:
             continue
-        _extend(depths, other, one[0][reached], allowed)
-        if np.array_equal(other[0][-1], one[0][reached]):
-            ways = [_back(one, reached), _back(other, len(other[0]) - 1)]
-            first, second = ways if turn % 2 == 0 else ways[::-1]
+        met = _extend(depths, other, one[0][reached], allowed)
+        if met is not None and np.array_equal(other[0][met], one[0][reached]):
+            both_ways = [_back(one, reached), _back(other, met)]
+            first, second = both_ways if turn % 2 == 0 else both_ways[::-1]
             return [*first[::-1], *second[1:]]
     return None
 

@@ -1,7 +1,7 @@
 """How an arm reaches a point: of all configurations that do, one that is free and can be got to and away from."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from chmarl_pb.robots.planning import ALLOWED, Path
 
 Array: TypeAlias = NDArray[np.float64]
-#: From which posture the arm gets above a point, how, and away from there again; True: at any cost of search.
-Connect: TypeAlias = Callable[[Array, bool], tuple[int, Path, Path]]
+#: Above which of several points (k, d) the arm gets, from which posture, and how; True: at any cost of search.
+There: TypeAlias = Callable[[Array, bool], tuple[int, int, Path]]
+#: How it gets away from there again.
+Back: TypeAlias = Callable[[Array, bool], Path]
 
 _BLOCKS = (1, 150)  # postures that are looked at together, the most comfortable first; then all others
-_SPREAD = 8  # free postures of a block, as different as can be, that the arm tries to get to
+_SPREAD = 8  # free postures, as different as can be, that the arm tries to get to
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +43,17 @@ class Reach:
         return self.there.depth + self.back.depth
 
 
-def choose_reach(targets: Array, above: Array, depths: Callable[[Array, Array], Array], connect: Connect) -> Reach:
+def choose_reach(
+    targets: Array, above: Array, depths: Callable[[Array, Array], Array], there: There, back: Back
+) -> Reach:
     """Choose how to reach a point.
 
     Args:
         targets: (n, d) postures that reach it, the most comfortable first.
         above: (n, d) the postures above it.
         depths: how deep (k,) pairs of such postures stand in something.
-        connect: how the arm gets to a posture above the point, and back.
+        there: how the arm gets to a posture above the point.
+        back: how it gets away from there.
     """
     deep = np.zeros(0)
     tried: list[tuple[float, int, Reach]] = []
@@ -57,12 +62,20 @@ def choose_reach(targets: Array, above: Array, depths: Callable[[Array, Array], 
             continue
         deep = np.concatenate([deep, depths(targets[block], above[block])])
         for number in _spread(targets, block[deep[block] <= ALLOWED]):
-            reach = Reach(targets[number], above[number], *connect(above[number], False))
+            _, start, path = there(above[[number]], False)
+            if path.depth > 0:
+                continue
+            reach = Reach(targets[number], above[number], start, path, back(above[number], False))
             if reach.depth <= 0:
                 return reach
             tried.append((reach.depth, number, reach))
-    number = min(tried)[1] if tried else int(deep.argmin())
-    return Reach(targets[number], above[number], *connect(above[number], True))
+    if tried:
+        best = min(tried)[2]
+    else:
+        some = _spread(targets, np.flatnonzero(deep <= ALLOWED)) or [int(deep.argmin())]
+        row, start, path = there(above[some], True)
+        best = Reach(targets[some[row]], above[some[row]], start, path, back(above[some[row]], False))
+    return best if best.back.depth <= 0 else replace(best, back=back(best.above, True))
 
 
 def _spread(postures: Array, numbers: NDArray[np.intp]) -> list[int]:

@@ -15,7 +15,8 @@ from chmarl_pb.world import World
 Array: TypeAlias = NDArray[np.float64]
 
 _REACH = 1.6  # metres from the base within which an arm and what it holds can be
-_FINGERS = ("left_finger", "right_finger")
+_LEVEL = 0.005  # metres above a surface that still belong to it
+FINGERS = ("left_finger", "right_finger")
 _UPRIGHT = np.eye(3)
 
 
@@ -26,12 +27,12 @@ class Touching:
     Attributes:
         load: extents of the object in the gripper, metres; None if it is empty.
         margin: metres that are to be kept free.
-        fingers: whether fingers count; not where they reach for an object that stands on something.
+        level: height of the surface that fingers may touch, where they reach for an object, metres; or None.
     """
 
     load: Size | None = None
     margin: float = 0.0
-    fingers: bool = True
+    level: float | None = None
 
 
 class Surroundings:
@@ -53,8 +54,8 @@ class Surroundings:
         skipped = {*ignoring, *world.state.held}
         poses = world.state.objects.poses.items()
         objects = [_prism(pose, world.size(name)) for name, pose in poses if name not in skipped]
-        self._all = home.joined(Obstacles(objects))
-        self._fingers = [number for number, name in enumerate(shape.links) if name in _FINGERS]
+        self._home, self._objects = home, Obstacles(objects)
+        self._fingers = np.array([name in FINGERS for name in shape.links])
 
     def depths(self, postures: ArrayLike, bases: ArrayLike, touching: Touching) -> Array:
         """Return how deep (n,) the arm or its load stands in something, metres; 0: nowhere.
@@ -68,11 +69,16 @@ class Surroundings:
         boxes = self._boxes(postures, touching)
         own = self._shape.own_depths(boxes, postures[:, 0])
         placed = boxes.at(*bases.T)
-        low, high = bases.min(axis=0) - _REACH, bases.max(axis=0) + _REACH
-        depths = self._all.near((*low[:2], 0.0), (*high[:2], 4.0)).depth(placed, touching.margin)
-        if not touching.fingers:
-            depths[:, self._fingers] = 0.0
-        found: Array = np.maximum(depths.max(axis=1), own)
+        low, high = bases[:, :2].min(axis=0) - _REACH, bases[:, :2].max(axis=0) + _REACH
+        home, objects = (some.near((*low, 0.0), (*high, 4.0)) for some in (self._home, self._objects))
+        found: Array = np.maximum(objects.depth(placed, touching.margin).max(axis=1), own)
+        if touching.level is None:
+            found = np.maximum(found, home.depth(placed, touching.margin).max(axis=1))
+            return found
+        fingers = np.append(self._fingers, np.zeros(len(placed.halves) - len(self._fingers), dtype=bool))
+        above = home.near((*low, touching.level + _LEVEL), (*high, 4.0))
+        for some, solids in ((fingers, above), (~fingers, home)):
+            found = np.maximum(found, solids.depth(placed.only(some), touching.margin).max(axis=1))
         return found
 
     def _boxes(self, postures: Array, touching: Touching) -> Boxes:

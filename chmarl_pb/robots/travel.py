@@ -22,6 +22,7 @@ _UNUSUAL = 0.2  # what a leg costs in another posture than the first
 _TIGHT = 3.0  # what a leg costs that is free without its margin alone
 _CHANGE = 1.0  # what each straight move of a change of posture costs
 _DEEP = 1e4  # what a metre of depth costs
+_JUMP = 45.0  # what it costs to begin in another posture than the first of those at the start
 _SEARCHES = 3  # rounds in which changes of posture that are not free are searched for at any cost
 
 
@@ -41,23 +42,31 @@ class Leg:
 
 
 def choose_postures(
-    legs: Sequence[Array], start: int, end: int, options: Sequence[Array], along: Along, change: Change
-) -> tuple[Leg, ...]:
+    legs: Sequence[Array],
+    starts: Sequence[int],
+    ends: Sequence[int],
+    options: Sequence[Array],
+    along: Along,
+    change: Change,
+) -> tuple[int, tuple[Leg, ...]]:
     """Choose a posture for every leg of a drive; the arm changes it only while the base stands.
 
     Args:
         legs: (n, 3) x, y and yaw of the base.
-        start: number of the posture at the start.
-        end: number of the posture on the last leg.
+        starts: numbers of the postures at the start, that in which the arm is first.
+        ends: numbers of the postures on the last leg.
         options: the postures, the usual one first.
         along: how deep a posture stands in something along a leg.
         change: how one is changed for another.
+
+    Returns:
+        Number of the posture at the start, and how each leg goes.
     """
     looked = [leg[[*range(0, len(leg), _EVERY), len(leg) - 1]] for leg in legs]
-    if start == end == 0 and float(along(options[0], np.concatenate(looked), MARGIN).max()) <= 0:
-        return tuple(Leg(0, Path(())) for _ in legs)
+    if 0 in starts and 0 in ends and float(along(options[0], np.concatenate(looked), MARGIN).max()) <= 0:
+        return 0, tuple(Leg(0, Path(())) for _ in legs)
     costs, depths = _leg_costs(looked, options, along)
-    costs[-1, np.arange(len(options)) != end] = np.inf
+    costs[-1, [option for option in range(len(options)) if option not in ends]] = np.inf
     known: dict[tuple[int, int, int], Path] = {}
 
     def changed(leg: int, one: int, other: int) -> Path:
@@ -66,25 +75,31 @@ def choose_postures(
         return known[leg, one, other]
 
     for _ in range(_SEARCHES):
-        chosen = _cheapest(costs, depths, start, changed)
+        start, chosen = _cheapest(costs, depths, starts, changed)
         before = (start, *(leg.option for leg in chosen))
         deep = [(n, before[n], leg.option) for n, leg in enumerate(chosen) if leg.path.depth > 0]
         for n, one, other in deep:
             known[n, one, other] = change(options[one], options[other], looked[n][0], True)
         if not deep:
             break
-    return _cheapest(costs, depths, start, changed)
+    return _cheapest(costs, depths, starts, changed)
 
 
-def _cheapest(costs: Array, depths: Array, start: int, changed: Callable[[int, int, int], Path]) -> tuple[Leg, ...]:
+def _cheapest(
+    costs: Array, depths: Array, starts: Sequence[int], changed: Callable[[int, int, int], Path]
+) -> tuple[int, tuple[Leg, ...]]:
     """Return the cheapest choice by A*; how a change goes is asked only where it may be part of it."""
     least = np.append(np.cumsum(costs.min(axis=1)[::-1])[::-1], 0.0)  # that the legs from one on cost at least
     serial, done = count(), set()
-    # Estimate of the whole, tie, cost so far, legs so far; and the posture before, where the last change is a guess.
-    queue: list[tuple[float, int, float, tuple[Leg, ...], int | None]] = [(least[0], next(serial), 0.0, (), None)]
+    # Estimate of the whole, tie, cost so far, the start and the legs so far; and the posture before, where the last
+    # change is a guess.
+    queue: list[tuple[float, int, float, tuple[Leg, ...], int | None]] = [
+        (least[0] + cost, next(serial), cost, (Leg(start, Path(())),), None)
+        for start, cost in zip(starts, [0.0, *[_JUMP] * (len(starts) - 1)], strict=True)
+    ]
     while True:
         _, _, cost, legs, guessed = heapq.heappop(queue)
-        number, option = len(legs), legs[-1].option if legs else start
+        number, option = len(legs) - 1, legs[-1].option
         if (number, option) in done:
             continue
         if guessed is not None:
@@ -94,7 +109,7 @@ def _cheapest(costs: Array, depths: Array, start: int, changed: Callable[[int, i
             heapq.heappush(queue, (cost + least[number], next(serial), cost, legs, None))
             continue
         if number == len(costs):
-            return legs
+            return legs[0].option, legs[1:]
         done.add((number, option))
         for other, price in enumerate(costs[number].tolist()):
             if np.isfinite(price):
