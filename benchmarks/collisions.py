@@ -221,7 +221,8 @@ def main() -> None:
                 continue
             if env is None or probe is None or entered != home:
                 if env is not None and probe is not None:
-                    env.close(), probe.close()
+                    env.close()
+                    probe.close()
                 env, entered = HouseholdEnv(home=urdf_of(home, folder), execution="simulated"), home
                 env.reset(seed=seed)
                 probe = Probe(env)

@@ -163,7 +163,8 @@ def test_the_count_agrees_with_a_second_client(monkeypatch: pytest.MonkeyPatch, 
     deep = [max(motion["depths"].values(), default=0.0) > DEEP for motion in motions]
     assert [motion["counted"] > 0 for motion in motions] == deep
     assert any(deep) == blind and env.collisions == sum(deep)
-    probe.close(), env.close()
+    probe.close()
+    env.close()
 
 
 def nothing(postures: ArrayLike, bases: ArrayLike) -> np.ndarray:
