@@ -1,6 +1,7 @@
 """Drive an arm through a motion in physics alone: generators that command it and yield once for a simulation step."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,7 @@ class DrivenArm:
             ends,
             options,
             lambda posture, bases, margin: around.depths(posture, bases, Touching(load, margin)),
-            lambda one, other, base, searching: self._path(grip, one, [other], base, searching),
+            partial(self._change, grip),
         )
         self._jump(options[start])
         for leg, way in zip(legs, ways, strict=True):
@@ -182,6 +183,12 @@ class DrivenArm:
         """Return between which postures the arm may look for a way from some of these to others."""
         turns = [float(posture[-1]) for posture in postures]
         return np.append(self._arm.lower, min(turns)), np.append(self._arm.upper, max(turns))
+
+    def _change(self, grip: Grip | None, start: Array, goal: Array, base: Array, searching: bool) -> Path:
+        """Return how the arm changes its posture on a drive: straight, if no other way is searched for."""
+        if searching:
+            return self._path(grip, start, [goal], base, True)
+        return find_path(self._depths(base, grip), start, [goal], (), None)
 
     def _path(self, grip: Grip | None, start: Array, goals: Sequence[Array], base: Array, searching: bool) -> Path:
         """Return how the arm gets from one posture into one of others while the base stands somewhere."""

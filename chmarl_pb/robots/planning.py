@@ -65,7 +65,7 @@ def find_path(
     others = [way for way in ways if not any(np.array_equal(way, goal) for goal in goals)]
     best = Path((goals[0],), np.inf)
     for margins, most in (((MARGIN, _TIGHT), 0.0), ((0.0,), allowed)):
-        for some, margin in product(((), others), margins):
+        for some, margin in product(((), others) if others else ((),), margins):
             best = _by_ways(depths, start, goals, some, margin, most)
             if best.depth <= most:
                 return Path(best.postures, _counted(best.depth))

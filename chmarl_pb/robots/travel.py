@@ -14,7 +14,7 @@ from chmarl_pb.robots.planning import ALLOWED, MARGIN, Path
 Array: TypeAlias = NDArray[np.float64]
 #: How deep (n,) the arm stands in something in one posture, at bases (n, 3), with a margin to be kept free.
 Along: TypeAlias = Callable[[Array, Array, float], Array]
-#: How the arm gets from one posture to another while the base stands somewhere; True: at any cost of search.
+#: How the arm gets from one posture to another while the base stands somewhere: straight; True: at any cost of search.
 Change: TypeAlias = Callable[[Array, Array, Array, bool], Path]
 
 _EVERY = 8  # steps of a leg between two places that are looked at
@@ -23,7 +23,7 @@ _TIGHT = 3.0  # what a leg costs that is free without its margin alone
 _CHANGE = 1.0  # what each straight move of a change of posture costs
 _DEEP = 1e4  # what a metre of depth costs
 _JUMP = 45.0  # what it costs to begin in another posture than the first of those at the start
-_SEARCHES = 3  # rounds in which changes of posture that are not free are searched for at any cost
+_SEARCHES = 6  # rounds in which changes of posture that are not free are searched for at any cost
 
 
 @dataclass(frozen=True, eq=False)
