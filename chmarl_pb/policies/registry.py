@@ -3,6 +3,7 @@
 from typing import Any
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.blind import BlindPolicy
 from chmarl_pb.policies.code import RoomCode, Talking
 from chmarl_pb.policies.cooperative_planner import PlannerPolicy
@@ -11,7 +12,7 @@ from chmarl_pb.policies.open_loop import OpenLoopPolicy
 from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of, symbols_of
 from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
-from chmarl_pb.policies.variants import Alone, Unheard
+from chmarl_pb.policies.variants import Alone, Told, Unheard
 
 #: Policies that do without most of what a robot is given -> what they do with; weak ones first.
 SHORTCUTS = {
@@ -34,6 +35,15 @@ def _without_words(env: PolicyEnv, policy: Policy) -> Policy:
     return Unheard(policy, (2, len(env.rooms))) if symbols_of(env) else policy
 
 
+def _belief(env: PolicyEnv) -> Policy:
+    return BeliefPolicy(env.action_names, env.rooms, env.catalog)
+
+
+def _belief_alone(env: PolicyEnv) -> Policy:
+    policy = BeliefPolicy(env.action_names, env.rooms, env.catalog, alone=True)
+    return Alone(policy, env.action_names, env.rooms, env.catalog)
+
+
 #: Name -> what makes the policy for an environment.
 BUILT_IN: dict[str, Factory] = {
     "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
@@ -46,11 +56,15 @@ BUILT_IN: dict[str, Factory] = {
     "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms, env.catalog),
     "search-silent": lambda env: Unheard(_search(env)),
     "search": _search,
+    "belief-alone": _belief_alone,
+    "belief-silent": lambda env: Unheard(_belief(env)),
+    "belief": _belief,
+    "belief-told": lambda env: Told(_belief(env), env),
     "planner": PlannerPolicy,
 }
 
 #: Those that play a task the same way for every seed.
-DETERMINISTIC = frozenset({"open-loop", "planner"})
+DETERMINISTIC = frozenset({"open-loop", "belief-alone", "belief-silent", "belief", "belief-told", "planner"})
 
 
 def make_policy(name: str, env: Any) -> Policy:
@@ -59,8 +73,9 @@ def make_policy(name: str, env: Any) -> Policy:
     Args:
         name: "planner" (privileged, optimal), "search" (reads ``info["visible"]``: with scene graphs no more than they
             show, with pictures the truth), "search-alone" (the drone stays), "search-silent" (without messages),
-            "random", or one that does without most of what a robot is given: "blind", "instruction-blind",
-            "open-loop", "reactive".
+            "belief", "belief-alone", "belief-silent" (the same, and expect of a home what homes of training are like),
+            "belief-told" (privileged: told the rooms of X and Y at the start), "random", or one that does without
+            most of what a robot is given: "blind", "instruction-blind", "open-loop", "reactive".
         env: the ParallelEnv, or a view of it, that the policy is to drive.
 
     Raises:

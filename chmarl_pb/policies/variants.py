@@ -1,4 +1,4 @@
-"""Policies made of others: without messages, and without the robots that cannot grasp."""
+"""Policies made of others: without messages, without the robots that cannot grasp, or told the rooms of X and Y."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, PolicyEnv, grasps
 from chmarl_pb.tasks.language import parse_instructions
 
 
@@ -71,3 +71,25 @@ class Alone:
                 notes[0] |= messages[0]
             elif catalog.class_of(name) in receptacles:
                 notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)
+
+
+class Told:
+    """A policy that is told at the start in which rooms X and Y are: privileged, a mark of what messages may bring."""
+
+    def __init__(self, policy: Policy, env: PolicyEnv):
+        """Tell a policy what an environment knows."""
+        self.policy, self.env = policy, env
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode, and look up the rooms of the present one."""
+        self.policy.reset(seed)
+        supports = self.env.simulation.world.supports
+        goals = self.env.setting.goals
+        items = {catalog.room_of(supports[goal.item].receptacle) for goal in goals}
+        targets = {catalog.room_of(name) for goal in goals for name in goal.receptacles}
+        self._board = np.array([[room in rooms for room in self.env.rooms] for rooms in (items, targets)], np.int8)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what the policy does when messages name these rooms from the start."""
+        told = {name: {**seen, "messages": seen["messages"] | self._board} for name, seen in observations.items()}
+        return self.policy.act(told, infos)

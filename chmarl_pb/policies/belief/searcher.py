@@ -1,0 +1,188 @@
+"""The robot that grasps, by its belief: it looks where X or Y is likeliest for the steps that it takes to look."""
+
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb import catalog
+from chmarl_pb.catalog import Catalog
+from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
+from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
+from chmarl_pb.policies.belief.scouts import Scouts
+from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
+from chmarl_pb.policies.tidying import Pair, Tidying
+from chmarl_pb.tasks.language import parse_instructions
+
+_VERBS = "pick", "place"
+_Y_TOO = 0.4  # what seeing Y counts beside seeing X, while X is searched for
+_KNOWN = 0.9  # from this probability on the room is known
+_LEAST = 1e-3  # probability a step for which a look is not worth it
+_OTHERS = 0.5  # what finding X counts in a room that another robot that grasps begins with
+_DOUBT = 0.3  # that messages are of the object in question, if there are several
+_PACES = 3
+_ALL = (1 << TURNS) - 1
+
+
+class Searcher:
+    """Drives one robot that grasps.
+
+    Attributes:
+        knowledge: what it has seen in this episode.
+    """
+
+    def __init__(
+        self, actions: tuple[str, ...], rooms: tuple[str, ...], flyers: tuple[str, ...], part: tuple[int, int],
+        known: Catalog,
+    ):  # fmt: skip
+        """Get to know the team.
+
+        Args:
+            actions: names of its actions, in the order of their numbers.
+            rooms: names of the rooms.
+            flyers: the robots that fly and on whose views it counts.
+            part: its number among the robots that grasp, and their count.
+            known: the classes that instructions name.
+        """
+        self.actions, self.rooms, self._flyers, self._part, self._catalog = actions, rooms, flyers, part, known
+        self.reset(None)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode; nothing is drawn at random."""
+        self.knowledge = Knowledge(statistics(self.rooms))
+        self._scouts: Scouts | None = None
+        self._station: Station | None = None
+        self._zero = 0  # heading at the anchor where it stands
+        self._tidying = Tidying()
+        self._tried = ""
+        self._queue: list[str] = []
+        self._deaf = False
+
+    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the next action."""
+        self._tried = self._choose(observation, info)
+        return self.actions.index(self._tried)
+
+    def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
+        pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
+        seen, done = frozenset(map(catalog.class_of, info["visible"])), bool(info["action_success"])
+        wanted = self._tidying.wanted(pairs, holding, seen, self._tried, done)
+        self._look(observation, info["visible"], done)
+        failed = self._tried == _VERBS[holding] and not done
+        if failed:  # nothing in this view serves
+            for name in wanted & seen:
+                self.knowledge.sighted.pop(name, None)
+        beliefs = self._listen(observation["messages"] > 0, pairs, holding, wanted, seen)
+        if wanted & seen and not failed:
+            self._queue = []
+            return _VERBS[holding]
+        return self._search(beliefs, wanted if holding else frozenset())
+
+    def _look(self, observation: dict[str, np.ndarray], visible: Collection[str], done: bool) -> None:
+        """Note where the last action has led, and what is in view there."""
+        cosine, sine = observation["self"][-3:-1]
+        heading = round(float(np.arctan2(sine, cosine)) * TURNS / (2 * np.pi)) % TURNS
+        if self._tried.startswith("goto_"):
+            self._station, self._zero = Station(self.rooms.index(self._tried.removeprefix("goto_")), 0), heading
+        elif self._tried in ("move_forward", *_VERBS) and done:
+            self._station = None
+        if self._station is not None:
+            self._station = Station(self._station.room, (heading - self._zero) % TURNS)
+        seen = [(catalog.class_of(name), catalog.room_of(name) if "/" in name else "") for name in visible]
+        self.knowledge.view(seen, self._station, heading)
+
+    def _listen(
+        self,
+        heard: NDArray[np.bool_],
+        pairs: Sequence[Pair],
+        holding: bool,
+        wanted: Collection[str],
+        seen: Collection[str],
+    ) -> list[Belief]:
+        """Keep account of the others, and return where what is wanted is; while X is, also where Y is."""
+        several, targets = len(pairs) > 1, {target for _, target in pairs}
+        self._deaf |= bool(targets & set(seen)) and not heard[1].any()  # its own view would have been told
+        spots = self.knowledge.statistics.objects_off(targets), self.knowledge.statistics.receptacles_of(targets)
+        if self._scouts is None:
+            self._scouts = Scouts(self._flyers, self.knowledge.statistics, several)
+        scouts = self._scouts
+        scouts.hear(heard)
+        scouts.decide(spots)
+        doubt = _DOUBT if several else 0.0
+        evidence = [
+            Evidence(np.zeros_like(flown) if self._deaf else flown, bits, find, doubt)
+            for flown, bits, find in zip(scouts.flown, heard, scouts.finds, strict=True)
+        ]
+        self._find = scouts.finds[holding]
+        of_y = self.knowledge.statistics.receptacles_of(wanted) if holding else spots[1]
+        y = (
+            []
+            if not holding and targets & self.knowledge.sighted.keys()
+            else [self.knowledge.belief(of_y, evidence[1], False)]
+        )
+        return y if holding else [self.knowledge.belief(spots[0], evidence[0], True), *y]
+
+    def _search(self, beliefs: list[Belief], targets: Collection[str]) -> str:
+        """Return the action by which what is wanted is likely to be seen soon.
+
+        Args:
+            beliefs: where it is, and where Y is, which it is good to see, too.
+            targets: the classes of Y, if Y is wanted.
+        """
+        in_rooms = beliefs[0].in_rooms(len(self.rooms))
+        room = int(in_rooms.argmax())
+        looks = [*self._sighted(targets)]
+        if in_rooms[room] >= _KNOWN:
+            looks += self._known(beliefs[0], room)
+            return min(looks, key=lambda look: look.value).action if looks else self._wander(room)
+        if looks:
+            return min(looks, key=lambda look: look.value).action
+        best = max((self._promise(beliefs, number) for number in range(len(self.rooms))), key=lambda look: look.value)
+        return best.action if best.value > _LEAST else self._wander(room)
+
+    def _sighted(self, targets: Collection[str]) -> Iterator[Look]:
+        """Yield the ways back to views that showed what is wanted."""
+        for name in targets & self.knowledge.sighted.keys():
+            for room in np.flatnonzero(self.knowledge.sighted[name]).tolist():
+                yield self._named(soonest(self._plans(room), self.knowledge.sighted[name][[room]], np.ones(1)), room)
+
+    def _known(self, belief: Belief, room: int) -> Iterator[Look]:
+        """Yield the best way to look for a thing in the room that it is in; none if all has been looked at."""
+        masks, chance = self._unseen(belief, room)
+        if masks.any():
+            yield self._named(soonest(self._plans(room), masks, chance), room)
+
+    def _promise(self, beliefs: list[Belief], room: int) -> Look:
+        """Return the look in a room that promises most for each step."""
+        masks, chance = zip(*(self._unseen(belief, room) for belief in beliefs), strict=True)
+        shares = (self._share(beliefs[0], room), _Y_TOO)
+        weights = [share * part for share, part in zip(shares, chance, strict=False)]
+        return self._named(densest(self._plans(room), np.concatenate(masks), np.concatenate(weights)), room)
+
+    def _share(self, belief: Belief, room: int) -> float:
+        """Return what finding X in a room counts: several robots that grasp begin with different rooms."""
+        number, count = self._part
+        order = np.argsort(-belief.in_rooms(len(self.rooms)), kind="stable").tolist()
+        return 1.0 if order.index(room) % count == number else _OTHERS
+
+    def _unseen(self, belief: Belief, room: int) -> tuple[Bits, NDArray[np.float64]]:
+        """Return the turns in a room that show the spots of a belief and have not been seen, and their chances."""
+        there = belief.spots.room == room
+        return belief.spots.near[there] & (~self.knowledge.viewed[room] & _ALL), belief.chance[there]
+
+    def _plans(self, room: int) -> Plans:
+        here = self._station is not None and self._station.room == room
+        return plans(self._station.turn if here and self._station is not None else None)
+
+    def _named(self, look: Look, room: int) -> Look:
+        return look._replace(action=f"goto_{self.rooms[room]}") if look.action == GOTO else look
+
+    def _wander(self, room: int) -> str:
+        """Go on into a room that does not show the thing from its anchor, and look around there."""
+        if not self._queue:
+            ahead = self.knowledge.ahead(self._find)
+            turns = ["turn_left"] * ahead if ahead <= TURNS // 2 else ["turn_right"] * (TURNS - ahead)
+            around = ["turn_left"] * (TURNS - 1)
+            self._queue = [f"goto_{self.rooms[room]}", *turns, *["move_forward"] * _PACES, *around][::-1]
+        return self._queue.pop()
