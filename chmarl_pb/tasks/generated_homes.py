@@ -20,8 +20,8 @@ SEEDS = {
     "generated": range(10**9, MOST_SEED),
 }
 
-#: Episodes that are played in a home of the endless split before the next: making and entering one takes a second or
-#: two, a hundred episodes take several.
+#: Episodes that are played in a home of the endless split before the next: making and entering one takes up to a
+#: second, a hundred episodes take several.
 EPISODES_IN_A_HOME = 100
 
 _STREAM = 7  # of a home's number, that its seed is drawn from
