@@ -123,3 +123,9 @@ def test_hint_adviser(capsys: pytest.CaptureFixture[str]) -> None:
 def test_own_objects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     example("own_objects").main(str(tmp_path / "own"))
     assert "success after" in capsys.readouterr().out and (tmp_path / "own" / "duck.png").is_file()
+
+
+def test_own_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example("own_robot").main(str(tmp_path / "own"), tasks=1)
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0] == "rover, planner: 1 of 1 tasks" and shown[2] == "humanoid + drone + rover, planner: 1 of 1 tasks"

@@ -12,7 +12,6 @@ from chmarl_pb.navigation.lattice import HEADINGS, Lattice, heading_angle
 from chmarl_pb.navigation.reach import Reach
 
 _ARM_THICKNESS = 0.12  # metres of free height that the forearm needs above the grip
-_BEST_DISTANCE = 0.62  # metres from base to grip that the arm likes most
 
 GripPoint = tuple[float, float, float]
 
@@ -22,12 +21,14 @@ class _Ways(NamedTuple):
 
     Attributes:
         poses: (n,) lattice poses.
+        distances: (n,) of the point from them, metres.
         crossed: (n, m) which solids stand between a pose and the point.
         bottom: (m,) of these solids, metres.
         top: (m,) of these solids, metres.
     """
 
     poses: NDArray[np.int64]
+    distances: Points
     crossed: NDArray[np.bool_]
     bottom: Points
     top: Points
@@ -51,11 +52,14 @@ class Approaches:
         x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
         if (x, y) not in self._known:
             self._known[x, y] = self._find_ways(x, y)
-        if not self._reach.height[0] <= z <= self._reach.height[1]:
+        span = self._reach.span(z)
+        if span is None:
             return None
         ways = self._known[x, y]
         in_the_way = (ways.top > z) & (ways.bottom < z + _ARM_THICKNESS)
         free = ~ways.crossed[:, in_the_way].any(axis=1)
+        if self._reach.bands:
+            free &= (ways.distances >= span[0]) & (ways.distances <= span[1])
         for pose in ways.poses[free].tolist() if taken else ways.poses[free][:1].tolist():
             if pose // HEADINGS not in taken:
                 return int(pose)
@@ -72,11 +76,12 @@ class Approaches:
         bearing = np.arctan2(away[near, 1], away[near, 0])
         heading = np.round(bearing / heading_angle(1)).astype(int)
         off = np.abs(bearing - heading * heading_angle(1))  # at most half a step: well within the reach's bearing
-        cost = np.abs(distance[near] - _BEST_DISTANCE) + 0.5 * off
+        cost = np.abs(distance[near] - self._reach.best) + 0.5 * off
+        far = distance[near]
         near += first
         order = np.lexsort((near, np.round(cost, 6)))
         poses = (near * HEADINGS + heading % HEADINGS)[order]
-        return _Ways(poses, *self._solids_between(points[near[order]], np.array([x, y])))
+        return _Ways(poses, far[order], *self._solids_between(points[near[order]], np.array([x, y])))
 
     def _solids_between(self, starts: Points, end: Points) -> tuple[NDArray[np.bool_], Points, Points]:
         """Return which solids stand on the line from each start to an end, and their bottoms and tops."""

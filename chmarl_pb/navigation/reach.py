@@ -1,24 +1,40 @@
-"""Where the humanoid's arm can surely reach, as plain numbers: homes and tasks plan with it."""
+"""Where an arm can surely reach, as plain numbers: homes and tasks plan with the humanoid's."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+#: Lowest and highest height, nearest and farthest distance, metres.
+Band: TypeAlias = tuple[float, float, float, float]
+
 
 @dataclass(frozen=True)
 class Reach:
-    """The guaranteed reach of the humanoid's gripper, relative to its base.
+    """The guaranteed reach of a gripper, relative to its robot's base.
 
     Attributes:
         distance: smallest and largest horizontal distance of the target from the base's centre, in metres.
         height: smallest and largest height of the target above the floor, in metres.
         bearing: largest angle between the base's heading and the direction to the target, in radians.
+        best: distance that the arm likes most, in metres.
+        bands: heights with distances of their own, lowest first; none: all heights have those of ``distance``.
     """
 
     distance: tuple[float, float]
     height: tuple[float, float]
     bearing: float
+    best: float = 0.62
+    bands: tuple[Band, ...] = ()
+
+    def span(self, height: float) -> tuple[float, float] | None:
+        """Return the smallest and the largest distance of targets at a height, in metres; None: it is out of reach."""
+        if not self.height[0] <= height <= self.height[1]:
+            return None
+        if not self.bands:
+            return self.distance
+        return next(((near, far) for low, high, near, far in self.bands if low <= height <= high), None)
 
     def contains(self, distance: ArrayLike, height: ArrayLike, bearing: ArrayLike) -> NDArray[np.bool_]:
         """Tell which targets the arm surely reaches; the arguments broadcast.

@@ -7,20 +7,18 @@ no iteration, no randomness, no trace in the simulation. Lengths are metres, ang
 """
 
 from pathlib import Path
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.reach import REACH
+from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures
 from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
 
 __all__ = ["JOINTS", "REACH", "Arm", "Configuration"]
-
-Array: TypeAlias = NDArray[np.float64]
-Configuration: TypeAlias = tuple[float, ...]
 
 #: The movable joints, in the order of a configuration.
 JOINTS = (
@@ -41,8 +39,7 @@ LINKS = ("shoulder", "forearm", "wrist", "grasp")
 
 #: How far an open finger is from the closing plane.
 OPEN = 0.05
-
-_AT_REST = (0.0,) * len(JOINTS)
+_GAP = 0.008  # metres between an open finger and an object
 
 #: Gripper pitch (down is positive) that a solution prefers.
 BEST_PITCH = np.radians(45)
@@ -61,21 +58,41 @@ _CHOICES = np.stack(
 ).reshape(-1, 4)
 
 
-class Arm:
+class Arm(Motors):
     """The torso lift, right arm and gripper of one humanoid body.
 
     Attributes:
         rest: arm tucked beside the trunk, out of the camera's picture, fingers closed.
         carry: hand in front of the chest, at (0.45, -0.12, 1.0) in the humanoid's frame.
-        indices: PyBullet joint index of each of ``JOINTS``.
+        postures: in which it is taken along: drawn in low and high, and hanging down; with an object, also to the left
+            and to the right of the trunk, and over the head. The last of both is all within the footprint that the
+            lattice keeps free, with even the widest object of the benchmark.
+        fingers: number of joints at the end of a configuration that do not move the hand.
         grasp_link: PyBullet link index of the point between the fingertips.
-        lower: lower joint limits.
-        upper: upper joint limits.
-        speeds: highest joint speeds.
+        grasp: where that point is in the link's inertial frame; None: at its origin.
     """
 
     rest: ClassVar[Configuration] = (0.0, -0.8, 0.0, 0.0, 2.35, 0.0, -1.35, 0.0, 0.0, 0.0)
     carry: ClassVar[Configuration] = (0.0, -0.029, -0.482, -0.512, 2.558, -0.919, -1.017, 0.365, 0.03, 0.03)
+    postures: ClassVar[Postures] = Postures(
+        empty=(
+            rest,
+            (-0.054, -0.599, 0.081, 0.024, 1.821, -0.53, -1.423, 0.536, 0.0, 0.0),
+            (0.209, 0.392, 0.465, 1.087, 2.412, -1.416, 0.066, 0.043, 0.0, 0.0),
+            (0.3, 0.0, 0.0, 0.0, 0.0, float(np.pi / 2), 0.0, 0.0, 0.0, 0.0),
+        ),
+        loaded=(
+            carry,
+            (0.148, -0.995, 0.546, -0.636, 1.629, -1.312, -0.589, 0.074, 0.03, 0.03),
+            (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, 0.03, 0.03),
+            (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, 0.03, 0.03),
+            (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, 0.03, 0.03),
+            (-0.407, 2.78, 0.44, 0.038, 0.554, 0.817, -0.422, -0.763, 0.03, 0.03),
+        ),
+        between=(carry, (0.0, -0.8, 0.0, 0.0, *carry[4:])),  # the hand before the chest, the elbow drawn back
+    )
+    fingers: ClassVar[int] = 2
+    grasp: ClassVar[Pose | None] = None
 
     def __init__(self, client: int, body: int, urdf: Path) -> None:
         """Look up the joints and measure the arm of a loaded robot.
@@ -88,7 +105,6 @@ class Arm:
         Raises:
             AssetError: it has not all of these joints and links.
         """
-        self.client, self.body = client, body
         count = p.getNumJoints(body, physicsClientId=client)
         infos = [p.getJointInfo(body, index, physicsClientId=client) for index in range(count)]
         joints = {info[1].decode(): info for info in infos}
@@ -98,33 +114,10 @@ class Arm:
                 f"{urdf}: an arm needs the joints {', '.join(JOINTS)} and the links {', '.join(LINKS)}; "
                 f"missing: {', '.join(sorted(missing))}"
             )
-        self.indices = tuple(joints[name][0] for name in JOINTS)
+        indices, limits = [joints[name][0] for name in JOINTS], [joints[name][8:12] for name in JOINTS]
+        super().__init__(client, body, indices, np.array(limits))
         self.grasp_link = links["grasp"]
-        self.lower, self.upper, efforts, self.speeds = np.array([joints[name][8:12] for name in JOINTS]).T
-        self._efforts = efforts.tolist()
         self._measure(links)
-
-    def set(self, configuration: Configuration) -> None:
-        """Put all joints into a configuration at once, at rest."""
-        for index, value in zip(self.indices, configuration, strict=True):
-            p.resetJointState(self.body, index, value, physicsClientId=self.client)
-
-    def drive(self, configuration: ArrayLike, velocities: ArrayLike = _AT_REST) -> None:
-        """Command the joints' motors, with the URDF's efforts, to a configuration that moves at some velocities."""
-        p.setJointMotorControlArray(
-            self.body,
-            self.indices,
-            p.POSITION_CONTROL,
-            targetPositions=np.asarray(configuration, dtype=float).tolist(),
-            targetVelocities=np.asarray(velocities, dtype=float).tolist(),
-            forces=self._efforts,
-            physicsClientId=self.client,
-        )
-
-    def configuration(self) -> Configuration:
-        """Return the joints' present positions."""
-        states = p.getJointStates(self.body, self.indices, physicsClientId=self.client)
-        return tuple(state[0] for state in states)
 
     def solve(self, target: ArrayLike, base: Pose) -> Configuration | None:
         """Find a configuration that brings the grasp point to a target, with the fingers open.
@@ -154,6 +147,16 @@ class Arm:
         rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
         poses, costs = self._postures((np.asarray(target, dtype=float) - base[0]) @ rotation, _CHOICES)
         return np.column_stack([poses, np.full((len(poses), 2), OPEN)])[np.argsort(costs, kind="stable")]
+
+    def opening(self, width: float) -> Configuration:
+        """Return where the fingers are when they reach for an object of a width in metres."""
+        return (min(OPEN, max(self.carry[-1], width / 2) + _GAP),) * self.fingers
+
+    def above(self, configurations: Array, height: float) -> Array:
+        """Return configurations (n, joints) with the hand as much higher as the torso's lift lets it be."""
+        raised = configurations.copy()
+        raised[:, 0] = np.minimum(raised[:, 0] + height, self.upper[0])
+        return raised
 
     def _measure(self, links: dict[str, int]) -> None:
         """Read the shoulder's place and the arm's lengths off the body with all joints at zero."""

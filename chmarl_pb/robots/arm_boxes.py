@@ -1,6 +1,7 @@
 """An arm as boxes: where its links are in many configurations at once, without touching the simulation."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,10 +14,29 @@ from chmarl_pb.world.bullet import pybullet as p
 Array: TypeAlias = NDArray[np.float64]
 
 _LEAST = 0.005  # metres: PyBullet gives a link without collision geometry a box smaller than this
-
-
-_KEPT_OFF = ("forearm", "hand", "left_finger", "right_finger")  # the shoulder is always at the trunk
+_MIDDLE, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 _OWN = 0.008  # metres that the arm may come into its own body's boxes, which are rounder than they are
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What of a body is its arm; the humanoid's is the default.
+
+    Attributes:
+        joints: names of the joints that move it, each after those that it hangs on.
+        hand: name of the link that grasps.
+        grasp: the point between the fingertips in its frame, metres.
+        fingers: names of the links that touch what is grasped.
+        kept_off: names of the links that keep off the robot's own body; the shoulder is always at the trunk.
+        lifts: whether the first joint raises the trunk, rather than a part of the arm.
+    """
+
+    joints: tuple[str, ...] = JOINTS
+    hand: str = "grasp"
+    grasp: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fingers: tuple[str, ...] = ("left_finger", "right_finger")
+    kept_off: tuple[str, ...] = ("forearm", "hand", "left_finger", "right_finger")
+    lifts: bool = True
 
 
 class ArmBoxes:
@@ -25,15 +45,17 @@ class ArmBoxes:
     Attributes:
         links: names of the links.
         numbers: PyBullet's link indices of them.
+        fingers: numbers of those that touch what is grasped.
         halves: (b, 3) half of their boxes' extents, metres.
     """
 
-    def __init__(self, client: int, body: int):
+    def __init__(self, client: int, body: int, parts: Parts = Parts()):
         """Measure a loaded robot; its joints are put back."""
+        self._parts = parts
         infos = [p.getJointInfo(body, i, physicsClientId=client) for i in range(p.getNumJoints(body, client))]
         before = [p.getJointState(body, info[0], physicsClientId=client)[0] for info in infos]
         base = p.getBasePositionAndOrientation(body, physicsClientId=client)
-        p.resetBasePositionAndOrientation(body, (0, 0, 0), (0, 0, 0, 1), physicsClientId=client)
+        p.resetBasePositionAndOrientation(body, _MIDDLE, _LEVEL, physicsClientId=client)
         for info in infos:
             p.resetJointState(body, info[0], 0.0, physicsClientId=client)
         self._measure(client, body, infos)
@@ -47,29 +69,35 @@ class ArmBoxes:
         states = {
             i[0]: p.getLinkState(body, i[0], computeForwardKinematics=True, physicsClientId=client) for i in infos
         }
+        states[-1] = (_MIDDLE, _LEVEL)  # the base
         parents = {info[0]: info[16] for info in infos}
         self._joints = []  # of each joint: number of the one that moves it, whether it turns, its axis, a point of it
-        order = {numbers[name]: place for place, name in enumerate(JOINTS)}
-        for name in JOINTS:
+        order = {numbers[name]: place for place, name in enumerate(self._parts.joints)}
+        for name in self._parts.joints:
             info = infos[numbers[name]]
             rotation = np.reshape(p.getMatrixFromQuaternion(states[info[0]][5]), (3, 3))
             turns = info[2] == p.JOINT_REVOLUTE
             self._joints.append((_mover(info[16], parents, order), turns, rotation @ info[13], states[info[0]][4]))
         moved = {info[0]: _mover(info[0], parents, order) for info in infos}
-        boxes = {i: np.array(p.getAABB(body, i, physicsClientId=client)) for i, mover in moved.items() if mover > 0}
+        first = int(self._parts.lifts)
+        boxes = {
+            i: np.array(p.getAABB(body, i, physicsClientId=client)) for i, mover in moved.items() if mover >= first
+        }
         boxes = {i: box for i, box in boxes.items() if np.ptp(box, axis=0).max() > _LEAST}
         self.links, self.numbers = tuple(infos[i][12].decode() for i in boxes), tuple(boxes)
         self._movers = np.array([moved[i] for i in boxes])
         self._centres = np.array([box.mean(axis=0) for box in boxes.values()])
         self.halves = np.array([np.ptp(box, axis=0) / 2 for box in boxes.values()])
-        own = [number for number, name in enumerate(self.links) if name in _KEPT_OFF]
+        own = [number for number, name in enumerate(self.links) if name in self._parts.kept_off]
+        self.fingers = [number for number, name in enumerate(self.links) if name in self._parts.fingers]
         self._kept_off = np.array([*own, len(self.links)])  # the last: what the gripper holds
-        fixed = [i for i, mover in moved.items() if mover < 0]
-        lifted = [i for i, mover in moved.items() if mover == 0]
+        fixed = [-1, *(i for i, mover in moved.items() if mover < 0)]
+        lifted = [i for i, mover in moved.items() if 0 <= mover < first]
         self._trunk = _own_body(client, body, lifted, states)
         self._chassis = _own_body(client, body, fixed, states)
-        grasp = next(info[0] for info in infos if info[12] == b"grasp")
-        self._grasp = np.array(states[grasp][4]), moved[grasp]
+        hand = next(info[0] for info in infos if info[12].decode() == self._parts.hand)
+        turn = np.reshape(p.getMatrixFromQuaternion(states[hand][5]), (3, 3))
+        self._grasp = np.array(states[hand][4]) + turn @ self._parts.grasp, moved[hand]
 
     def place(self, configurations: Sequence[Configuration] | Array) -> tuple[Boxes, Array]:
         """Return where the links are in the frame of the robot's base.
@@ -80,7 +108,7 @@ class ArmBoxes:
         Returns:
             Their boxes, and the grasp points (n, 3).
         """
-        values = np.asarray(configurations, dtype=float).reshape(-1, len(JOINTS))
+        values = np.asarray(configurations, dtype=float).reshape(-1, len(self._parts.joints))
         count = len(values)
         turns = [np.broadcast_to(np.eye(3), (count, 3, 3))]
         shifts = [np.zeros((count, 3))]
@@ -121,7 +149,7 @@ def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tu
     for link in links:
         for shape in p.getCollisionShapeData(body, link, physicsClientId=client):
             low, high = p.getAABB(body, link, physicsClientId=client)
-            if shape[2] == p.GEOM_BOX and np.allclose(states[link][1], (0, 0, 0, 1)):
+            if shape[2] == p.GEOM_BOX and np.allclose(states[link][1], _LEVEL):
                 middle, half = np.add(states[link][0], shape[5]), np.array(shape[3]) / 2
                 low, high = middle - half, middle + half
             outline = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])])
@@ -130,7 +158,7 @@ def _own_body(client: int, body: int, links: Sequence[int], states: dict[int, tu
 
 
 def _mover(link: int, parents: dict[int, int], order: dict[int, int]) -> int:
-    """Return the place in ``JOINTS`` of the joint that moves a link, -1 if none does."""
+    """Return the place among the arm's joints of the one that moves a link, -1 if none does."""
     while link >= 0 and link not in order:
         link = parents[link]
     return order[link] if link >= 0 else -1

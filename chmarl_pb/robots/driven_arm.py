@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb.navigation.free_space import Size, grip_point
 from chmarl_pb.robots import trajectory
-from chmarl_pb.robots.arm import OPEN, Arm, Configuration
 from chmarl_pb.robots.motion import Motion, Tick
+from chmarl_pb.robots.own_arm import AnyArm
 from chmarl_pb.robots.planning import ALLOWED, Depths, Path, as_posture, find_path, find_start, search
 from chmarl_pb.robots.reaching import Reach, choose_reach
 from chmarl_pb.robots.surroundings import Surroundings, Touching
@@ -22,32 +22,8 @@ TOLERANCE = 0.02  # metres between the driven gripper or object and where it was
 
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
 _WITH_LOAD = 0.6  # of the joints' highest speeds: what is held lags behind a faster hand by more than a centimetre
-_HOLDING = Arm.carry[-2:]  # fingers closed on an object
-_BOTH_FINGERS = slice(-3, -1)  # of a posture
-_GAP = 0.008  # metres between an open finger and an object
 _BY_MOTORS, _CARRIED = Tick(), Tick(by_motors=False)
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
-
-#: Postures in which the arm is taken along: the usual one, drawn in low and high, and hanging down. The last is all
-#: within the footprint that the lattice keeps free.
-_EMPTY: tuple[Configuration, ...] = (
-    Arm.rest,
-    (-0.054, -0.599, 0.081, 0.024, 1.821, -0.53, -1.423, 0.536, 0.0, 0.0),
-    (0.209, 0.392, 0.465, 1.087, 2.412, -1.416, 0.066, 0.043, 0.0, 0.0),
-    (0.3, 0.0, 0.0, 0.0, 0.0, float(np.pi / 2), 0.0, 0.0, 0.0, 0.0),
-)
-#: The same with an object: drawn in low, to the left of the trunk, to its right, drawn in high, and over the head. The
-#: last is within the footprint with even the widest object of the benchmark.
-_LOADED: tuple[Configuration, ...] = (
-    Arm.carry,
-    (0.148, -0.995, 0.546, -0.636, 1.629, -1.312, -0.589, 0.074, *_HOLDING),
-    (0.0, 1.383, 0.535, 1.278, 1.621, -2.4, -1.161, -0.211, *_HOLDING),
-    (0.149, -1.163, -0.342, -1.204, 1.849, -2.397, -1.453, -0.153, *_HOLDING),
-    (0.184, 2.633, 0.7, 2.142, 2.552, 1.738, 0.262, 0.327, *_HOLDING),
-    (-0.407, 2.78, 0.44, 0.038, 0.554, 0.817, -0.422, -0.763, *_HOLDING),
-)
-#: On the way between a place and the rest: the hand before the chest, the elbow drawn back.
-_BETWEEN: tuple[Configuration, ...] = (Arm.carry, (0.0, -0.8, 0.0, 0.0, *Arm.carry[4:]))
 
 
 class MissedError(Exception):
@@ -58,7 +34,7 @@ class DrivenArm:
     """A robot with an arm while physics moves it: what its gripper holds by now is not yet in the state."""
 
     def __init__(
-        self, name: str, arm: Arm, world: World, held_pose: Callable[[Grip], Pose], surroundings: Surroundings
+        self, name: str, arm: AnyArm, world: World, held_pose: Callable[[Grip], Pose], surroundings: Surroundings
     ):
         """Drive a robot's arm.
 
@@ -115,7 +91,7 @@ class DrivenArm:
             ends: numbers of the postures that the arm may have there.
         """
         legs = [*legs, end[None]]
-        grip, options = self._grip, _options(self._grip)
+        grip, options = self._grip, self._options(self._grip)
         free = self._free(legs[0][0], grip)
         around, load = self._surroundings, self._size(grip)
         start, ways = choose_postures(
@@ -140,11 +116,11 @@ class DrivenArm:
         yield from self._follow(reach.there)
         yield from self._move_arm(reach.target, True)
         _check(self._physics.grasp_pose(self._name)[0], self._world.grip(grip.item))
-        yield from self._move_arm(_closed(reach.target), True)
+        yield from self._move_arm(self._closed(reach.target), True)
         self._grip = grip
         self._physics.grip(self._name, grip.item, self._world.pose(grip.item))
         self._physics.thaw(grip.item, solid=False)
-        yield from self._move_arm(_closed(reach.above), True)
+        yield from self._move_arm(self._closed(reach.above), True)
         yield from self._follow(reach.back)
 
     def _place(self, position: Vector, reach: Reach) -> Iterator[Tick]:
@@ -152,7 +128,7 @@ class DrivenArm:
         grip = self._grip
         assert grip is not None
         yield from self._follow(reach.there)
-        yield from self._move_arm(_closed(reach.target), True)
+        yield from self._move_arm(self._closed(reach.target), True)
         _check(self._physics.read_object(grip.item)[0], position)
         self._physics.release(self._name)
         self._physics.thaw(grip.item)
@@ -168,7 +144,7 @@ class DrivenArm:
 
     def _free(self, base: Array, grip: Grip | None) -> list[int]:
         """Return the numbers of the postures that are free where the base stands; that of the least deep if none is."""
-        depths = self._surroundings.depths(_options(grip), base, Touching(self._size(grip)))
+        depths = self._surroundings.depths(self._options(grip), base, Touching(self._size(grip)))
         return np.flatnonzero(depths <= ALLOWED).tolist() or [int(depths.argmin())]
 
     def _depths(self, base: Array, grip: Grip | None, level: float | None = None) -> Depths:
@@ -177,7 +153,7 @@ class DrivenArm:
 
     def _ways(self, grip: Grip | None) -> list[Array]:
         """Return postures by which the arm may go from one place to another."""
-        return _options(grip) if grip else [*_options(None), *map(as_posture, _BETWEEN)]
+        return self._options(grip) if grip else [*self._options(None), *map(as_posture, self._arm.postures.between)]
 
     def _limits(self, postures: Sequence[Array]) -> tuple[Array, Array]:
         """Return between which postures the arm may look for a way from some of these to others."""
@@ -212,21 +188,20 @@ class DrivenArm:
         found = self._arm.solutions(point, ((x, y, 0.0), yaw_quaternion(yaw)))
         held = next(grip for grip in grips if grip)
         targets = np.column_stack([np.vstack([motion.arm, found]), np.full(len(found) + 1, held.turn)])
-        targets[:, _BOTH_FINGERS] = _opening(self._world.size(held.item))
-        above = targets.copy()
-        above[:, 0] = np.minimum(above[:, 0] + _CLEARANCE, self._arm.upper[0])
+        targets[:, -1 - self._arm.fingers : -1] = self._arm.opening(min(self._world.size(held.item)[:2]))
+        above = np.column_stack([self._arm.above(targets[:, :-1], _CLEARANCE), targets[:, -1]])
         there, back = grips
-        starts, ends = _options(self._grip), [_options(back)[number] for number in self._free(base, back)]
+        starts, ends = self._options(self._grip), [self._options(back)[number] for number in self._free(base, back)]
         free = self._free(base, self._grip)
 
         def depths(targets: Array, above: Array) -> Array:
             both = np.concatenate([targets, above])
-            each = [self._depths(base, grip, level)(_grasping(both, grip), 0.0) for grip in grips]
+            each = [self._depths(base, grip, level)(self._grasping(both, grip), 0.0) for grip in grips]
             deepest: Array = np.maximum(*each).reshape(2, -1).max(axis=0)
             return deepest
 
         def go_there(above: Array, searching: bool) -> tuple[int, int, Path]:
-            goals, some = list(_grasping(above, there)), [starts[option] for option in free]
+            goals, some = list(self._grasping(above, there)), [starts[option] for option in free]
             clear = self._depths(base, there)
             found = (
                 search(clear, (some, goals), self._ways(there), self._limits([*some, *goals])) if searching else None
@@ -237,9 +212,26 @@ class DrivenArm:
             return 0, free[number], path
 
         def go_back(above: Array, searching: bool) -> Path:
-            return self._path(back, _grasping(above, back), ends, base, searching)
+            return self._path(back, self._grasping(above, back), ends, base, searching)
 
         return choose_reach(targets, above, depths, go_there, go_back)
+
+    def _options(self, grip: Grip | None) -> list[Array]:
+        """Return the postures in which the arm can be taken along."""
+        postures = self._arm.postures
+        if grip is None:
+            return [as_posture(one) for one in postures.empty]
+        return [as_posture(one, grip.turn) for one in postures.loaded]
+
+    def _closed(self, postures: Array) -> Array:
+        """Return postures with the fingers closed on an object."""
+        closed, fingers = postures.copy(), self._arm.fingers
+        closed[..., -1 - fingers : -1] = self._arm.carry[len(self._arm.carry) - fingers :]
+        return closed
+
+    def _grasping(self, postures: Array, grip: Grip | None) -> Array:
+        """Return postures with the fingers as they are with or without an object."""
+        return postures if grip is None else self._closed(postures)
 
     # Moving
 
@@ -279,28 +271,6 @@ class DrivenArm:
         """Keep a held object upright in the gripper."""
         if self._grip is not None:
             self._physics.level(self._name, self._held_pose(self._grip))
-
-
-def _options(grip: Grip | None) -> list[Array]:
-    """Return the postures in which the arm can be taken along."""
-    return [as_posture(one) for one in _EMPTY] if grip is None else [as_posture(one, grip.turn) for one in _LOADED]
-
-
-def _closed(postures: Array) -> Array:
-    """Return postures with the fingers closed on an object."""
-    closed = postures.copy()
-    closed[..., _BOTH_FINGERS] = _HOLDING
-    return closed
-
-
-def _opening(size: Size) -> float:
-    """Return how far each finger is from the closing plane where it reaches for an object, metres."""
-    return min(OPEN, max(_HOLDING[0], min(size[:2]) / 2) + _GAP)
-
-
-def _grasping(postures: Array, grip: Grip | None) -> Array:
-    """Return postures with the fingers as they are with or without an object."""
-    return postures if grip is None else _closed(postures)
 
 
 def _check(position: Vector, goal: Vector) -> None:

@@ -1,29 +1,33 @@
 """Robot files: a robot as a URDF and a few facts, in TOML (format: docs/robots.md)."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.source import read_regular
+from chmarl_pb.homes.source import MOST_URDF_BYTES, read_regular, sha256_of
 from chmarl_pb.navigation.lattice import FOOTPRINT, Footprint
 from chmarl_pb.navigation.reach import Reach
+from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
+from chmarl_pb.robots.chain import Joint, Tree, chain_to
 from chmarl_pb.robots.model import CameraMount, RobotModel
+from chmarl_pb.robots.motors import Configuration
+from chmarl_pb.robots.plain_robot import FOLDER
+from chmarl_pb.robots.workspace import BEARING
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # type: ignore[import-not-found, unused-ignore]
 
-FOLDER = URDF_DIR / "robots"
 MOVES = ("drives", "flies")
 
+_Read = TypeVar("_Read")
 _MOST_BYTES = 2**16
 _SPEEDS = (0.05, 10.0)  # m/s
 
@@ -47,20 +51,26 @@ def find_model(robot: str | Path) -> RobotModel:
             )
         path = FOLDER / f"{robot}.toml"
     try:
-        return _read(path.resolve(), read_regular(path, _MOST_BYTES))
+        content, path = read_regular(path, _MOST_BYTES), path.resolve()
+        urdf = _urdf(path, _table(path, content).text("urdf"))
+        return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]))
     except ValueError as error:
         if isinstance(error, AssetError):
             raise
         raise AssetError(f"{path}: {error}") from error
 
 
-@lru_cache(maxsize=64)
-def _read(path: Path, content: bytes) -> RobotModel:
-    """Return what a robot file says; the same file gives the same model."""
+def _table(path: Path, content: bytes) -> "_Table":
     try:
-        rows = _Table(path, "", tomllib.loads(content.decode()))
+        return _Table(path, "", tomllib.loads(content.decode()))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise AssetError(f"{path}: not TOML ({error})") from error
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, content: bytes, _urdf_hash: str) -> RobotModel:
+    """Return what a robot file says; the same file and URDF give the same model."""
+    rows = _table(path, content)
     moves = rows.choice("moves", MOVES)
     make = _flying if moves == "flies" else _driving
     model = make(
@@ -78,10 +88,12 @@ def _flying(rows: "_Table", **facts: Any) -> RobotModel:
 
 
 def _driving(rows: "_Table", **facts: Any) -> RobotModel:
+    footprint = _footprint(rows.table("footprint", optional=True))
+    reach, arm = _arm(rows.table("arm", optional=True), facts["urdf"], footprint)
     return RobotModel(
-        **facts, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "humanoid"),
-        footprint=_footprint(rows.table("footprint", optional=True)), speed=rows.number("speed", *_SPEEDS, 1.2),
-        turn_speed=float(np.radians(rows.number("turn_speed", 5.0, 720.0, 126.0))), reach=_reach(rows),
+        **facts, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "humanoid"), footprint=footprint,
+        speed=rows.number("speed", *_SPEEDS, 1.2),
+        turn_speed=float(np.radians(rows.number("turn_speed", 5.0, 720.0, 126.0))), reach=reach, arm=arm,
     )  # fmt: skip
 
 
@@ -119,17 +131,51 @@ def _footprint(rows: "_Table") -> Footprint:
     return footprint
 
 
-def _reach(robot: "_Table") -> Reach | None:
-    rows = robot.table("arm", optional=True)
+def _arm(rows: "_Table", urdf: Path, footprint: Footprint) -> tuple[Reach | None, ArmModel | None]:
+    """Return what an arm reaches, and the arm itself if it is not the humanoid's."""
     if not rows.values:
-        return None
+        return None, None
+    if "joints" in rows.values:
+        arm = _own_arm(rows, urdf, footprint)
+        rows.finish(" for an arm that names its joints")
+        if arm.space.reach is None:
+            raise AssetError(
+                f"{rows.path}: [arm] reaches nothing outside the footprint up to 2 m high, straight ahead and "
+                f"{np.degrees(BEARING):.0f} degrees to either side; mount it elsewhere, or see hand, grasp and limits"
+            )
+        return arm.space.reach, arm
     near, far = rows.numbers("distance", 2, 0.05, 3.0)
     low, high = rows.numbers("height", 2, 0.0, 3.0)
     reach = Reach((near, far), (low, high), float(np.radians(rows.number("bearing", 15.0, 180.0, 20.0))))
     rows.finish()
     if near >= far or low >= high:
         raise AssetError(f"{rows.path}: [arm] distance and height each name the lesser number first")
-    return reach
+    return reach, None
+
+
+def _own_arm(rows: "_Table", urdf: Path, footprint: Footprint) -> ArmModel:
+    try:
+        tree = Tree(urdf)
+    except ValueError as error:
+        raise AssetError(f"{urdf}: {error}") from error
+    x, y, z = rows.numbers("grasp", 3, -1.0, 1.0, [0.0, 0.0, 0.0])
+    hand = rows.text("hand")
+    chain = rows.checked("hand", lambda: chain_to(tree, hand, (x, y, z)))
+    names = rows.texts("joints")
+    joints = rows.checked("joints", lambda: JointList(tree, names, chain))
+    rest, carry = (_posture(rows, key, joints, joints.named) for key in ("rest", "carry"))
+    opened = _posture(rows, "open", joints, joints.fingers, [joint.upper for joint in joints.fingers])
+    speeds = rows.number_list("speeds", 0.05, 10.0, [min(joint.speed, 10.0) for joint in joints.named])
+    if len(speeds) != len(names):
+        raise AssetError(f"{rows.path}: [arm] speeds has {len(speeds)} numbers; give {len(names)}, one for each joint")
+    return arm_model(joints, hand, (x, y, z), rest, carry, opened, speeds, footprint.radius)
+
+
+def _posture(
+    rows: "_Table", key: str, joints: JointList, some: Sequence[Joint], default: list[float] | None = None
+) -> Configuration:
+    values = rows.number_list(key, -10.0, 10.0, default)
+    return rows.checked(key, lambda: joints.posture(values, some))
 
 
 class _Table:
@@ -168,8 +214,27 @@ class _Table:
             raise self._problem(key, f"= {value!r} is not a number from {low:g} to {high:g}")
         return float(value)
 
-    def numbers(self, key: str, count: int, low: float, high: float) -> list[float]:
+    def texts(self, key: str) -> list[str]:
         value = self._get(key, None)
+        if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
+            raise self._problem(key, f"= {value!r} is not a list of names")
+        return value
+
+    def number_list(self, key: str, low: float, high: float, default: list[float] | None = None) -> list[float]:
+        value = self._get(key, default)
+        if not isinstance(value, list) or not all(_in_range(one, low, high) for one in value):
+            raise self._problem(key, f"= {value!r} is not a list of numbers from {low:g} to {high:g}")
+        return [float(one) for one in value]
+
+    def checked(self, key: str, read: Callable[[], _Read]) -> _Read:
+        """Return what is read of a key; its problems are told with the place."""
+        try:
+            return read()
+        except ValueError as error:
+            raise self._problem(key, str(error)) from error
+
+    def numbers(self, key: str, count: int, low: float, high: float, default: list[float] | None = None) -> list[float]:
+        value = self._get(key, default)
         if not isinstance(value, list) or len(value) != count or not all(_in_range(one, low, high) for one in value):
             raise self._problem(key, f"= {value!r} is not {count} numbers from {low:g} to {high:g}")
         return [float(one) for one in value]

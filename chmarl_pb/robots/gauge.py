@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from chmarl_pb.robots.arm_boxes import ArmBoxes
 from chmarl_pb.robots.motion import Motion
-from chmarl_pb.robots.surroundings import FINGERS
 from chmarl_pb.world import Support, World
 from chmarl_pb.world.bullet import pybullet
 
@@ -23,7 +22,7 @@ class Gauge:
         """Measure a robot of a world, its arm of a shape, in a motion that has not begun."""
         self._physics, self._client = world.physics, world.client
         self._body = world.physics.robots[robot].body
-        self._links = dict(zip(shape.numbers, shape.links, strict=True))
+        self._links, self._fingers = shape.numbers, {shape.numbers[number] for number in shape.fingers}
         grip = world.state.grips.get(robot)
         item = motion.pick or (grip.item if grip else None)
         self._ignored = {self._body} | ({self._physics.objects[item].body} if item else set())
@@ -36,8 +35,8 @@ class Gauge:
     def depth(self, held: str | None) -> float:
         """Return how deep the arm, and an object that it holds by now, stand in something, metres; 0: nowhere."""
         deepest = 0.0
-        for link, name in self._links.items():
-            deepest = max(deepest, *self._depths(self._body, link, self._band if name in FINGERS else None), 0.0)
+        for link in self._links:
+            deepest = max(deepest, *self._depths(self._body, link, self._band if link in self._fingers else None), 0.0)
         if held is not None:
             deepest = max(deepest, *self._depths(self._physics.objects[held].body, -1, self._band, _UPWARD), 0.0)
         return deepest

@@ -9,8 +9,6 @@ import numpy as np
 
 from chmarl_pb.navigation.approaches import Approaches
 from chmarl_pb.navigation.free_space import GRIP, Space, grip_point
-from chmarl_pb.robots.arm import Arm, Configuration
-from chmarl_pb.robots.arm_boxes import ArmBoxes
 from chmarl_pb.robots.clearance import Obstacles
 from chmarl_pb.robots.driven_arm import DrivenArm
 from chmarl_pb.robots.gauge import Gauge
@@ -18,6 +16,8 @@ from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.mobile import MobileRobot
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.motion import Motion, Placement, Tick
+from chmarl_pb.robots.motors import Configuration
+from chmarl_pb.robots.own_arm import load_arm
 from chmarl_pb.robots.surroundings import Surroundings
 from chmarl_pb.world import Grip, Pose, RobotBody, World, yaw_quaternion
 
@@ -51,9 +51,8 @@ class MobileManipulator(MobileRobot):
         super().__init__(model, world, space, name)
 
     def _in_physics(self) -> RobotBody:
-        self.arm = Arm(self.world.client, self.body, self.model.urdf)
-        self._shape = ArmBoxes(self.world.client, self.body)
-        return RobotBody(self.body, self.arm.indices, self.arm.grasp_link)
+        self.arm, self._shape = load_arm(self.model, self.world.client, self.body)
+        return RobotBody(self.body, self.arm.indices, self.arm.grasp_link, self.arm.grasp)
 
     @property
     def held(self) -> str | None:
@@ -64,7 +63,7 @@ class MobileManipulator(MobileRobot):
     def spawn(self, pose: int) -> None:
         """Stand at a pose with the arm at rest, or carrying what is held."""
         grip = self.world.state.grips.get(self.name)
-        self._stand(pose, Arm.rest if grip is None else Arm.carry)
+        self._stand(pose, self.arm.rest if grip is None else self.arm.carry)
         if grip is not None:
             self._carry(grip)
 
@@ -75,7 +74,7 @@ class MobileManipulator(MobileRobot):
             item: the object.
             turn: its yaw relative to the base, radians.
         """
-        self._stand(self.pose, Arm.carry)
+        self._stand(self.pose, self.arm.carry)
         self._carry(Grip(item, turn))
 
     def _carry(self, grip: Grip) -> None:

@@ -11,6 +11,8 @@ from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import FOOTPRINT, AnyLattice, Footprint
 from chmarl_pb.navigation.reach import Reach
+from chmarl_pb.robots.arm_model import ArmModel
+from chmarl_pb.robots.plain_robot import plain_robot
 from chmarl_pb.world import Pose, Vector, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet
 
@@ -21,7 +23,8 @@ class CameraMount:
 
     Attributes:
         fov: opening angle, degrees.
-        position: of the lens in the frame of the robot's base, metres; it rises with the first joint of an arm.
+        position: of the lens in the frame of the robot's base, metres; it rises with the first joint of the humanoid's
+            arm.
         pitch: by which it looks down, radians.
     """
 
@@ -58,6 +61,7 @@ class RobotModel:
         speed: highest, m/s.
         turn_speed: highest, rad/s.
         reach: of its arm; None if it has none.
+        arm: its arm, if that is not the humanoid's.
         make: makes the robot in a world, as :data:`chmarl_pb.robots.registry.Make`; None: by the facts above.
     """
 
@@ -71,7 +75,13 @@ class RobotModel:
     speed: float = 1.2
     turn_speed: float = 2.2
     reach: Reach | None = None
+    arm: ArmModel | None = None
     make: Callable[..., Any] | None = None
+
+    @property
+    def lifts_camera(self) -> bool:
+        """Whether its camera rises with its first joint."""
+        return self.reach is not None and self.arm is None
 
     def lattice(self, space: Space) -> AnyLattice:
         """Return where it can be in a home.
@@ -94,11 +104,11 @@ class RobotModel:
         """Load its body into a client; the lattice keeps it clear of the home, so it collides with nothing.
 
         Raises:
-            AssetError: PyBullet cannot load it.
+            AssetError: a file of it cannot be used, or PyBullet cannot load it.
         """
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        flags, urdf = pybullet.URDF_USE_INERTIA_FROM_FILE, plain_robot(self.urdf)
         try:
-            body = int(pybullet.loadURDF(str(self.urdf), useFixedBase=True, flags=flags, physicsClientId=client))
+            body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, flags=flags, physicsClientId=client))
         except pybullet.error as error:
             raise AssetError(f"{self.urdf}: PyBullet cannot load this robot ({error})") from error
         for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):

@@ -16,7 +16,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 _REACH = 1.6  # metres from the base within which an arm and what it holds can be
 _LEVEL = 0.005  # metres above a surface that still belong to it
-FINGERS = ("left_finger", "right_finger")
 _UPRIGHT = np.eye(3)
 
 
@@ -55,7 +54,7 @@ class Surroundings:
         poses = world.state.objects.poses.items()
         objects = [_prism(pose, world.size(name)) for name, pose in poses if name not in skipped]
         self._home, self._objects = home, Obstacles(objects)
-        self._fingers = np.array([name in FINGERS for name in shape.links])
+        self._fingers = np.isin(np.arange(len(shape.links)), shape.fingers)
 
     def depths(self, postures: ArrayLike, bases: ArrayLike, touching: Touching) -> Array:
         """Return how deep (n,) the arm or its load stands in something, metres; 0: nowhere.

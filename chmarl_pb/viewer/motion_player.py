@@ -37,7 +37,7 @@ class Scene:
         """Return the pose of the camera of a robot of a kind; its +x looks along the line of sight."""
         base = self.robots[robot]
         heading = DRONE_HEADING if model.flies else yaw(base[1])
-        return model.camera.eye(base, heading, self.joints[robot][0] if model.reach else 0.0)
+        return model.camera.eye(base, heading, self.joints[robot][0] if model.lifts_camera else 0.0)
 
 
 def scene_of(world: World) -> Scene:

@@ -31,12 +31,15 @@ class RobotBody:
     Attributes:
         body: PyBullet body id.
         joints: PyBullet joint index of each of its movable joints.
-        grasp_link: PyBullet link index of the point between its fingertips; None if it cannot grasp.
+        grasp_link: PyBullet link index of its hand; None if it cannot grasp.
+        grasp: the frame between its fingertips in the hand's inertial frame; None: the hand's own frame, in which it
+            has its inertial frame, too.
     """
 
     body: int
     joints: Sequence[int] = ()
     grasp_link: int | None = None
+    grasp: Pose | None = None
 
 
 class Physics(Uncopied):
@@ -115,7 +118,10 @@ class Physics(Uncopied):
         state = pybullet.getLinkState(
             robot.body, robot.grasp_link, computeForwardKinematics=True, physicsClientId=self.client
         )
-        return state[4], state[5]
+        if robot.grasp is None:
+            return state[4], state[5]
+        pose: Pose = pybullet.multiplyTransforms(state[0], state[1], *robot.grasp)
+        return pose
 
     def move_object(self, name: str, pose: Pose | None) -> None:
         """Move an object's bottom centre to a pose; None: out of the home."""
@@ -140,8 +146,9 @@ class Physics(Uncopied):
         """Close a robot's gripper, where it is now, on an object whose bottom centre is at a pose."""
         body, thing = self.robots[robot], self.objects[name]
         pivot, turn = self._in_object(name, pose, self.grasp_pose(robot))
+        (x, y, z), frame = body.grasp or ((0, 0, 0), UPRIGHT)
         constraint = pybullet.createConstraint(
-            body.body, body.grasp_link, thing.body, -1, pybullet.JOINT_FIXED, (0, 0, 0), (0, 0, 0), pivot, UPRIGHT,
+            body.body, body.grasp_link, thing.body, -1, pybullet.JOINT_FIXED, (0, 0, 0), (x, y, z), pivot, frame,
             turn, physicsClientId=self.client,
         )  # fmt: skip
         pybullet.changeConstraint(constraint, maxForce=_GRIP_FORCE, physicsClientId=self.client)
