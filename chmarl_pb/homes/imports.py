@@ -142,7 +142,7 @@ def _read(file: Path) -> tuple[list[Link], float | None]:
     source = Source(file)
     if file.suffix.lower() != ".urdf":
         shape = Shape("mesh", {"scale": (1.0, 1.0, 1.0)}, Origin(), None, read_mesh(file.name, source))
-        return [Link(file.stem, np.eye(4), Origin(), (shape,), (shape,), ())], None
+        return [Link(file.stem, np.eye(4), Origin(), shape.in_colours, (shape,), ())], None
     links = [link for link in read_whole(source) if link.shapes]
     if not links:
         raise ValueError("has no geometry; give a link a <visual>")

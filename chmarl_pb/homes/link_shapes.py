@@ -98,7 +98,9 @@ class Shapes:
                     self._check_part(part)
                 continue
             with self._found.listing(name, f"{part.tag} {number}: "):
-                shapes[part.tag].append((number, self._shape(part, name)))
+                shape = self._shape(part, name)
+                pieces = shape.in_colours if part.tag == "visual" else (shape,)
+                shapes[part.tag] += [(number, piece) for piece in pieces]
         return shapes["visual"], shapes["collision"]
 
     def check_hulls(self) -> None:

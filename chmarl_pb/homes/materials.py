@@ -1,9 +1,11 @@
-"""The material files of OBJ meshes and the textures that they name; of materials PyBullet draws the texture alone."""
+"""The material files of OBJ meshes: colours, and the textures that they name; the rest of a material is not drawn."""
 
 import io
 import os
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from chmarl_pb.homes.source import MOST_FILES, Source, shown
@@ -11,25 +13,48 @@ from chmarl_pb.homes.source import MOST_FILES, Source, shown
 MOST_LIBRARY_BYTES = 2**20
 MOST_PIXELS = 2048 * 2048
 
+Numbers = tuple[float, ...]
+
 _FORMATS = ("PNG", "JPEG", "BMP")
 _PICTURES = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")  # the keywords that name a picture
 _MOST_SCANS = 100  # of a JPEG: each takes as long as a picture of its own
 _SCAN = b"\xff\xda"
 
 
-def texture_of(libraries: Sequence[str], materials: Sequence[str], mesh: Path, source: Source) -> bytes | None:
-    """Return the first texture among the materials that a mesh uses, as the content of a BMP file.
+@dataclass
+class Materials:
+    """What is read of the material files of one mesh.
+
+    Attributes:
+        colours: material -> red, green, blue in 0..1.
+        textures: material -> the file that names its texture, and that name.
+    """
+
+    colours: dict[str, Numbers] = field(default_factory=dict)
+    textures: dict[str, tuple[Path, str]] = field(default_factory=dict)
+
+    def texture(self, used: Sequence[str], source: Source) -> bytes | None:
+        """Return the first texture among the materials that a mesh uses, as the content of a BMP file.
+
+        Raises:
+            ValueError: it cannot be used.
+        """
+        name = next((name for name in dict.fromkeys(used) if name in self.textures), None)
+        return None if name is None else _picture(*self.textures[name], source)
+
+
+def read_materials(libraries: Sequence[str], mesh: Path, source: Source) -> Materials:
+    """Return the materials that a mesh can use.
 
     Args:
         libraries: the names after each ``mtllib``.
-        materials: the name after each ``usemtl``.
         mesh: the OBJ file; names are seen from there.
         source: the files of the home.
 
     Raises:
         ValueError: a file that is named cannot be used.
     """
-    textures: dict[str, tuple[Path, str]] = {}
+    found = Materials()
     read: set[Path] = set()
     for name in dict.fromkeys(name for line in dict.fromkeys(libraries) for name in _library_names(line, mesh.parent)):
         try:
@@ -38,13 +63,28 @@ def texture_of(libraries: Sequence[str], materials: Sequence[str], mesh: Path, s
                 continue
             read.add(path)
             library, content = source.inner(mesh, name, MOST_LIBRARY_BYTES)
-            textures |= {material: (library, picture) for material, picture in _textures(content, library, source)}
+            found.textures |= {
+                material: (library, picture) for material, picture in _textures(content, library, source)
+            }
+            found.colours |= _colours(content)
         except ValueError as error:
             raise ValueError(f"material file {shown(name)}: {error}") from error
-    for material in dict.fromkeys(materials):
-        if material in textures:
-            return _picture(*textures[material], source)
-    return None
+    return found
+
+
+def _colours(content: bytes) -> dict[str, Numbers]:
+    """Return the diffuse colour of each material of a library that has one: three numbers from 0 to 1."""
+    material, found = "", dict[str, Numbers]()
+    for line in content.splitlines():
+        keyword, *words = line.partition(b"#")[0].split()[:5] or [b""]
+        if keyword == b"newmtl":
+            material = os.fsdecode(words[0]) if words else ""
+        elif keyword == b"Kd":
+            with suppress(ValueError):
+                colour = tuple(round(float(word), 3) for word in words)
+                if len(colour) == 3 and all(0 <= channel <= 1 for channel in colour):
+                    found[material] = colour
+    return found
 
 
 def _picture(library: Path, name: str, source: Source) -> bytes:

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from chmarl_pb.homes.solids import Points
 
 #: Triangles of a whole home; a mesh counts as often as it is used.
 MOST_TRIANGLES = 100_000
+#: Colours of one mesh: each is drawn as a mesh of its own.
+MOST_COLOURS = 32
 
 _FARTHEST = 1e6  # units: no coordinate of a mesh is larger, so that none overflows in single precision
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
@@ -31,6 +33,8 @@ class Mesh:
         texture: a picture as the content of a BMP file, or None.
         unread: what the file has that is not read, of "colours" and "up axis".
         file: where it lies in the form that PyBullet may read; None: it has to be written first.
+        colours: red, green, blue in 0..1 of its materials.
+        paint: (triangles,) number of each triangle's colour, -1: none; None: no triangle has one.
     """
 
     vertices: Points
@@ -40,6 +44,8 @@ class Mesh:
     texture: bytes | None = None
     unread: tuple[str, ...] = ()
     file: Path | None = None
+    colours: tuple[tuple[float, ...], ...] = ()
+    paint: NDArray[np.int64] | None = None
 
     @cached_property
     def used_vertices(self) -> Points:
@@ -50,6 +56,30 @@ class Mesh:
     def reach(self) -> tuple[float, ...]:
         """How far from the origin the vertices go along each axis."""
         return tuple(np.abs(self.vertices).max(axis=0).tolist())
+
+    @cached_property
+    def in_colours(self) -> tuple[tuple[tuple[float, ...] | None, "Mesh"], ...]:
+        """Its triangles of each colour, and those that have none."""
+        if self.paint is None:
+            return ((None, self),)
+        numbers = np.unique(self.paint).tolist()
+        return tuple(
+            (self.colours[number], replace(self._part(self.paint == number), unread=()))
+            if number >= 0
+            else (None, self._part(self.paint == number))
+            for number in numbers
+        )
+
+    def _part(self, triangles: NDArray[np.bool_]) -> "Mesh":
+        """Return some of the triangles, with the vertices and normals that they have."""
+        corners = self.corners[triangles]
+        vertices, first = np.unique(corners[..., 0], return_inverse=True)
+        normals, third = np.unique(corners[..., 2], return_inverse=True)
+        shape, bare = corners.shape[:2], int(normals[0] < 0)  # -1: a corner without a normal
+        numbers = np.stack([first.reshape(shape), np.full(shape, -1), third.reshape(shape) - bare], axis=-1)
+        return Mesh(
+            self.vertices[vertices], numbers, self.normals[normals[bare:]], np.zeros((0, 2)), unread=self.unread
+        )
 
     @cached_property
     def solid(self) -> dict[str, bytes]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path, PurePath
@@ -91,6 +91,15 @@ class Shape:
     origin: Origin
     colour: Numbers | None = None
     mesh: Mesh | None = None
+
+    @property
+    def in_colours(self) -> "tuple[Shape, ...]":
+        """The same as a shape for each colour of its mesh; a colour of its own is that of all."""
+        if self.mesh is None or self.mesh.paint is None or self.colour is not None:
+            return (self,)
+        return tuple(
+            replace(self, colour=colour and (*colour, 1.0), mesh=mesh) for colour, mesh in self.mesh.in_colours
+        )
 
     def solid(self, frame: Points) -> Solid:
         """Return its convex hull in the world, from its link's frame.

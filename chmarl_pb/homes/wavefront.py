@@ -2,6 +2,7 @@
 
 import os
 import re
+from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, pairwise
 from pathlib import Path
@@ -9,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.homes.materials import texture_of
-from chmarl_pb.homes.mesh import MOST_TRIANGLES, Mesh, checked
+from chmarl_pb.homes.materials import read_materials
+from chmarl_pb.homes.mesh import MOST_COLOURS, MOST_TRIANGLES, Mesh, checked
 from chmarl_pb.homes.source import Source
 
 _LEAST_NUMBERS = {b"v": 3, b"vt": 2, b"vn": 3}
@@ -35,6 +36,7 @@ class _Obj:
         self.corners: list[list[list[int]]] = []
         self.libraries: list[str] = []
         self.materials: list[str] = []
+        self.used: list[int] = []  # for each triangle, how many materials had been named before it
 
     def take(self, line: bytes) -> None:
         """Take one line.
@@ -68,6 +70,7 @@ class _Obj:
             raise ValueError(f"a face has at least 3 corners, and a home at most {MOST_TRIANGLES:,} triangles")
         first, *others = [self._corner(word) for word in words]
         self.corners += [[first, one, two] for one, two in pairwise(others)]
+        self.used += [len(self.materials)] * (len(others) - 1)
 
     def _corner(self, word: bytes) -> list[int]:
         """Return the numbers of ``vertex/texture point/normal``, from 0; -1 where there is none."""
@@ -112,9 +115,24 @@ def read_obj(content: bytes, path: Path, source: Source) -> Mesh:
     )
     if not normals.any(axis=1).all():  # PyBullet makes its own where there are none
         normals, corners = normals[:0], _without_normals(corners)
-    texture = texture_of(obj.libraries, obj.materials, path, source)
-    unread = ("colours",) if obj.materials and obj.libraries and texture is None else ()
-    return checked(Mesh(vertices, corners, normals, texture_points, texture, unread))
+    materials = read_materials(obj.libraries, path, source)
+    texture = materials.texture(obj.materials, source)
+    if texture is not None:
+        return checked(Mesh(vertices, corners, normals, texture_points, texture))
+    return _painted(checked(Mesh(vertices, corners, normals, texture_points)), obj, materials.colours)
+
+
+def _painted(mesh: Mesh, obj: _Obj, colours: dict[str, tuple[float, ...]]) -> Mesh:
+    """Return a mesh in the colours of its materials; they count as unread where one has none, or they are too many."""
+    names = ("", *obj.materials)
+    used = {names[number] for number in obj.used} - {""}
+    drawn = sorted(used & colours.keys())
+    if len(drawn) > MOST_COLOURS or not drawn:
+        return replace(mesh, unread=("colours",) if used and obj.libraries else ())
+    places = {name: number for number, name in enumerate(drawn)}
+    paint = np.array([places.get(names[number], -1) for number in obj.used], dtype=np.int64)
+    unread = ("colours",) if used - colours.keys() else ()
+    return replace(mesh, colours=tuple(colours[name] for name in drawn), paint=paint, unread=unread)
 
 
 def _read_plain(content: bytes, path: Path) -> Mesh | None:

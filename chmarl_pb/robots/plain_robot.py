@@ -114,7 +114,7 @@ class _Copy:
 
     def _seen(self, shape: Shape) -> Iterator[Element]:
         """Yield a visual for each colour."""
-        for part in parts_of(shape, np.eye(4)):
+        for part in (part for piece in shape.in_colours for part in parts_of(piece, np.eye(4))):
             rgba = " ".join(f"{channel:.3g}" for channel in (*part.colour, 1.0))
             visual = self._element("visual", part)
             SubElement(SubElement(visual, "material", name=rgba), "color", rgba=rgba)
