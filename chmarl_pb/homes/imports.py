@@ -18,6 +18,7 @@ from chmarl_pb.files import replacing
 from chmarl_pb.homes.catalog_file import OwnKind, load_catalog
 from chmarl_pb.homes.paint import Part
 from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
+from chmarl_pb.homes.simplify import simplified
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.homes.source import Source, read_regular, safe_xml
 from chmarl_pb.homes.things import MASSES, MOST_TRIANGLES, Thing, painted
@@ -126,6 +127,7 @@ def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
         turn = _UP[wish.up] * wish.scale
         parts = [_turned(part, turn) for link in links for part in painted(link)]
         pieces = [shape.points(link.frame) @ turn.T for link in links for shape in (link.collisions or link.visuals)]
+        parts = list(simplified(parts, MOST_TRIANGLES if wish.kind == "graspable" else 4 * MOST_TRIANGLES))
         thing, foot = _standing(parts, wish.mass if wish.mass is not None else mass)
         if wish.kind == "graspable":
             thing.check()
