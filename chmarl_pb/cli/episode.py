@@ -5,10 +5,22 @@ import sys
 from pathlib import Path
 
 import chmarl_pb
-from chmarl_pb.cli.arguments import GOAL, OBSERVATIONS, add_robots, add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.arguments import (
+    GOAL,
+    OBSERVATIONS,
+    add_catalog,
+    add_home,
+    add_robots,
+    add_verb,
+    output_file,
+    output_folder,
+    verbs,
+)
 from chmarl_pb.cli.demo import show_episode
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
@@ -22,7 +34,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     saving = add_verb(all_verbs, "save", "play a task with a policy and save the episode as a file")
     saving.set_defaults(run=save)
     saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
-    saving.add_argument("--task", required=True, metavar="ID", help="task to play, e.g. test-unseen-007")
+    saving.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007")
+    add_home(saving, "a task is drawn for it")
+    add_catalog(saving)
     saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     saving.add_argument("--goal", action="store_true", help=GOAL)
     add_robots(saving)
@@ -41,8 +55,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def save(options: argparse.Namespace) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
-    task, source, seed = find_task(options.task), find_policy(options.policy), checked_seed(options.seed)
-    env = HouseholdEnv(options.observation, home=task.home, goal=options.goal, robots=options.robots)
+    if (options.task is None) == (options.home is None):
+        raise OptionError("give either --task, which names its home, or --home, for which a task is drawn")
+    source, seed = find_policy(options.policy), checked_seed(options.seed)
+    if options.task:
+        task = find_task(options.task)
+    else:
+        (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots)
+    env = HouseholdEnv(
+        options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog
+    )
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
         shortest = optimal_steps(env, task)

@@ -67,8 +67,9 @@ def _main(arguments: Sequence[str]) -> int:
     goal = " --goal" if PRESETS[config.preset].goal else ""
     robots = f" --robots {config.robots}" if listed(config.robots) != TEAM else ""
     own = f" --catalog {config.catalog}" if config.catalog else ""
+    where = f"--home {config.home}" if config.home else "--split test-unseen"
     options = f"--observation {config.observation}{goal}{robots}{own}"
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
     return 0
 
 

@@ -16,7 +16,7 @@ from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import BEST, train
-from chmarl_pb.learning.runs.validation import by_tasks
+from chmarl_pb.learning.runs.validation import Validate, by_home, by_tasks
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.splits import STREAM
@@ -41,7 +41,7 @@ class Env:
         image_size: pixels of an image.
         robots: names and robot files (.toml), with commas between them.
         split: whose tasks are trained on; "generated" has a new home every 100 episodes.
-        home: name or path of a home to train in instead of the split's.
+        home: name or path of a home to train in instead of the split's; weights are chosen on tasks drawn for it.
         catalog: catalogue file of own things; None: the one that CHMARL_CATALOG names, if any.
     """
 
@@ -168,8 +168,10 @@ def _run(arguments: Sequence[str]) -> int:
     robots = f" --robots {command.setting.robots}" if listed(command.setting.robots) != TEAM else ""
     catalog = getattr(command.setting, "catalog", None)
     own = f" --catalog {catalog}" if catalog else ""
+    home = getattr(command.setting, "home", None)
+    where = f"--home {home}" if home else "--split test-unseen"
     options = f"--observation {command.setting.observation}{robots}{own}"
-    print(f"chmarl-pb evaluate --policy {folder / BEST} --split test-unseen {options}")
+    print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
     return 0
 
 
@@ -205,8 +207,15 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
     )  # fmt: skip
     expert = ALGORITHMS[algorithm].expert
     imitated = partial(make_policy, expert) if expert else None
-    validate = by_tasks(("generated-val",)) if env.split == STREAM else by_tasks()
+    validate = _validation(env)
     train(env_fn, algorithm, config, folder, validate, setting, False, imitated, place.threads, place.device)
+
+
+def _validation(env: Env) -> Validate:
+    """Return how the best weights are chosen: in homes like those of training."""
+    if env.home:
+        return by_home(env.home, robots=listed(env.robots), catalog=env.catalog)
+    return by_tasks(("generated-val",)) if env.split == STREAM else by_tasks()
 
 
 def name_of(command: Command) -> str:

@@ -26,6 +26,7 @@ def draw_tasks(
     seed: int = 0,
     catalog: str | None = None,
     robots: tuple[str | Path | RobotModel, ...] = TEAM,
+    seeds_from: int = 0,
 ) -> tuple[Task, ...]:
     """Return tasks that the planner solves in a home; the same arguments give the same tasks.
 
@@ -35,6 +36,7 @@ def draw_tasks(
         seed: of the draw.
         catalog: catalogue file of own things.
         robots: that are to solve them.
+        seeds_from: least seed of a task; from 2**31 on they are none that an environment draws.
 
     Raises:
         OptionError: the number is not positive.
@@ -47,7 +49,8 @@ def draw_tasks(
     simulation = Simulation(home, options.models, known=options.things)
     try:
         name = simulation.home.name
-        tasks = [draw_solvable(simulation, home, rng, f"drawn-{name}-{number:03d}") for number in range(count)]
+        ids = [f"drawn-{name}-{number:03d}" for number in range(count)]
+        tasks = [draw_solvable(simulation, home, rng, task_id, seeds_from=seeds_from) for task_id in ids]
     finally:
         simulation.close()
     return tuple(task for task in tasks if isinstance(task, Task))

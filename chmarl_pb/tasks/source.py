@@ -94,6 +94,7 @@ def draw_solvable(
     rng: np.random.Generator,
     task_id: str | None = None,
     kind: TaskKind = REARRANGE,
+    seeds_from: int = 0,
 ) -> AnyTask:
     """Draw a task for a home until the planner solves one, and return it with its L*.
 
@@ -103,6 +104,7 @@ def draw_solvable(
         rng: source of randomness.
         task_id: the task's id; made of the home's name and the task's seed if None.
         kind: of the task.
+        seeds_from: is added to its seed; from 2**31 on it is none that is drawn otherwise.
 
     Raises:
         TaskError: no drawn task can be solved.
@@ -110,6 +112,7 @@ def draw_solvable(
     reason = ""
     for _ in range(_DRAWS):
         task = kind.sample(simulation.space, home, rng, task_id)
+        task = replace(task, seed=task.seed + seeds_from)
         try:
             return replace(task, optimal_steps=simulation.solve(task, kind).steps)
         except TaskError as error:

@@ -1,17 +1,19 @@
 """Greedy episodes during training; the best checkpoint is chosen by their score. Test splits are not for this."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from torch import nn
 
 from chmarl_pb.envs.rollout import core_of_parallel
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.runs.collect import Collector, greedy
 from chmarl_pb.learning.runs.replay_buffer import Episode
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -44,7 +46,32 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
     """
     if any(split.startswith("test") for split in splits):
         raise ValueError(f"splits={list(splits)}: checkpoints are not chosen on a test split")
-    tasks = {split: spread_tasks(split, most) for split in splits}
+    return _by({split: spread_tasks(split, most) for split in splits})
+
+
+def by_home(home: str, most: int = 50, robots: tuple[str, ...] = TEAM, catalog: str | None = None) -> Validate:
+    """Return a validation by PLW on tasks that are drawn for a home, none of which is one of training.
+
+    Args:
+        home: name or path.
+        most: how many tasks.
+        robots: names and robot files.
+        catalog: catalogue file of own things.
+
+    Raises:
+        HomeError: the home cannot be used.
+        TaskError: the home offers no task that can be solved.
+    """
+    return _by({"home": home_tasks(home, most, robots, catalog)})
+
+
+def home_tasks(home: str, most: int, robots: tuple[str, ...], catalog: str | None) -> list[Task]:
+    """Return tasks that are drawn for a home, with seeds that training never draws; see :func:`by_home`."""
+    return list(draw_tasks(home, most, 0, catalog, robots, SEEDS_FROM))
+
+
+def _by(tasks: Mapping[str, Sequence[Task]]) -> Validate:
+    """Return a validation by PLW on tasks by their split; the score is the mean over the splits."""
     known: dict[str, int] = {}  # task's id -> L*
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
@@ -55,12 +82,12 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
             played = play_greedily(collector, agents, seeds, options)
             won = [episode.info[core.possible_agents[0]]["success"] for episode in played]
             scores = [0.0] * len(won)
-            for number in np.flatnonzero(won):
+            for number in np.flatnonzero(won).tolist():
                 task = chosen[number]
                 best = known[task.id] = known.get(task.id) or optimal_steps(core, task)
                 scores[number] = path_weighted(True, len(played[number]), best)
             figures |= {f"{split}_sr": float(np.mean(won)), f"{split}_plw": float(np.mean(scores))}
-        return {"score": float(np.mean([figures[f"{split}_plw"] for split in splits]))} | figures
+        return {"score": float(np.mean([figures[f"{split}_plw"] for split in tasks]))} | figures
 
     return validate
 

@@ -128,7 +128,7 @@ class Config:
         graph_pool: of scene graphs; see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
-        tasks: number of validation tasks of each of the two splits.
+        tasks: number of validation tasks of each of the two splits; twice as many are drawn for a home.
         max_steps: of an episode.
         robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
         home: name or path of a home to train in instead of the split's.

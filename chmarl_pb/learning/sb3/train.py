@@ -30,6 +30,7 @@ from chmarl_pb.learning.sb3.policy import save_model
 from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
+from chmarl_pb.robots.registry import listed
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
 _VALIDATION_ENVS = 2
@@ -63,7 +64,8 @@ def run(
         Interrupted: a signal asked the run to end.
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
-    where, tasks = find_device(device), validation_tasks(config.tasks)
+    where = find_device(device)
+    tasks = validation_tasks(config.tasks, config.home, listed(config.robots), config.catalog)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     signals = Signals()
     with ExitStack() as stack:
@@ -127,8 +129,9 @@ def _learn(
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
     rows = validation.rows()
     best = max(rows, key=lambda row: row["plw"])
+    splits = (config.home,) if config.home else SPLITS
     result = {
-        "config": asdict(config), "splits": SPLITS, "best": best, "validations": rows, "steps": model.num_timesteps,
+        "config": asdict(config), "splits": splits, "best": best, "validations": rows, "steps": model.num_timesteps,
         "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
     }  # fmt: skip
     write_atomically(folder / RESULT, json.dumps(result, indent=1) + "\n")

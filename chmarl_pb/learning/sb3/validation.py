@@ -9,7 +9,8 @@ import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
-from chmarl_pb.learning.runs.validation import spread_tasks
+from chmarl_pb.learning.runs.validation import home_tasks, spread_tasks
+from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 
 SPLITS = ("val-seen", "val-unseen")
@@ -45,8 +46,19 @@ class PathWeighted(gymnasium.Wrapper):
         return observation, score, terminated, truncated, info
 
 
-def validation_tasks(most: int) -> list[Task]:
-    """Return at most some tasks of each validation split, at equal distances."""
+def validation_tasks(
+    most: int, home: str | None = None, robots: tuple[str, ...] = TEAM, catalog: str | None = None
+) -> list[Task]:
+    """Return at most some tasks of each validation split, at equal distances; or as many drawn for a home.
+
+    Args:
+        most: of each split.
+        home: name or path; None: the splits.
+        robots: that are to solve the drawn tasks.
+        catalog: catalogue file of own things.
+    """
+    if home is not None:
+        return home_tasks(home, len(SPLITS) * most, robots, catalog)
     return [task for split in SPLITS for task in spread_tasks(split, most)]
 
 
