@@ -98,7 +98,7 @@ class _Known:
 
 
 def _rows(path: Path, content: bytes) -> list["_Row"]:
-    """Return the rows of a catalogue file: objects, then receptacles, then scenery, each in the file's order."""
+    """Return the rows of a catalogue file by ``order``; else objects, receptacles, scenery, each as in the file."""
     try:
         tables = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -113,7 +113,37 @@ def _rows(path: Path, content: bytes) -> list["_Row"]:
         rows += [_Row(path, kind, number, row) for number, row in enumerate(values, start=1)]
     if not 0 < len(rows) <= _MOST_ROWS:
         raise AssetError(f"{path}: {len(rows)} rows; a catalogue file has 1 to {_MOST_ROWS}, [[graspable]] begins one")
-    return rows
+    return _ordered(rows)
+
+
+def _ordered(rows: list["_Row"]) -> list["_Row"]:
+    """Return rows by the orders that they give themselves, if they do; then no row that is added shifts another."""
+    orders = [row.values.get("order") for row in rows]
+    if not any(order is not None for order in orders):
+        return rows
+    for row, order in zip(rows, orders, strict=True):
+        if type(order) is not int or order < 1:
+            what = "order is missing" if order is None else f"order = {shown(str(order))}"
+            raise row.error(f"{what}; as other rows have one, give each a whole number from 1 on")
+        if orders.count(order) > 1:
+            raise row.error(f"order = {order} stands twice; give every row its own, the next is {_next(orders)}")
+    return sorted(rows, key=lambda row: int(row.values["order"]))
+
+
+def _next(orders: Iterable[Any]) -> int:
+    return 1 + max((order for order in orders if type(order) is int), default=0)
+
+
+def next_order(path: Path) -> int | None:
+    """Return the order of a row that is to be added to a catalogue file; None: its rows have none.
+
+    Raises:
+        AssetError: the file cannot be used.
+    """
+    if not path.exists():
+        return 1
+    orders = [row.values.get("order") for row in _rows(path, _content(path))]
+    return None if None in orders else _next(orders)
 
 
 class _Row:
@@ -159,7 +189,7 @@ class _Row:
         return AssetError(f"{self.path}: [[{self.kind}]] {self.number}{label}: {what}")
 
     def _check_keys(self) -> None:
-        known = ("class", *KEYS[self.kind])
+        known = ("class", "order", *KEYS[self.kind])
         for key in self.values.keys() - set(known):
             raise self.error(f"{shown(key)} is no key of such a row{_nearest(key, known)}; use {', '.join(known)}")
 

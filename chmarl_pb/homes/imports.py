@@ -15,7 +15,7 @@ import numpy as np
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.files import replacing
-from chmarl_pb.homes.catalog_file import OwnKind, load_catalog
+from chmarl_pb.homes.catalog_file import OwnKind, load_catalog, next_order
 from chmarl_pb.homes.paint import Part
 from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
 from chmarl_pb.homes.simplify import simplified
@@ -74,7 +74,7 @@ def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thin
         AssetError: the file cannot be used, the class is known already, or the catalogue file is broken.
         WriteError: the files cannot be written.
     """
-    known = _text(catalog_file)
+    known, order = _text(catalog_file), next_order(catalog_file)
     thing, pieces = read_file(file, wish)
     files = thing.files(wish.name) if wish.kind == "graspable" else thing.files(wish.name, pieces)
     folder, new = catalog_file.parent, [name for name in files if not (catalog_file.parent / name).exists()]
@@ -85,7 +85,7 @@ def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thin
             with replacing(folder / name) as temporary:
                 temporary.write_bytes(files[name])
         with replacing(catalog_file) as temporary:
-            temporary.write_text(f"{known}{_row(wish)}", encoding="utf-8")
+            temporary.write_text(f"{known}{_row(wish, order)}", encoding="utf-8")
             catalog = load_catalog(temporary)
     except BaseException as error:
         for name in new:
@@ -105,11 +105,18 @@ def _text(catalog_file: Path) -> str:
     return read_regular(catalog_file).decode().rstrip() + "\n"
 
 
-def _row(wish: Wish) -> str:
+def _row(wish: Wish, order: int | None) -> str:
     """Return a row as TOML, whose strings and lists of strings are those of JSON."""
     file = f"{wish.name}.urdf"
     model = {"urdf": file} if wish.kind == "graspable" else {"models": [file]}
-    values = {"class": wish.name, **model, "names": wish.names, "held_out": wish.held_out, "states": wish.states}
+    values = {
+        "class": wish.name,
+        "order": order,
+        **model,
+        "names": wish.names,
+        "held_out": wish.held_out,
+        "states": wish.states,
+    }
     lines = [f"{key} = {json.dumps(value)}" for key, value in values.items() if value]
     return "\n".join(["", f"[[{wish.kind}]]", *lines, ""])
 

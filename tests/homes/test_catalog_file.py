@@ -8,6 +8,7 @@ import pytest
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.catalog_file import load_catalog
+from chmarl_pb.homes.imports import Wish, add_thing
 from tests.helpers.own_things import BOX, CATALOG, CRATE, POST, shape, urdf, write_things
 
 
@@ -135,3 +136,33 @@ def test_missing_file_says_what_makes_one(tmp_path: Path) -> None:
 
 def test_sample_is_good_as_written(tmp_path: Path) -> None:
     assert CATALOG.count("class =") == 4 and load_catalog(write_things(tmp_path)).content
+
+
+def own_classes(path: Path) -> list[str]:
+    return [row.name for row in load_catalog(path).rows[len(BENCHMARK.rows) :]]
+
+
+def test_ids_stay_where_rows_have_an_order(tmp_path: Path) -> None:
+    path = write_things(tmp_path)
+    for order, name in enumerate(("easel", "workbench", "striped_crate", "post"), start=1):
+        path.write_text(path.read_text().replace(f'class = "{name}"\n', f'class = "{name}"\norder = {order}\n'))
+    assert own_classes(path) == ["easel", "workbench", "striped_crate", "post"]
+    path.write_text(path.read_text().replace("order = 4", "order = 3"))
+    with pytest.raises(AssetError, match="order = 3 stands twice; give every row its own, the next is 4"):
+        load_catalog(path)
+    path.write_text(path.read_text().replace("order = 3\n", "", 1))
+    with pytest.raises(
+        AssetError, match="order is missing; as other rows have one, give each a whole number from 1 on"
+    ):
+        load_catalog(path)
+
+
+def test_what_is_imported_shifts_no_ids(tmp_path: Path) -> None:
+    (tmp_path / "crate.urdf").write_text(CRATE)
+    path = tmp_path / "my_things.toml"
+    for name, kind in (("stand", "receptacle"), ("toolbox", "graspable"), ("shelf_unit", "receptacle")):
+        add_thing(tmp_path / "crate.urdf", Wish(name, kind), path)  # type: ignore[arg-type]
+    assert own_classes(path) == ["stand", "toolbox", "shelf_unit"]
+    path.write_text(path.read_text().replace("order = 2\n", "").replace("order = 1\n", "").replace("order = 3\n", ""))
+    add_thing(tmp_path / "crate.urdf", Wish("jewel_box"), path)
+    assert own_classes(path) == ["toolbox", "jewel_box", "stand", "shelf_unit"], "no order where other rows have none"
