@@ -14,7 +14,6 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.lattice import FOOTPRINT
 from chmarl_pb.policies.registry import make_policy
-from chmarl_pb.robots import driven_arm
 from chmarl_pb.robots.arm import Arm
 from chmarl_pb.robots.arm_boxes import ArmBoxes
 from chmarl_pb.robots.clearance import Obstacles
@@ -121,14 +120,14 @@ def test_the_last_postures_are_within_the_footprint(world: World) -> None:
     pybullet.removeBody(body, physicsClientId=world.client)
     sizes = [(0.01, 0.01, 0.01), *(world.size(f"{name}_1") for name in world.home.catalog.graspables)]
     corners = np.array(list(product((-1, 1), repeat=3)))
-    for options, grasped in ((driven_arm._EMPTY, sizes[:1]), (driven_arm._LOADED, sizes)):
+    for options, grasped in ((Arm.postures.empty, sizes[:1]), (Arm.postures.loaded, sizes)):
         boxes, grasp = shape.place([options[-1]])
         assert shape.own_depths(boxes, np.array([options[-1][0]]))[0] == 0
         points = boxes.middles[0][:, None] + np.einsum("bij,bkj->bki", boxes.axes[0], corners * boxes.halves[:, None])
         assert np.hypot(*points[..., :2].reshape(-1, 2).T).max() < FOOTPRINT.radius - 0.005
         for width, depth, _ in grasped:
             assert (
-                np.hypot(*grasp[0, :2]) + np.hypot(width, depth) / 2 < FOOTPRINT.radius or options is driven_arm._EMPTY
+                np.hypot(*grasp[0, :2]) + np.hypot(width, depth) / 2 < FOOTPRINT.radius or options is Arm.postures.empty
             )
 
 
