@@ -43,6 +43,11 @@ def held_class(observation: Observation, known: Catalog) -> str | None:
     return _name(observation["node_class"][held[0]], known) if held else None
 
 
+def putting_away(cells: dict[str, Cell], known: Catalog) -> str | None:
+    """Return the Place that puts down what was picked by mistake, on any receptacle in view; None if there is none."""
+    return next((aimed("place", cell) for name, cell in cells.items() if name in known.receptacles), None)
+
+
 def number_of(actions: Sequence[str], name: str) -> int:
     """Return the number of an action; a Pick or Place that names no cell, where it has to, points at the middle."""
     return actions.index(named(name, MIDDLE) if name in VERBS and name not in actions else name)

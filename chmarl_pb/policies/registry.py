@@ -23,11 +23,16 @@ SHORTCUTS = {
 }
 
 
-def _search(env: PolicyEnv) -> Policy:
-    policy, symbols = SearchPolicy(env.action_names, env.rooms, env.catalog), symbols_of(env)
+def _talking(env: PolicyEnv, policy: Policy) -> Policy:
+    """Return a policy made for a board, which says what would stand there where robots have words of their own."""
+    symbols = symbols_of(env)
     if not symbols:
         return policy
     return Talking(policy, {name: RoomCode(env.rooms, symbols, env.catalog) for name in env.action_names})
+
+
+def _search(env: PolicyEnv) -> Policy:
+    return _talking(env, SearchPolicy(env.action_names, env.rooms, env.catalog))
 
 
 def _without_words(env: PolicyEnv, policy: Policy) -> Policy:
@@ -36,12 +41,16 @@ def _without_words(env: PolicyEnv, policy: Policy) -> Policy:
 
 
 def _belief(env: PolicyEnv) -> Policy:
-    return BeliefPolicy(env.action_names, env.rooms, env.catalog)
+    return _talking(env, BeliefPolicy(env.action_names, env.rooms, env.catalog))
 
 
 def _belief_alone(env: PolicyEnv) -> Policy:
     policy = BeliefPolicy(env.action_names, env.rooms, env.catalog, alone=True)
-    return Alone(policy, env.action_names, env.rooms, env.catalog)
+    return Alone(_talking(env, policy), env.action_names, env.rooms, env.catalog)
+
+
+def _belief_told(env: PolicyEnv) -> Policy:
+    return _talking(env, Told(BeliefPolicy(env.action_names, env.rooms, env.catalog), env))
 
 
 #: Name -> what makes the policy for an environment.
@@ -59,7 +68,7 @@ BUILT_IN: dict[str, Factory] = {
     "belief-alone": _belief_alone,
     "belief-silent": lambda env: Unheard(_belief(env)),
     "belief": _belief,
-    "belief-told": lambda env: Told(_belief(env), env),
+    "belief-told": _belief_told,
     "planner": PlannerPolicy,
 }
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of
+from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
@@ -106,10 +106,9 @@ class HumanoidSearch:
 
     def _put_away(self, cells: dict[str, Cell], succeeded: bool) -> str:
         """Put down what was picked by mistake, on anything that is in view."""
-        tops = [cell for name, cell in cells.items() if name in self._catalog.receptacles]
-        failed = self._tried == "place" and not succeeded
-        self._away = bool(tops) and not failed
-        return aimed("place", tops[0]) if self._away else _SIDES[0]
+        place = None if self._tried == "place" and not succeeded else putting_away(cells, self._catalog)
+        self._away = place is not None
+        return place or _SIDES[0]
 
     def _not_searched(self, here: str | None, known: list[str]) -> list[str]:
         """Return the rooms of the board in which it has not yet looked all around."""

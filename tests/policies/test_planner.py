@@ -303,7 +303,7 @@ def test_teaching_alone_changes_no_proposal(env: HouseholdEnv, tasks: list[Task]
 
 def test_policies_by_name(env: HouseholdEnv) -> None:
     assert core_of(env) is env
-    with pytest.raises(OptionError, match=r"unknown policy 'oracle'.*random, .*search, planner"):
+    with pytest.raises(OptionError, match=r"unknown policy 'oracle'.*random, .*search, .*planner"):
         make_policy("oracle", env)
 
 

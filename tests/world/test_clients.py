@@ -140,7 +140,7 @@ def test_failed_resets_keep_no_clients(write_home: Callable[..., Path], small_ho
     env.reset(seed=0)
     before = connected()
     with pytest.raises(HomeError, match="differ") as caught:
-        env._enter(str(other))
+        env._simulations.enter(str(other))
     assert connected() == before
     with pytest.raises(ChmarlError):
         env.reset(options={"task": "no-such-task"})

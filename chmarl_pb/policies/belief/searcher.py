@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
+from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
 from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
 from chmarl_pb.policies.tidying import Pair, Tidying
+from chmarl_pb.robots.pointing import Cell, verb_of
 from chmarl_pb.tasks.language import parse_instructions
 
 _VERBS = "pick", "place"
@@ -58,26 +60,39 @@ class Searcher:
         self._tried = ""
         self._queue: list[str] = []
         self._deaf = False
+        self._away = False  # whether it has just put down what was picked by mistake
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
-        self._tried = self._choose(observation, info)
-        return self.actions.index(self._tried)
+        chosen = self._choose(observation, info)
+        self._tried = verb_of(chosen)
+        return number_of(self.actions, chosen)
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
         pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
         seen, done = frozenset(map(catalog.class_of, info["visible"])), bool(info["action_success"])
-        wanted = self._tidying.wanted(pairs, holding, seen, self._tried, done)
         self._look(observation, info["visible"], done)
+        cells = cells_of(observation, self._catalog)
+        if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
+            return self._put_away(cells, done)
+        tried, self._away = "" if self._away else self._tried, False
+        wanted = self._tidying.wanted(pairs, holding, seen, tried, done)
         failed = self._tried == _VERBS[holding] and not done
         if failed:  # nothing in this view serves
             for name in wanted & seen:
                 self.knowledge.sighted.pop(name, None)
         beliefs = self._listen(observation["messages"] > 0, pairs, holding, wanted, seen)
-        if wanted & seen and not failed:
+        aims = [cell for name, cell in cells.items() if name in wanted]
+        if wanted & seen and not failed and (aims or "node_view" not in observation):
             self._queue = []
-            return _VERBS[holding]
+            return aimed(_VERBS[holding], aims[0] if aims else None)
         return self._search(beliefs, wanted if holding else frozenset())
+
+    def _put_away(self, cells: dict[str, Cell], done: bool) -> str:
+        """Put down what was picked by mistake, on anything that is in view."""
+        place = None if self._tried == "place" and not done else putting_away(cells, self._catalog)
+        self._away = place is not None
+        return place or "turn_left"
 
     def _look(self, observation: dict[str, np.ndarray], visible: Collection[str], done: bool) -> None:
         """Note where the last action has led, and what is in view there."""
