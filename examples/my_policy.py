@@ -23,7 +23,7 @@ class MyPolicy:
     def act(self, observations: Any, infos: Any) -> dict[str, int]:
         """Return robot -> number of its action."""
         actions = self.search.act(observations, infos)
-        if not observations["humanoid"]["messages"][0].any():
+        if "humanoid" in observations and not observations["humanoid"]["messages"][0].any():
             actions["humanoid"] = self.names["humanoid"].index("stay")
         return actions
 

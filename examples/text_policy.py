@@ -1,6 +1,7 @@
 """A policy that reads and answers with words: put a language model in the place of `answer`.
 
-python examples/text_policy.py [TASK]
+python examples/text_policy.py [TASK], or
+chmarl-pb evaluate --policy examples.text_policy:TextPolicy --observation text
 """
 
 import re
@@ -8,6 +9,7 @@ import sys
 from typing import Any
 
 import chmarl_pb
+from chmarl_pb.sensing.text import from_bytes
 from chmarl_pb.tasks.language import parse_instruction
 
 
@@ -46,9 +48,9 @@ class TextPolicy:
 
     def act(self, observations: Any, infos: Any) -> dict[str, int]:
         """Return robot -> number of the action that it answers."""
-        for robot, tried in self.tried.items():
-            tried.append(answer(infos[robot]["text"], tried))
-        return {robot: self.names[robot].index(tried[-1]) for robot, tried in self.tried.items()}
+        for robot, seen in observations.items():
+            self.tried[robot].append(answer(from_bytes(seen["text"]), self.tried[robot]))
+        return {robot: self.names[robot].index(self.tried[robot][-1]) for robot in observations}
 
 
 def main(task: str = "val-unseen-000") -> None:

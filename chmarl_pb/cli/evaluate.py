@@ -101,6 +101,8 @@ def print_report(console: Console, report: Report) -> None:
         without += f", {settings['options']['feedback']} feedback"
     if settings["options"].get("goal"):
         without += ", goal observed"
+    if report.declared:
+        without += f", {report.declared}"
     if report.changed:
         without += f", changed: {report.changed}"
     title = f"{settings['policy']} on {_where(report)}, {settings['observation']}{without}"

@@ -129,6 +129,11 @@ class Options:
         return TextSensor() if name == "text" else SceneGraphSensor(known)
 
     @property
+    def shows_graphs(self) -> bool:
+        """Whether observations hold scene graphs."""
+        return any(part == "scene_graph" or isinstance(part, SceneGraphSensor) for part in self._observed())
+
+    @property
     def things(self) -> Catalog:
         """The classes of things.
 

@@ -169,7 +169,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
-        self.instruction = self._kind.instruction(self.task)
+        self.instruction = self.instruction_of(self.task)
         self._instruction_tokens = self._observer.tokens(self.instruction)
         self._wanted = language.parse_instruction(self.instruction, self.catalog) if self.options.goal else None
         self.agents, self.steps, self.snapshots, self.collisions = list(self._models), 0, (), 0
@@ -219,6 +219,10 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             dict.fromkeys(self._models, truncated),
             infos,
         )
+
+    def instruction_of(self, task: AnyTask) -> str:
+        """Return what a task asks for in the words of this environment."""
+        return self._kind.instruction(task)
 
     def go_on(self) -> None:
         """Let an episode that was truncated go on: somebody else counts its steps."""

@@ -54,6 +54,7 @@ def rollout(
     seed: int | None = None,
     task: AnyTask | str | None = None,
     on_step: OnStep | None = None,
+    policy_seed: int | None = None,
 ) -> Episode:
     """Play one episode.
 
@@ -71,6 +72,7 @@ def rollout(
         seed: of the environment's reset and of the policy.
         task: the task to play, or its id; drawn by the environment if None.
         on_step: watches.
+        policy_seed: of the policy, if it is not to get that of the reset.
 
     Raises:
         OptionError: the environment is not made from one of this package's, or is no ParallelEnv.
@@ -78,7 +80,7 @@ def rollout(
     core = core_of_parallel(env)
     watch = on_step or _look_away
     observations, infos = env.reset(seed=seed, options=None if task is None else {"task": task})
-    policy.reset(seed)
+    policy.reset(seed if policy_seed is None else policy_seed)
     watch(core)
     all_observations, all_infos, actions, rewards = [observations], [infos], [], []
     said: list[dict[str, int]] = []

@@ -17,6 +17,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
+from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, imported
 from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS
@@ -52,6 +53,12 @@ class Setup:
         """
         return imported(self.env_fn, "environment") if isinstance(self.env_fn, str) else self.env_fn or HouseholdEnv
 
+    @property
+    def privileged(self) -> bool:
+        """Whether the policy is given more than observations and action masks."""
+        source = find_policy(self.policy)
+        return source.privileged or (source.needs_graphs and not self.options.shows_graphs)
+
     def make_env(self) -> Any:
         """Return a new environment.
 
@@ -72,14 +79,14 @@ class Player:
         Raises:
             OptionError: there is no such policy, or the environment is not made from this package's.
         """
-        make = find_policy(setup.policy).make
-        self.env = setup.make_env()
-        self.policy = make(self.env)
+        source, self.env = find_policy(setup.policy), setup.make_env()
+        self.policy = seated(source.make, self.env, setup.privileged, source.centralized)
 
     def play(self, job: Job) -> Played:
         """Play one job; its result does not depend on those before it."""
         task, seed = job
-        episode = rollout(self.env, self.policy, episode_seed(task, seed), task)
+        own = policy_seed(core_of_parallel(self.env).instruction_of(task), seed)
+        episode = rollout(self.env, self.policy, episode_seed(task, seed), task, policy_seed=own)
         return played(core_of_parallel(self.env), episode, seed)
 
     def close(self) -> None:
@@ -90,6 +97,12 @@ class Player:
 def episode_seed(task: AnyTask, seed: int) -> int:
     """Return the seed of an episode: another one for every task, so that tasks are independent."""
     return int(np.random.SeedSequence([seed, task.seed]).generate_state(1)[0])
+
+
+def policy_seed(instruction: str, seed: int) -> int:
+    """Return the seed that a policy gets: it tells no more of the task than what all its robots read."""
+    words = np.frombuffer(instruction.encode(), dtype=np.uint8).tolist()
+    return int(np.random.SeedSequence([seed, *words]).generate_state(1)[0])
 
 
 def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:

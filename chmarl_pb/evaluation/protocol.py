@@ -177,6 +177,8 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     """Return what fixes the numbers."""
     options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
     values = options.recorded()
+    given = {"privileged": setup.privileged, "centralized": source.centralized}
+    changes = {**changes, **{name: True for name, is_so in given.items() if is_so}}  # older results have neither
     if "robots" in values:
         changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
     if "catalog" in values:

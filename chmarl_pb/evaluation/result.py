@@ -66,6 +66,12 @@ class Report:
         return ", ".join(part for part in (self.foreign, *own) if part)
 
     @property
+    def declared(self) -> str:
+        """What the policy was given beyond each robot's own observation; empty if nothing."""
+        words = {"privileged": "is told the truth", "centralized": "one policy for all robots"}
+        return ", ".join(text for name, text in words.items() if self.settings.get(name))
+
+    @property
     def foreign(self) -> str:
         """Names of the environment and of the objects that the settings do not hold; empty if there are none."""
         options = (self.settings["observation"], *self.settings["options"].values())

@@ -145,7 +145,7 @@ def label_of(report: Report) -> str:
 def title_of(report: Report) -> str:
     """Return a result's label and what sets it apart: what was switched off or given, and other tasks or limits."""
     off = [f"no {name}" for name in ("messages", "feedback") if not report.settings["options"][name]]
-    notes = [*off, *_apart(report)]
+    notes = [*off, *_apart(report), *([report.declared] if report.declared else [])]
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
 
 

@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Infos, Observations, Policy
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.policies.sights import places_in_view
+from chmarl_pb.tasks.language import read_pairs
 from chmarl_pb.tasks.symbols import SILENT
 
 REPEATS = 2  # times that a fact is told, as symbols may be lost
 
 Observation = dict[str, NDArray[Any]]
 Fact = tuple[int, int]  # 0 for X, 1 for Y; the number of a room
-
-_IN_ROOM = catalog.RELATION_IDS["in_room"]
 
 
 class RoomCode:
@@ -75,35 +73,10 @@ class RoomCode:
 
     def _seen(self, observation: Observation, info: dict[str, Any]) -> list[Fact]:
         """Return the facts that a robot sees for itself; of what is held it tells nothing."""
-        pairs = parse_instructions(info["instruction"], self._catalog)
+        pairs = read_pairs(observation["instruction"], self._catalog)
         rows = {name: row for pair in pairs for row, name in enumerate(pair)}
-        places = self._in_graph(observation) if "edges" in observation else self._in_view(observation, info)
+        places = places_in_view(observation, info, self.rooms, self._catalog)
         return [(rows[name], self.rooms.index(room)) for name, room in places if name in rows and room in self.rooms]
-
-    def _in_graph(self, observation: Observation) -> list[tuple[str, str]]:
-        """Return class and room of each node that stands somewhere."""
-        classes, held = observation["node_class"].tolist(), self._catalog.state_ids["held"]
-        names = [self._catalog.rows[number - 1].name if number else "" for number in classes]
-        edges = observation["edges"][observation["edges"][:, 2] == _IN_ROOM, :2].tolist()
-        return [
-            (names[node], self._room(names[room], observation)) for node, room in edges
-            if observation["node_state"][node] != held
-        ]  # fmt: skip
-
-    def _in_view(self, observation: Observation, info: dict[str, Any]) -> list[tuple[str, str]]:
-        """Return class and room of what is truly in view; an object is said to be in the robot's own room."""
-        own = self._own_room(observation)
-        names = [name for name in info["visible"] if not (observation["self"][-1] and "/" not in name)]
-        return [(catalog.class_of(name), catalog.room_of(name) if "/" in name else own) for name in names]
-
-    def _room(self, kind: str, observation: Observation) -> str:
-        """Return the room of a kind that a graph names: if there are several, the robot's own or the first."""
-        own, alike = self._own_room(observation), [room for room in self.rooms if catalog.room_kind(room) == kind]
-        return own if own in alike or not alike else alike[0]
-
-    def _own_room(self, observation: Observation) -> str:
-        number = int(np.argmax(observation["self"][: len(self.rooms) + 1]))
-        return self.rooms[number] if number < len(self.rooms) else ""
 
 
 class Talking:

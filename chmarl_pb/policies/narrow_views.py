@@ -10,12 +10,12 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
+from chmarl_pb.policies.sights import classes_in_view
 from chmarl_pb.robots.pointing import Cell
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 Observation = dict[str, np.ndarray]
 Info = dict[str, Any]
@@ -75,7 +75,7 @@ def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, kn
 def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> FullView:
     """Return the view of a policy that sees and reads."""
     blind = _blind(rooms, observation)
-    pairs = parse_instructions(info["instruction"], known)
+    pairs = read_pairs(observation["instruction"], known)
     wanted = frozenset(pair[int(blind["holding"])] for pair in pairs)
     return FullView(**blind, **_seeing(observation, info, known), wanted=wanted)
 
@@ -90,14 +90,7 @@ def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
 
 
 def _seeing(observation: Observation, info: Info, known: Catalog) -> dict[str, Any]:
-    return {"classes": _classes(observation, info, known), "cells": cells_of(observation, known)}
-
-
-def _classes(observation: Observation, info: Info, known: Catalog) -> frozenset[str]:
-    """Return the classes in view: those of the nodes, or with pictures, where nothing is recognised, the true ones."""
-    if "node_class" in observation:
-        return frozenset(known.rows[number - 1].name for number in observation["node_class"].tolist() if number)
-    return frozenset(map(catalog.class_of, info["visible"]))
+    return {"classes": classes_in_view(observation, info, known), "cells": cells_of(observation, known)}
 
 
 View = TypeVar("View")
@@ -146,4 +139,5 @@ class Narrowed(Generic[View]):
         return {
             name: number_of(self.actions[name], chooser.choose(self._view(self.rooms, observations[name], infos[name])))
             for name, chooser in self.choosers.items()
+            if name in observations
         }

@@ -9,10 +9,12 @@ from functools import cache
 from itertools import chain, cycle
 from pathlib import Path
 
+import numpy as np
+
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 FILE = Path(__file__).parent / "open_loop.json"
 
@@ -31,12 +33,12 @@ class OpenLoopPolicy:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action."""
-        for robot in self.actions.keys() - self._tours.keys():
-            self._tours[robot] = self._begin(robot, infos[robot]["instruction"])
-        return {robot: number_of(names, next(self._tours[robot])) for robot, names in self.actions.items()}
+        for robot in observations.keys() - self._tours.keys():
+            self._tours[robot] = self._begin(robot, observations[robot]["instruction"])
+        return {robot: number_of(self.actions[robot], next(self._tours[robot])) for robot in observations}
 
-    def _begin(self, robot: str, instruction: str) -> Iterator[str]:
-        (_, target), *_ = parse_instructions(instruction, self._catalog)
+    def _begin(self, robot: str, instruction: np.ndarray) -> Iterator[str]:
+        (_, target), *_ = read_pairs(instruction, self._catalog)
         tour = tours().get(target, _any_tour()) if grasps(self.actions[robot]) else []
         return cycle(_possible(tour, self.actions[robot]) or ["stay"])
 

@@ -17,6 +17,9 @@ Actions = dict[str, int]
 class Policy(Protocol):
     """Anything that drives the robots through an episode: random, planned, searched, learned, a person.
 
+    In an evaluation each robot has an object of its own, which gets nothing but that robot's observation and action
+    mask; see :mod:`chmarl_pb.policies.seats`.
+
     >>> class Stay:
     ...     def reset(self, seed):
     ...         pass
@@ -32,7 +35,10 @@ class Policy(Protocol):
         """Forget the last episode; called after the environment's reset."""
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return robot -> number of its action; with own words a pair of it and a symbol, see ``Symbols``."""
+        """Return robot -> number of its action, for each robot that is observed.
+
+        With own words it is a pair of it and a symbol, see ``Symbols``.
+        """
 
 
 class RandomPolicy:
@@ -41,15 +47,16 @@ class RandomPolicy:
     def __init__(self, counts: dict[str, int]):
         """Remember how many actions each robot has."""
         self.counts = counts
-        self._rng = np.random.default_rng()
+        self.reset(None)
 
     def reset(self, seed: int | None) -> None:
-        """Start the random stream anew."""
-        self._rng = np.random.default_rng(seed)
+        """Start the random streams anew, one for each robot."""
+        seeds = np.random.SeedSequence(seed).spawn(len(self.counts))
+        self._rngs = dict(zip(self.counts, map(np.random.default_rng, seeds), strict=True))
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return a random action of each robot."""
-        return {robot: int(self._rng.integers(count)) for robot, count in self.counts.items()}
+        return {robot: int(self._rngs[robot].integers(self.counts[robot])) for robot in observations}
 
 
 @runtime_checkable
@@ -91,6 +98,6 @@ def core_of(env: Any) -> Any:
     """
     inner = env.unwrapped
     inner = getattr(inner, "parallel", inner)
-    if not hasattr(inner, "action_names") or not hasattr(inner, "simulation"):
+    if not hasattr(inner, "action_names"):
         raise OptionError(f"{type(env).__name__} is not an environment of chmarl_pb; make one by parallel_env()")
     return inner

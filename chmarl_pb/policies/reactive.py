@@ -59,5 +59,9 @@ class ReactivePolicy:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action."""
-        searched = {name: search.act(observations[name], infos[name]) for name, search in self._searches.items()}
+        searched = {
+            name: search.act(observations[name], infos[name])
+            for name, search in self._searches.items()
+            if name in observations
+        }
         return {**self._reactive.act(observations, infos), **searched}

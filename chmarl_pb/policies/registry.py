@@ -75,15 +75,21 @@ BUILT_IN: dict[str, Factory] = {
 #: Those that play a task the same way for every seed.
 DETERMINISTIC = frozenset({"open-loop", "belief-alone", "belief-silent", "belief", "belief-told", "planner"})
 
+#: Those that are given more than their robots' observations: the planner the world, the other what is truly in view.
+PRIVILEGED = frozenset({"planner", "search-alone", "belief-alone", "belief-told"})
+
+#: Those that read what is in view from scene graphs, and are given the truth where observations hold none.
+SEEING = frozenset({"search", "search-silent", "belief", "belief-silent", "reactive", "instruction-blind"})
+
 
 def make_policy(name: str, env: Any) -> Policy:
     """Return a policy that comes with the benchmark.
 
     Args:
-        name: "planner" (privileged, optimal), "search" (reads ``info["visible"]``: with scene graphs no more than they
-            show, with pictures the truth), "search-alone" (the drone stays), "search-silent" (without messages),
-            "belief", "belief-alone", "belief-silent" (the same, and expect of a home what homes of training are like),
-            "belief-told" (privileged: told the rooms of X and Y at the start), "random", or one that does without
+        name: "planner" (privileged, optimal), "search" (with pictures it reads the true ``info["visible"]``),
+            "search-alone" (the drone stays), "search-silent" (without messages), "belief", "belief-alone",
+            "belief-silent" (the same, and expect of a home what homes of training are like), "belief-told" (privileged:
+            told the rooms of X and Y at the start), "random", or one that does without
             most of what a robot is given: "blind", "instruction-blind", "open-loop", "reactive".
         env: the ParallelEnv, or a view of it, that the policy is to drive.
 

@@ -1,7 +1,7 @@
 """The search policy: it knows only what the robots see and what the messages say.
 
-What is in view it reads from ``info["visible"]``. With scene graphs that is what they show; with pictures it is the
-truth, which a learner would have to recognise first.
+What is in view it reads from the nodes of the scene graph. Where there is none, as with pictures, it is told the truth
+(``info["visible"]``), which a learner would have to recognise first.
 
 A robot that does not grasp, as the drone, sweeps room after room; one that does, as the humanoid, goes where a message
 says that the thing it needs has been seen, looks around there, and otherwise searches the rooms itself, in the opposite
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
+from chmarl_pb.policies.sights import classes_in_view
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 _SIDES = ("turn_left", "turn_right")
 _TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
@@ -84,18 +84,18 @@ class HumanoidSearch:
             self._looks.pop()
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
-        pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
+        pairs, holding = read_pairs(observation["instruction"], self._catalog), bool(observation["self"][-1])
         cells = cells_of(observation, self._catalog)
         if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
-            return self._put_away(cells, info["action_success"])
-        seen = frozenset(map(catalog.class_of, info["visible"]))
+            return self._put_away(cells)
+        seen = classes_in_view(observation, info, self._catalog)
         tried, self._away = "" if self._away else self._tried, False
-        wanted = self._tidying.wanted(pairs, holding, seen, tried, info["action_success"])
+        wanted = self._tidying.wanted(pairs, holding, seen, tried)
         verb, row = ("place", 1) if holding else ("pick", 0)
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
         here = room_of(observation, self.rooms)
-        failed = self._tried == verb and not info["action_success"]
+        failed = self._tried == verb
         aims = [cell for name, cell in cells.items() if name in wanted]
         if wanted & seen and not failed and (aims or "node_view" not in observation):
             return aimed(verb, aims[0] if aims else None)
@@ -104,9 +104,9 @@ class HumanoidSearch:
             known = self._not_searched(here, known)
         return self._look_around(here, known)
 
-    def _put_away(self, cells: dict[str, Cell], succeeded: bool) -> str:
-        """Put down what was picked by mistake, on anything that is in view."""
-        place = None if self._tried == "place" and not succeeded else putting_away(cells, self._catalog)
+    def _put_away(self, cells: dict[str, Cell]) -> str:
+        """Put down what was picked by mistake, on anything that is in view, unless that has just failed."""
+        place = None if self._tried == "place" else putting_away(cells, self._catalog)
         self._away = place is not None
         return place or _SIDES[0]
 
@@ -172,9 +172,9 @@ class DroneSearch:
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
-        pairs = parse_instructions(info["instruction"], self._catalog)
+        pairs = read_pairs(observation["instruction"], self._catalog)
         wanted = {name for pair in pairs for name in pair}
-        self._seen |= {catalog.class_of(name) for name in info["visible"]}
+        self._seen |= classes_in_view(observation, info, self._catalog)
         if len(pairs) == 1:  # else the board does not say which object has been seen
             self._seen |= {name for name, bits in zip(pairs[0], observation["messages"], strict=True) if bits.any()}
         return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
@@ -220,11 +220,11 @@ class SearchPolicy:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own observation and info alone."""
-        return {name: search.act(observations[name], infos[name]) for name, search in self.searches.items()}
+        return {name: self.searches[name].act(seen, infos[name]) for name, seen in observations.items()}
 
     def propose(self, observations: Observations, infos: Infos) -> Actions:
         """Return what all would do now; a teacher's proposals need not be followed."""
-        return {name: search.propose(observations[name], infos[name]) for name, search in self.searches.items()}
+        return {name: self.searches[name].propose(seen, infos[name]) for name, seen in observations.items()}
 
     def note(self, actions: Actions) -> None:
         """Go on from what the robots have done."""

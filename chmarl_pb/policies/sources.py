@@ -4,6 +4,7 @@ import importlib
 import inspect
 import sys
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import entry_points
@@ -13,7 +14,7 @@ from typing import Any, cast
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
 from chmarl_pb.policies.policy import Factory, Policy
-from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, make_policy
+from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
 #: "module:callable" which takes the path and returns a Factory.
@@ -31,12 +32,18 @@ class Source:
         make: makes the policy that drives an environment.
         deterministic: whether it plays every task the same way, so that one seed is enough.
         sha256: of the checkpoint or of the file that defines it; None for what comes with the package.
+        privileged: whether it is given more than observations: the environment and whole infos.
+        centralized: whether one object drives all robots.
+        needs_graphs: whether it is, too, where observations hold no scene graph.
     """
 
     name: str
     make: Factory
     deterministic: bool
     sha256: str | None
+    privileged: bool = False
+    centralized: bool = False
+    needs_graphs: bool = False
 
 
 def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
@@ -55,16 +62,19 @@ def find_policy(policy: str | Factory | Policy) -> Source:
     Args:
         policy: a built-in name, ``module:callable`` (the callable takes the environment and returns a
             ``Policy``), the path of a checkpoint, such a callable itself, or a ``Policy`` that drives whatever
-            environment it is given. With the attribute ``deterministic = True`` it is played once for each task.
+            environment it is given. With the attribute ``deterministic = True`` it is played once for each task; for
+            ``privileged`` and ``centralized`` see :mod:`chmarl_pb.policies.seats`.
 
     Raises:
         OptionError: there is no such policy, or it cannot be loaded.
     """
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
-        return Source(name_of(policy), make, bool(getattr(policy, "deterministic", False)), defined_in(policy))
+        return Source(name_of(policy), make, *_declared(policy, defined_in(policy)))
     if policy in BUILT_IN:
-        return Source(policy, partial(make_policy, policy), policy in DETERMINISTIC, None)
+        make = partial(make_policy, policy)
+        privileged, needs_graphs = policy in PRIVILEGED, policy in SEEING
+        return Source(policy, make, policy in DETERMINISTIC, None, privileged, needs_graphs=needs_graphs)
     path = Path(policy)
     if path.exists():
         return _checkpoint(path)
@@ -76,12 +86,20 @@ def find_policy(policy: str | Factory | Policy) -> Source:
             f"unknown policy {policy!r}; use one of: {', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    return Source(policy, factory, bool(getattr(factory, "deterministic", False)), defined_in(factory))
+    return Source(policy, factory, *_declared(factory, defined_in(factory)))
+
+
+def _declared(made_by: object, sha256: str | None) -> tuple[bool, str | None, bool, bool]:
+    """Return what a policy, or what makes it, says of itself, with the hash of its file between."""
+    deterministic, privileged, centralized = (
+        bool(getattr(made_by, name, False)) for name in ("deterministic", "privileged", "centralized")
+    )
+    return deterministic, sha256, privileged, centralized
 
 
 def _given(policy: Policy, env: Any) -> Policy:
-    """Return a policy that is there already."""
-    return policy
+    """Return a copy of a policy that is there already: each robot has its own."""
+    return deepcopy(policy)
 
 
 def imported(path: str, what: str) -> Callable[..., Any]:
@@ -127,7 +145,7 @@ def _checkpoint(path: Path) -> Source:
         )
     factory = load(path)
     sha256 = file_hash(path) if path.is_file() else None
-    return Source(str(path), factory, bool(getattr(factory, "deterministic", False)), sha256)
+    return Source(str(path), factory, *_declared(factory, sha256))
 
 
 def name_of(given: object) -> str:

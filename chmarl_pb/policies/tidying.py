@@ -13,10 +13,9 @@ class Tidying:
         self._done: set[Pair] = set()
         self._carried: list[Pair] = []  # what the object in the gripper may be of, the likeliest first
         self._seen: frozenset[str] = frozenset()
+        self._held = False
 
-    def wanted(
-        self, pairs: Collection[Pair], holding: bool, seen: frozenset[str], tried: str, succeeded: bool
-    ) -> frozenset[str]:
+    def wanted(self, pairs: Collection[Pair], holding: bool, seen: frozenset[str], tried: str) -> frozenset[str]:
         """Return the classes of what is needed now: the objects that are left, or the receptacle of what is held.
 
         Args:
@@ -24,13 +23,13 @@ class Tidying:
             holding: whether it holds something.
             seen: classes of the things in its view.
             tried: its last action.
-            succeeded: whether that could be done.
         """
-        left = [pair for pair in pairs if pair not in self._done]
-        if tried == "pick" and succeeded:
+        left, before = [pair for pair in pairs if pair not in self._done], self._held
+        self._held = holding
+        if tried == "pick" and holding and not before:
             in_view = [pair for pair in left if pair[0] in self._seen]
             self._carried = in_view + [pair for pair in left if pair not in in_view]
-        elif tried == "place" and succeeded and self._carried:
+        elif tried == "place" and before and not holding and self._carried:
             self._done.add(self._carried[0])
         elif tried == "place" and self._carried and self._carried[0][1] in self._seen:
             self._carried = [*self._carried[1:], self._carried[0]]  # it was of another goal

@@ -7,7 +7,7 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, PolicyEnv, grasps
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 
 class Unheard:
@@ -58,17 +58,17 @@ class Alone:
             if seen["messages"].shape != self._notes[name].shape:  # own words: those of who stays are silence
                 own[name] = seen
                 continue
-            self._note(self._notes[name], seen["messages"], infos[name])
+            self._note(self._notes[name], seen, infos[name])
             own[name] = {**seen, "messages": self._notes[name].copy()}
         return {**self.policy.act(own, infos), **self._staying}
 
-    def _note(self, notes: np.ndarray, messages: np.ndarray, info: dict[str, Any]) -> None:
+    def _note(self, notes: np.ndarray, seen: dict[str, np.ndarray], info: dict[str, Any]) -> None:
         """Keep the bits that a robot's own view explains; X is in one room until it is carried."""
-        pairs = parse_instructions(info["instruction"], self._catalog)
+        pairs = read_pairs(seen["instruction"], self._catalog)
         graspables, receptacles = (set(names) for names in zip(*pairs, strict=True))
         for name in info["visible"]:
             if catalog.class_of(name) in graspables:
-                notes[0] |= messages[0]
+                notes[0] |= seen["messages"][0]
             elif catalog.class_of(name) in receptacles:
                 notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)
 

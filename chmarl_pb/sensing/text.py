@@ -98,6 +98,11 @@ def _name(name: str) -> str:
     return f"{words} {number}" if number not in ("", "1") else words
 
 
+def from_bytes(observed: NDArray[np.uint8]) -> str:
+    """Return the text that a robot observes as bytes, see :func:`as_bytes`; half a letter at a cut is left out."""
+    return observed.tobytes().rstrip(b"\0").decode(errors="ignore")
+
+
 def as_bytes(text: str, length: int) -> NDArray[np.uint8]:
     """Return a text as bytes of UTF-8 (length,), filled up with zeros, or cut."""
     data = text.encode()[:length]

@@ -294,10 +294,10 @@ def test_every_policy_plays_tidy_tasks(name: str, env: HouseholdEnv) -> None:
 
 def test_what_is_held_is_of_the_goal_whose_object_was_in_view() -> None:
     pairs, tidying = (("mug", "desk"), ("book", "bed"), ("fork", "sofa")), Tidying()
-    assert tidying.wanted(pairs, False, frozenset({"book"}), "", True) == {"mug", "book", "fork"}
-    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick", True) == {"bed"}
-    assert tidying.wanted(pairs, True, frozenset({"bed"}), "turn_left", True) == {"bed"}
-    assert tidying.wanted(pairs, False, frozenset(), "place", True) == {"mug", "fork"}
-    assert tidying.wanted(pairs, False, frozenset({"mug", "fork"}), "turn_left", True) == {"mug", "fork"}
-    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick", True) == {"desk"}
-    assert tidying.wanted(pairs, True, frozenset({"sofa"}), "place", False) == {"sofa"}, "it was no mug"
+    assert tidying.wanted(pairs, False, frozenset({"book"}), "") == {"mug", "book", "fork"}
+    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick") == {"bed"}
+    assert tidying.wanted(pairs, True, frozenset({"bed"}), "turn_left") == {"bed"}
+    assert tidying.wanted(pairs, False, frozenset(), "place") == {"mug", "fork"}
+    assert tidying.wanted(pairs, False, frozenset({"mug", "fork"}), "turn_left") == {"mug", "fork"}
+    assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick") == {"desk"}
+    assert tidying.wanted(pairs, True, frozenset({"sofa"}), "place") == {"sofa"}, "it was no mug"

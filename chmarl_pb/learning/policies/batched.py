@@ -7,11 +7,12 @@ batch may differ in the last bit, so two actions that are valued the same to sev
 episode of our checkpoints has shown it (``tests/learning/test_batched_policies.py``).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from chmarl_pb.learning.networks.kept_features import reset_all, step_all
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.seats import CommonSeat, Seats, masks_of
 
 
 class BatchedPolicy(Protocol):
@@ -76,14 +77,47 @@ class IndependentPolicies:
         return [self.policies[number].act(*rest) for number, *rest in zip(episodes, observations, infos, strict=True)]
 
 
+class BatchedSeats:
+    """A batched policy for each robot, which gets nothing but that robot's observations and action masks."""
+
+    def __init__(self, policies: Mapping[str, BatchedPolicy]):
+        """Take one for each robot."""
+        self.policies = policies
+
+    def reset(self, seeds: Sequence[int | None]) -> None:
+        """Begin one episode for each seed."""
+        for policy in self.policies.values():
+            policy.reset(seeds)
+
+    def act(
+        self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
+    ) -> list[Actions]:
+        """Return the actions in the episodes with these numbers."""
+        chosen: list[Actions] = [{} for _ in episodes]
+        masks = [masks_of(info) for info in infos]
+        for robot, policy in self.policies.items():
+            seen, allowed = ([{robot: of[robot]} for of in parts] for parts in (observations, masks))
+            for actions, own in zip(chosen, policy.act(episodes, seen, allowed), strict=True):
+                actions[robot] = own[robot]
+        return chosen
+
+
 def as_batched(policies: Sequence[Policy]) -> BatchedPolicy:
     """Return what drives several episodes as these policies do, all of one source, one for each episode."""
     first = policies[0]
-    return first.batched if isinstance(first, BatchOfOne) else IndependentPolicies(policies)
+    if isinstance(first, Seats):
+        seats = [policy.policies for policy in policies if isinstance(policy, Seats)]
+        return BatchedSeats({robot: as_batched([one[robot] for one in seats]) for robot in first.policies})
+    inner = first.policy if isinstance(first, CommonSeat) else first
+    return inner.batched if isinstance(inner, BatchOfOne) else IndependentPolicies(policies)
 
 
 def play_together(
-    envs: Sequence[Any], policy: BatchedPolicy, seeds: Sequence[int], options: Sequence[dict[str, Any] | None]
+    envs: Sequence[Any],
+    policy: BatchedPolicy,
+    seeds: Sequence[int],
+    options: Sequence[dict[str, Any] | None],
+    policy_seeds: Sequence[int] | None = None,
 ) -> Iterator[tuple[int, Actions | None, tuple[Any, ...]]]:
     """Play one episode in each environment, all of one kind, step by step.
 
@@ -92,13 +126,14 @@ def play_together(
         policy: drives all of them.
         seeds: of the resets.
         options: of the resets.
+        policy_seeds: of the policy, if it is not to get those of the resets.
 
     Yields:
         The number of an episode, its actions, and what the step returned; at first None, and what the reset returned.
     """
     starts = reset_all(envs, seeds, options)
     latest = dict(enumerate(starts))
-    policy.reset(seeds)
+    policy.reset(seeds if policy_seeds is None else policy_seeds)
     for number, start in latest.items():
         yield number, None, start
     while running := [number for number, env in enumerate(envs) if env.agents]:

@@ -180,16 +180,19 @@ class BCPolicy:
         if self.config.uses_features:
             observations = all_with_features(observations, frozen_encoder(self.config.image_encoder))
         batch = stack(
-            [{f"{name}_{key}": part for name in self.robots for key, part in one[name].items()} for one in observations]
+            [{f"{name}_{key}": part for name, own in one.items() for key, part in own.items()} for one in observations]
         )
         steps = {key: part.unsqueeze(1).to(self._device) for key, part in tensors(batch).items()}
+        robots = list(observations[0])  # all, or those of one network
         for number, (group, actor) in enumerate(zip(self.config.groups(self.robots), self.actors, strict=True)):
+            if not set(group) <= set(robots):
+                continue
             last = torch.stack([self._last[name][index] for name in group], dim=-1).unsqueeze(1)
             logits, after = actor(steps, last.to(self._device), self._hidden[number][:, index])
             self._hidden[number][:, index] = after
             for name, values in zip(group, logits, strict=True):
                 self._last[name][index] = self._choice(values[:, 0].cpu(), episodes)
-        return [{name: int(self._last[name][number]) for name in self.robots} for number in episodes]
+        return [{name: int(self._last[name][number]) for name in robots} for number in episodes]
 
     def _choice(self, logits: Tensor, episodes: Sequence[int]) -> Tensor:
         """Return the actions (B) from logits (B, A) in the episodes with these numbers."""
@@ -212,7 +215,7 @@ class BCPolicies:
         self.path = path
         with checkpoint.reading(path):
             self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
-        self.deterministic = self.config.temperature == 0
+        self.deterministic, self.centralized = self.config.temperature == 0, self.config.centralized
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

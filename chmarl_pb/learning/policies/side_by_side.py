@@ -7,9 +7,10 @@ import numpy as np
 
 from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.evaluation.play import Job, Setup, episode_seed
+from chmarl_pb.evaluation.play import Job, Setup, episode_seed, policy_seed
 from chmarl_pb.learning.policies.batched import BatchedPolicy, as_batched, play_together
 from chmarl_pb.policies.policy import Actions
+from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy
 
 WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
@@ -26,7 +27,8 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
     envs = [setup.make_env() for _ in range(min(width, len(jobs)))]
     try:
         if envs:
-            policy = as_batched([find_policy(setup.policy).make(env) for env in envs])
+            source = find_policy(setup.policy)
+            policy = as_batched([seated(source.make, env, setup.privileged, source.centralized) for env in envs])
         for first in range(0, len(jobs), width):
             yield from _play(policy, envs, jobs[first : first + width])
     finally:
@@ -38,7 +40,8 @@ def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> It
     """Yield one episode of each job."""
     seeds, options = [episode_seed(*job) for job in jobs], [{"task": task} for task, _ in jobs]
     chosen: list[list[Actions]] = [[] for _ in jobs]
-    for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options):
+    own = [policy_seed(core_of_parallel(envs[0]).instruction_of(task), seed) for task, seed in jobs]
+    for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options, own):
         if actions is None:
             continue
         core = core_of_parallel(envs[number])

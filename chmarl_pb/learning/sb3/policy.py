@@ -34,6 +34,7 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, gras
 from chmarl_pb.policies.search import SearchPolicy
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
+_COMMON = {"instruction", "feedback", "messages", "self", "node_class", "rgb", GOAL}  # keys of one robot
 
 
 def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
@@ -64,7 +65,8 @@ class Sb3Policies:
     def __init__(self, path: Path):
         """Remember the path of a model."""
         self.path = path
-        self.deterministic = not read_model(path)[0].sampled  # as `evaluate` asks
+        config = read_model(path)[0]
+        self.deterministic, self.centralized = not config.sampled, not config.alone  # as `evaluate` asks
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -109,6 +111,7 @@ class ModelPolicies:
         """Remember a model."""
         self._network = model.policy
         self.deterministic = not hasattr(self._network, "get_distribution")  # as `evaluate` asks
+        self.centralized = not _COMMON & set(_keys_of(self._network))  # keys of all robots have their names before them
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -168,6 +171,8 @@ class Sb3Policy:
         self, episodes: Sequence[int], observations: Sequence[Observations], infos: Sequence[Infos]
     ) -> list[Actions]:
         """Return the actions in the episodes with these numbers."""
+        if self._alone and self._alone not in observations[0]:
+            return list(map(self._searching, episodes, observations, infos))
         parts = [one[self._alone] if self._alone else joined(one) for one in observations]
         batch = stack([{key: part[key] for key in self._keys} for part in parts])
         batch |= {key: np.zeros_like(batch[key]) for key in named(batch, *self._silenced)}
@@ -186,8 +191,8 @@ class Sb3Policy:
         """Return the actions of the robots that do not learn."""
         searches = self._searches[episode]
         return {
-            name: search.act(self._heard(observations[name]), infos[name])
-            for name, search in searches.items()
+            name: searches[name].act(self._heard(seen), infos[name])
+            for name, seen in observations.items()
             if name != self._alone
         }
 

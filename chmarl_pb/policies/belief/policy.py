@@ -1,8 +1,8 @@
 """The belief search: probabilities of where X and Y are, and for each robot the look that is worth most.
 
 It knows what the robots see, what the messages say, and what homes of training have taught. What is in view it reads
-from ``info["visible"]``, as the search policy does: with scene graphs that is what they show, with pictures it is the
-truth, which a learner would have to recognise first. Feedback is not used, and nothing is drawn at random.
+from the scene graph, as the search policy does; with pictures it is told the truth, which a learner would have to
+recognise first. Feedback is not used, and nothing is drawn at random.
 """
 
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import statistics
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 
 class Scout:
@@ -34,7 +34,7 @@ class Scout:
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
-        pairs, expected = parse_instructions(info["instruction"], self._catalog), statistics(self.rooms)
+        pairs, expected = read_pairs(observation["instruction"], self._catalog), statistics(self.rooms)
         targets = {target for _, target in pairs}
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, expected, len(pairs) > 1)
@@ -84,4 +84,4 @@ class BeliefPolicy:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own observation and info alone."""
-        return {name: part.act(observations[name], infos[name]) for name, part in self.parts.items()}
+        return {name: self.parts[name].act(seen, infos[name]) for name, seen in observations.items()}

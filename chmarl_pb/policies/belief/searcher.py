@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
 from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
+from chmarl_pb.policies.sights import classes_in_view, places_in_view
 from chmarl_pb.policies.tidying import Pair, Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
-from chmarl_pb.tasks.language import parse_instructions
+from chmarl_pb.tasks.language import read_pairs
 
 _VERBS = "pick", "place"
 _Y_TOO = 0.4  # what seeing Y counts beside seeing X, while X is searched for
@@ -59,7 +59,7 @@ class Searcher:
         self._tidying = Tidying()
         self._tried = ""
         self._queue: list[str] = []
-        self._deaf = False
+        self._held = self._deaf = False
         self._away = False  # whether it has just put down what was picked by mistake
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
@@ -69,14 +69,15 @@ class Searcher:
         return number_of(self.actions, chosen)
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
-        pairs, holding = parse_instructions(info["instruction"], self._catalog), bool(observation["self"][-1])
-        seen, done = frozenset(map(catalog.class_of, info["visible"])), bool(info["action_success"])
-        self._look(observation, info["visible"], done)
+        pairs, holding = read_pairs(observation["instruction"], self._catalog), bool(observation["self"][-1])
+        seen, done = classes_in_view(observation, info, self._catalog), holding != self._held
+        self._held = holding
+        self._look(observation, info, done)
         cells = cells_of(observation, self._catalog)
         if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
             return self._put_away(cells, done)
         tried, self._away = "" if self._away else self._tried, False
-        wanted = self._tidying.wanted(pairs, holding, seen, tried, done)
+        wanted = self._tidying.wanted(pairs, holding, seen, tried)
         failed = self._tried == _VERBS[holding] and not done
         if failed:  # nothing in this view serves
             for name in wanted & seen:
@@ -94,17 +95,18 @@ class Searcher:
         self._away = place is not None
         return place or "turn_left"
 
-    def _look(self, observation: dict[str, np.ndarray], visible: Collection[str], done: bool) -> None:
+    def _look(self, observation: dict[str, np.ndarray], info: dict[str, Any], done: bool) -> None:
         """Note where the last action has led, and what is in view there."""
         cosine, sine = observation["self"][-3:-1]
         heading = round(float(np.arctan2(sine, cosine)) * TURNS / (2 * np.pi)) % TURNS
         if self._tried.startswith("goto_"):
             self._station, self._zero = Station(self.rooms.index(self._tried.removeprefix("goto_")), 0), heading
-        elif self._tried in ("move_forward", *_VERBS) and done:
+        elif self._tried == "move_forward" or (self._tried in _VERBS and done):
             self._station = None
         if self._station is not None:
             self._station = Station(self._station.room, (heading - self._zero) % TURNS)
-        seen = [(catalog.class_of(name), catalog.room_of(name) if "/" in name else "") for name in visible]
+        places, known = places_in_view(observation, info, self.rooms, self._catalog), self._catalog.receptacles
+        seen = [(name, room if name in known else "") for name, room in places]
         self.knowledge.view(seen, self._station, heading)
 
     def _listen(

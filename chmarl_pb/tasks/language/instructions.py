@@ -1,15 +1,17 @@
 """Instructions: from a task to a sentence, and from a sentence back to what it asks for."""
 
 import re
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, Name, ThingClass
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
-from chmarl_pb.tasks.language.tokens import words
+from chmarl_pb.tasks.language.tokens import vocabulary, words
 from chmarl_pb.tasks.task import Task
 
 
@@ -47,20 +49,14 @@ def phrase(template: str, x: Name, y: Name, the_x: bool, the_y: bool) -> str:
 def parse_instruction(text: str, known: Catalog = BENCHMARK) -> tuple[str, str]:
     """Return the classes (graspable, receptacle) that an instruction names.
 
-    Names are read from left to right, the longest that fits at each word: "the wine glass" is no glass.
+    The longest name that fits counts: "the wine glass" is no glass.
 
     Raises:
         ValueError: it does not name exactly one graspable and one receptacle.
     """
-    left, meanings = words(text), _meanings(known)
-    longest = max(map(len, meanings))
     found: dict[str, set[str]] = {"graspable": set(), "receptacle": set()}
-    while left:
-        length = next((n for n in range(longest, 0, -1) if tuple(left[:n]) in meanings), 0)
-        if length:
-            row = meanings[tuple(left[:length])]
-            found[row.kind].add(row.name)
-        left = left[max(length, 1) :]
+    for row in _named(words(text), known):
+        found[row.kind].add(row.name)
     for kind, classes in found.items():
         if len(classes) != 1:
             named = " and ".join(sorted(classes)) or "none"
@@ -76,6 +72,42 @@ def parse_instructions(text: str, known: Catalog = BENCHMARK) -> tuple[tuple[str
         ValueError: a sentence does not name exactly one graspable and one receptacle.
     """
     return tuple(parse_instruction(part, known) for part in re.split(r"(?<=[.!?]) ", text))
+
+
+def read_pairs(tokens: NDArray[np.int16], known: Catalog = BENCHMARK) -> tuple[tuple[str, str], ...]:
+    """Return the classes (graspable, receptacle) that an instruction names, from its token ids as they are observed.
+
+    Each names one pair after the other: a name of another class begins the next pair once a pair is whole.
+
+    Raises:
+        ValueError: the instruction names no pair.
+    """
+    return _pairs(tokens.tobytes(), known)
+
+
+@lru_cache(maxsize=8192)
+def _pairs(tokens: bytes, known: Catalog) -> tuple[tuple[str, str], ...]:
+    spelling = {number: word for word, number in vocabulary(known).items()}
+    left = [spelling.get(number, "") for number in np.frombuffer(tokens, dtype=np.int16).tolist() if number]
+    pairs: list[dict[str, str]] = [{}]
+    for row in _named(left, known):
+        if len(pairs[-1]) == 2 and row.name not in pairs[-1].values():
+            pairs.append({})
+        pairs[-1][row.kind] = row.name
+    if any(len(pair) < 2 for pair in pairs):
+        raise ValueError(f"{' '.join(left)!r} must name a known graspable and a known receptacle, one pair or several")
+    return tuple((pair["graspable"], pair["receptacle"]) for pair in pairs)
+
+
+def _named(left: list[str], known: Catalog) -> Iterator[ThingClass]:
+    """Yield the classes that words name, in order: from left to right, the longest name that fits at each word."""
+    meanings = _meanings(known)
+    longest = max(map(len, meanings))
+    while left:
+        length = next((n for n in range(longest, 0, -1) if tuple(left[:n]) in meanings), 0)
+        if length:
+            yield meanings[tuple(left[:length])]
+        left = left[max(length, 1) :]
 
 
 @lru_cache(maxsize=64)
