@@ -10,12 +10,12 @@ from rich.progress import Progress, TaskID
 from chmarl_pb.cli.arguments import output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.evaluation.cooperation import VARIANTS, reference_json
+from chmarl_pb.evaluation.cooperation import reference_json
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.registry import BUILT_IN, SHORTCUTS
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 
 _CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
@@ -27,13 +27,16 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--split", action="append", metavar="S", help="this split (default: the paper's); may be repeated"
     )
+    parser.add_argument(
+        "--policy", action="append", choices=list(BUILT_IN), help="this one (default: all); may be repeated"
+    )
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument(
         "--out", type=output_folder, default=Path("out/baselines"), metavar="DIR", help="folder for results"
     )
     parser.add_argument(
-        "--references", type=output_folder, metavar="DIR", help="write the reference lengths of cooperation here"
+        "--references", type=output_folder, metavar="DIR", help="write the lengths of all episodes here, a file a split"
     )
 
 
@@ -52,14 +55,14 @@ def run_baselines(options: argparse.Namespace) -> int:
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
     with progress_bar() as bar:
         for split in splits:
-            for policy in BUILT_IN:
+            for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
                     policy, split, seeds=range(options.seeds), workers=options.workers,
                     out=options.out / f"{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
                 )  # fmt: skip
             if options.references is not None:
-                episodes = {name: reports[split][name].episodes for name in (*VARIANTS, *SHORTCUTS)}
+                episodes = {name: report.episodes for name, report in reports[split].items()}
                 write_atomically(options.references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
     print("\n\n".join([*map("\n".join, _tables(reports)), "\n".join(_difficulty(reports))]))
     return 0
@@ -77,11 +80,12 @@ def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
         "PLW %, 95 % interval": lambda report: interval(report.summary.plw),
         "steps if solved": lambda report: number(report.summary.length_on_success),
     }
+    played = next(iter(reports.values()))
     return [
         [
             f"| {metric} | {' | '.join(reports)} |",
             "|---" * (len(reports) + 1) + "|",
-            *(f"| {policy} | {' | '.join(cell(reports[split][policy]) for split in reports)} |" for policy in BUILT_IN),
+            *(f"| {policy} | {' | '.join(cell(reports[split][policy]) for split in reports)} |" for policy in played),
         ]
         for metric, cell in cells.items()
     ]
@@ -91,7 +95,7 @@ def _difficulty(reports: dict[str, dict[str, Report]]) -> list[str]:
     """Return a Markdown table of the success in per cent that random and search reach within fewer steps."""
     rows = [f"| success % within | {' | '.join(map(str, _CUTS))} |", "|---" * (len(_CUTS) + 1) + "|"]
     for split, of in reports.items():
-        for policy in ("random", "search"):
+        for policy in (name for name in of if name in ("random", "search")):
             shares = [f"{100 * success_within(of[policy].episodes, cut):.1f}" for cut in _CUTS]
             rows.append(f"| {policy}, {split} | {' | '.join(shares)} |")
     return rows
