@@ -5,6 +5,7 @@ from pathlib import Path
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.robots.registry import TEAM, listed
 
 OBSERVATIONS = ("scene_graph", "visual")
@@ -30,6 +31,11 @@ def add_robots(parser: argparse.ArgumentParser) -> None:
         "--robots", type=listed, default=TEAM, metavar="R,R",
         help=f"1 to 8 robots: names or robot files (.toml), with commas between them (default: {','.join(TEAM)})",
     )  # fmt: skip
+
+
+def add_track(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names the track."""
+    parser.add_argument("--track", choices=tuple(TRACKS), default=PAPER, help="rules (default: paper)")
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:

@@ -7,29 +7,31 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import output_folder
+from chmarl_pb.cli.arguments import add_track, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_json
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
-from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, GENERATED_HOMES, load_tasks
 
-_CUTS = range(10, MAX_STEPS + 1, 5)  # joint steps
+_SPLITS = {PAPER: BENCHMARK_SPLITS, GROUNDED: tuple(GENERATED_HOMES)}  # track -> its splits
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run_baselines)
     parser.add_argument(
-        "--split", action="append", metavar="S", help="this split (default: the paper's); may be repeated"
+        "--split", action="append", metavar="S", help="this split (default: those of the track); may be repeated"
     )
     parser.add_argument(
         "--policy", action="append", choices=list(BUILT_IN), help="this one (default: all); may be repeated"
     )
+    add_track(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument(
@@ -47,24 +49,29 @@ def run_baselines(options: argparse.Namespace) -> int:
 
     Raises:
         TaskError: there is no such split.
-        OptionError: a number is less than 1.
+        OptionError: a number is less than 1, or references are asked for that are not of the paper's rules.
     """
-    splits: Sequence[str] = options.split or BENCHMARK_SPLITS
+    if options.references is not None and options.track != PAPER:
+        raise OptionError(f"--references are lengths by the paper's rules; leave out --track {options.track}")
+    splits: Sequence[str] = options.split or _SPLITS[options.track]
     for split in splits:
         load_tasks(split)  # says so if there is no such split
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
+    own = "" if options.track == PAPER else f"{options.track}-"
     with progress_bar() as bar:
         for split in splits:
             for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
                     policy, split, seeds=range(options.seeds), workers=options.workers,
-                    out=options.out / f"{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
+                    out=options.out / f"{own}{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
+                    track=options.track,
                 )  # fmt: skip
             if options.references is not None:
                 episodes = {name: report.episodes for name, report in reports[split].items()}
                 write_atomically(options.references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
-    print("\n\n".join([*map("\n".join, _tables(reports)), "\n".join(_difficulty(reports))]))
+    tables = [*_tables(reports), _difficulty(reports, TRACKS[options.track]["max_steps"])]
+    print("\n\n".join(map("\n".join, tables)))
     return 0
 
 
@@ -91,12 +98,13 @@ def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
     ]
 
 
-def _difficulty(reports: dict[str, dict[str, Report]]) -> list[str]:
+def _difficulty(reports: dict[str, dict[str, Report]], most: int) -> list[str]:
     """Return a Markdown table of the success in per cent that random and search reach within fewer steps."""
-    rows = [f"| success % within | {' | '.join(map(str, _CUTS))} |", "|---" * (len(_CUTS) + 1) + "|"]
+    cuts = range(10, most + 1, 5)
+    rows = [f"| success % within | {' | '.join(map(str, cuts))} |", "|---" * (len(cuts) + 1) + "|"]
     for split, of in reports.items():
         for policy in (name for name in of if name in ("random", "search")):
-            shares = [f"{100 * success_within(of[policy].episodes, cut):.1f}" for cut in _CUTS]
+            shares = [f"{100 * success_within(of[policy].episodes, cut):.1f}" for cut in cuts]
             rows.append(f"| {policy}, {split} | {' | '.join(shares)} |")
     return rows
 

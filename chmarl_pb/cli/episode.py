@@ -11,6 +11,7 @@ from chmarl_pb.cli.arguments import (
     add_catalog,
     add_home,
     add_robots,
+    add_track,
     add_verb,
     output_file,
     output_folder,
@@ -40,6 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     saving.add_argument("--goal", action="store_true", help=GOAL)
     add_robots(saving)
+    add_track(saving)
     saving.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
     saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
     replaying = add_verb(all_verbs, "replay", "play a file again and compare every state")
@@ -63,8 +65,9 @@ def save(options: argparse.Namespace) -> int:
     else:
         (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots)
     env = HouseholdEnv(
-        options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog
-    )
+        options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog,
+        track=options.track,
+    )  # fmt: skip
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
         shortest = optimal_steps(env, task)

@@ -6,8 +6,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, output_file
-from chmarl_pb.envs.options import MAX_STEPS, SENSORS
+from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_track, output_file
+from chmarl_pb.envs.options import SENSORS, SYMBOLS
+from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
@@ -27,24 +28,37 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
     )
-    parser.add_argument("--split", default="test-unseen", metavar="S", help="split (default: test-unseen)")
+    add_track(parser)
+    parser.add_argument(
+        "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
+    )
     parser.add_argument(
         "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
     )
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
-    parser.add_argument("--no-messages", dest="messages", action="store_false", help="messages read as zeros")
+    words = parser.add_mutually_exclusive_group()
+    for flag, value, text in (
+        ("--messages", True, "the message board (default of the track paper)"),
+        ("--no-messages", False, "messages read as zeros"),
+        ("--symbols", SYMBOLS, "no board; robots have own words (default of the track grounded)"),
+    ):
+        words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
     parser.add_argument(
-        "--symbols", dest="messages", action="store_const", const="symbols", help="no board; robots have own words"
-    )
+        "--feedback", choices=("paper", "planner"), default=OF_TRACK,
+        help="style of the language feedback (default: paper; grounded: none)",
+    )  # fmt: skip
     parser.add_argument(
-        "--feedback", choices=("paper", "planner"), default=True, help="style of the language feedback (default: paper)"
-    )
-    parser.add_argument("--no-feedback", dest="feedback", action="store_false", help="no language feedback")
+        "--no-feedback", dest="feedback", action="store_const", const=False, default=OF_TRACK,
+        help="no language feedback",
+    )  # fmt: skip
     parser.add_argument("--goal", action="store_true", help=GOAL)
-    parser.add_argument("--pointing", action="store_true", help="Pick and Place name a cell of the robot's picture")
     parser.add_argument(
-        "--max-steps", type=int, default=MAX_STEPS, metavar="N", help="joint steps in an episode (default: %(default)s)"
+        "--pointing", action=argparse.BooleanOptionalAction, default=OF_TRACK,
+        help="Pick and Place name a cell of the robot's picture (default: in the track grounded)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
     )
     add_robots(parser)
     add_home(parser, "--draw tasks are drawn for it, the same every time")
@@ -65,7 +79,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
-    tasks, where = options.task, options.split
+    tasks, where = options.task, TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
     if options.home is not None:
         if tasks:
             raise OptionError("--task names its home already; leave out --home")
@@ -77,7 +91,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
             feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
-            catalog=options.catalog, pointing=options.pointing,
+            catalog=options.catalog, pointing=options.pointing, track=options.track,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
@@ -95,8 +109,7 @@ def progress_bar() -> LateProgress:
 def print_report(console: Console, report: Report) -> None:
     """Print the metrics of a result, for all homes and, if they are not too many, for each."""
     settings = report.settings
-    off = [name for name in ("messages", "feedback") if not settings["options"][name]]
-    without = f", no {' and no '.join(off)}" if off else ""
+    without = f", no {' and no '.join(report.without)}" if report.without else ""
     if settings["options"]["feedback"] in ("paper", "planner"):
         without += f", {settings['options']['feedback']} feedback"
     if settings["options"].get("goal"):

@@ -7,17 +7,18 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from chmarl_pb.envs.limits import MAX_STEPS
 from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ActionError, OptionError
-from chmarl_pb.policies.code import RoomCode
 from chmarl_pb.policies.policy import grasps
-from chmarl_pb.policies.search import SearchPolicy
+from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.world import World
 
 Info = dict[str, Any]
 Step = tuple[dict[str, np.ndarray], float, bool, bool, Info]
+
+PARTNERS = ("search", "belief")
 
 
 class PairOfActions(spaces.MultiDiscrete):
@@ -126,7 +127,7 @@ class JointEnv(gymnasium.Env):
 
 
 class HumanoidEnv(gymnasium.Env):
-    """The humanoid, or the first robot that grasps, as the only agent; the others follow the search policy.
+    """The humanoid, or the first robot that grasps, as the only agent; the others follow a built-in policy.
 
     Observation: its keys without a prefix. Action: ``Discrete(10)``. Info: its own, with ``is_success``.
 
@@ -138,25 +139,31 @@ class HumanoidEnv(gymnasium.Env):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
-    def __init__(self, **options: Any):
-        """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options."""
+    def __init__(self, partner: str = "search", **options: Any):
+        """Make the view.
+
+        Args:
+            partner: the policy of the others: "search" or "belief".
+            **options: see :class:`chmarl_pb.envs.parallel.HouseholdEnv`.
+
+        Raises:
+            OptionError: an option has a value that it does not know.
+        """
+        if partner not in PARTNERS:
+            raise OptionError(f"partner={partner!r} is not known; use one of: {', '.join(map(repr, PARTNERS))}")
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
         names = self.parallel.action_names
         self._robot = next(name for name in names if grasps(names[name]))
         self.action_space = self.parallel.action_space(self._robot)
         self.observation_space = self.parallel.observation_space(self._robot)
-        searches = SearchPolicy(names, self.parallel.rooms, self.parallel.catalog).searches
-        self._others = {name: search for name, search in searches.items() if name != self._robot}
-        self._codes = {
-            name: RoomCode(self.parallel.rooms, self.parallel.symbols, self.parallel.catalog)
-            for name in self._others if self.parallel.symbols
-        }  # fmt: skip
+        self.partner, self._others = partner, make_policy(partner, self.parallel)
         self._other_actions: dict[str, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
-        return partial(type(self), **vars(self.parallel.options)), (), {"spec": self.spec}
+        make = partial(type(self), partner=self.partner, **vars(self.parallel.options))
+        return make, (), {"spec": self.spec}
 
     @property
     def world(self) -> World:
@@ -169,10 +176,7 @@ class HumanoidEnv(gymnasium.Env):
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         super().reset(seed=None if seed is None else checked_seed(seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
-        for search in self._others.values():
-            search.reset(seed)
-        for code in self._codes.values():
-            code.reset()
+        self._others.reset(seed)
         self._choose(observations, infos)
         return observations[self._robot], _alone(infos[self._robot])
 
@@ -193,11 +197,11 @@ class HumanoidEnv(gymnasium.Env):
 
     def _choose(self, observations: dict[str, dict[str, np.ndarray]], infos: dict[str, Info]) -> None:
         """Let the others choose their next actions."""
-        heard = {name: code.listen(observations[name], infos[name]) for name, code in self._codes.items()}
-        seen = {**observations, **heard}
-        actions = {name: search.act(seen[name], infos[name]) for name, search in self._others.items()}
-        said = {name: (actions[name], code.speak()) for name, code in self._codes.items()}
-        self._other_actions = {**actions, **said}
+        others = observations.keys() - {self._robot}
+        self._other_actions = self._others.act(
+            {name: seen for name, seen in observations.items() if name in others},
+            {name: info for name, info in infos.items() if name in others},
+        )
 
     def render(self) -> np.ndarray | None:
         """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""
@@ -211,9 +215,10 @@ class HumanoidEnv(gymnasium.Env):
 class Registered:
     """Makes a view for a registered id, whose episodes Gymnasium's time limit ends; see :func:`_truncated`."""
 
-    def __init__(self, view: type[JointEnv] | type[HumanoidEnv]):
-        """Make views of this class."""
+    def __init__(self, view: type[JointEnv] | type[HumanoidEnv], track: str = PAPER):
+        """Make views of this class, in this track if none is given."""
         self.view, self.metadata = view, view.metadata  # Gymnasium reads the render modes from what makes environments
+        self._track = track
 
     def __call__(self, **options: Any) -> JointEnv | HumanoidEnv:
         """Return an environment.
@@ -221,16 +226,17 @@ class Registered:
         Raises:
             OptionError: ``max_steps`` is beyond the id's time limit, which would come first.
         """
-        steps = options.get("max_steps")
-        if isinstance(steps, int) and steps > MAX_STEPS:
+        steps, most = options.get("max_steps"), TRACKS[self._track]["max_steps"]
+        if isinstance(steps, int) and steps > most:
             raise OptionError(
-                f"max_steps={steps}: gymnasium.make ends these episodes after {MAX_STEPS} steps unless it is told "
+                f"max_steps={steps}: gymnasium.make ends these episodes after {most} steps unless it is told "
                 f"otherwise; give max_episode_steps={steps} instead"
             )
-        return self.view(**options)
+        return self.view(**{"track": self._track} | options)
 
 
 make_joint, make_humanoid = Registered(JointEnv), Registered(HumanoidEnv)
+make_grounded_joint, make_grounded_humanoid = Registered(JointEnv, GROUNDED), Registered(HumanoidEnv, GROUNDED)
 
 
 def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.envs.limits import MAX_STEPS as MAX_STEPS
+from chmarl_pb.envs.tracks import MAX_STEPS as MAX_STEPS
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.homes.catalog_file import load_catalog
 from chmarl_pb.policies.sources import name_of
@@ -66,14 +67,15 @@ class Options:
             :class:`RobotModel` objects.
         catalog: catalogue file (TOML) of own objects and furniture; None: the one that
             ``CHMARL_CATALOG`` names, if any.
+        track: "paper" or "grounded"; options that are not given have its values, see :mod:`chmarl_pb.envs.tracks`.
     """
 
     observation: Observed = "scene_graph"
-    split: str = "train"
+    split: str = OF_TRACK
     home: str | Path | None = None
-    messages: bool | str | Channel = True
-    feedback: bool | str | Adviser = True
-    max_steps: int = MAX_STEPS
+    messages: bool | str | Channel = OF_TRACK
+    feedback: bool | str | Adviser = OF_TRACK
+    max_steps: int = OF_TRACK
     image_size: int = 128
     execution: str = "instant"
     render_mode: str | None = None
@@ -82,7 +84,8 @@ class Options:
     renderer: str = "fast"
     robots: tuple[str | Path | RobotModel, ...] = TEAM
     catalog: str | Path | None = None
-    pointing: bool = False
+    pointing: bool = OF_TRACK
+    track: str = PAPER
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -90,6 +93,10 @@ class Options:
         Raises:
             OptionError: an option has a value that it does not know.
         """
+        _one_of("track", self.track, tuple(TRACKS))
+        for name, value in TRACKS[self.track].items():
+            if getattr(self, name) is OF_TRACK:
+                object.__setattr__(self, name, value)
         for part in self._observed():
             _one_of("observation", part, SENSORS, Sensor)
         if self.catalog is None:  # fixed here: copies in other processes are to know the same things
@@ -181,10 +188,14 @@ class Options:
         return homes_of(self.split) if self.home is None else (str(self.home),)
 
     def recorded(self) -> dict[str, Any]:
-        """Return what results say of the options, as plain data: seldom used ones only if they are not the default."""
+        """Return what results say of the options, as plain data: seldom used ones only if they are not the paper's.
+
+        Of another track all that it has a value for is recorded.
+        """
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _UNRECORDED}
-        defaults = {field.name: field.default for field in fields(self)}
-        kept = {name: value for name, value in values.items() if name in _RECORDED or value != defaults[name]}
+        defaults = {field.name: field.default for field in fields(self)} | TRACKS[PAPER]
+        always = _RECORDED if self.track == PAPER else (*_RECORDED, *TRACKS[self.track])
+        kept = {name: value for name, value in values.items() if name in always or value != defaults[name]}
         return {name: _plain(value) for name, value in kept.items()} | {"observation": self.observation_name}
 
     @property

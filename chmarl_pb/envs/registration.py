@@ -1,27 +1,44 @@
-"""The four Gymnasium ids, registered when the package is imported."""
+"""The Gymnasium ids, registered when the package is imported."""
+
+from typing import Any
 
 import gymnasium
 
-from chmarl_pb.envs.limits import MAX_STEPS
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 
-#: Id -> robots that learn, observation.
-_ENTRY_POINTS = {
-    "CHMARL/SceneGraph-v0": ("joint", "scene_graph"),
-    "CHMARL/Visual-v0": ("joint", "visual"),
-    "CHMARL/SceneGraphHumanoid-v0": ("humanoid", "scene_graph"),
-    "CHMARL/VisualHumanoid-v0": ("humanoid", "visual"),
+_GRAPHS, _PICTURES = {"observation": "scene_graph"}, {"observation": "visual"}
+_WITH_BELIEF = {"partner": "belief"}  # the search policy is that of the older ids
+
+#: Id -> how it is made (data sets name these functions), track, keyword arguments.
+_IDS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "CHMARL/SceneGraph-v0": ("joint", PAPER, _GRAPHS),
+    "CHMARL/Visual-v0": ("joint", PAPER, _PICTURES),
+    "CHMARL/SceneGraphHumanoid-v0": ("humanoid", PAPER, _GRAPHS),
+    "CHMARL/VisualHumanoid-v0": ("humanoid", PAPER, _PICTURES),
+    "CHMARL/SceneGraphHumanoid-v1": ("humanoid", PAPER, _GRAPHS | _WITH_BELIEF),
+    "CHMARL/VisualHumanoid-v1": ("humanoid", PAPER, _PICTURES | _WITH_BELIEF),
+    "CHMARL/GroundedSceneGraph-v0": ("grounded_joint", GROUNDED, _GRAPHS),
+    "CHMARL/GroundedVisual-v0": ("grounded_joint", GROUNDED, _PICTURES),
+    "CHMARL/GroundedSceneGraphHumanoid-v0": ("grounded_humanoid", GROUNDED, _GRAPHS | _WITH_BELIEF),
+    "CHMARL/GroundedVisualHumanoid-v0": ("grounded_humanoid", GROUNDED, _PICTURES | _WITH_BELIEF),
 }
-ENV_IDS = tuple(_ENTRY_POINTS)
+ENV_IDS = tuple(_IDS)
 
 
 def register_envs() -> None:
-    """Register the four ids; registering again changes nothing."""
-    for env_id, (robots, observation) in _ENTRY_POINTS.items():
+    """Register the ids; registering again changes nothing."""
+    for env_id, (kind, track, options) in _IDS.items():
         if env_id not in gymnasium.registry:
             gymnasium.register(
                 env_id,
-                f"chmarl_pb.envs.joint:make_{robots}",
-                max_episode_steps=MAX_STEPS,
-                kwargs={"observation": observation},
-                vector_entry_point=f"chmarl_pb.envs.vector.env:{robots}_vector_env",
+                f"chmarl_pb.envs.joint:make_{kind}",
+                max_episode_steps=TRACKS[track]["max_steps"],
+                kwargs=options,
+                vector_entry_point=f"chmarl_pb.envs.vector.env:{kind}_vector_env",
             )
+
+
+def id_of(kind: str, options: dict[str, Any]) -> str:
+    """Return the id that is made in this way with registered keyword arguments that are among these."""
+    ids = [name for name, (made, _, own) in _IDS.items() if made == kind and own.items() <= options.items()]
+    return max(ids, key=lambda name: len(_IDS[name][2]))

@@ -13,6 +13,7 @@ from typing import Any
 
 from chmarl_pb.envs.options import Options, checked_seed
 from chmarl_pb.envs.rollout import core_of_parallel
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
@@ -38,7 +39,7 @@ Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
 
 def evaluate(
     policy: str | Factory | Policy,
-    split: str = "test-unseen",
+    split: str = OF_TRACK,
     observation: str = "scene_graph",
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
@@ -60,7 +61,8 @@ def evaluate(
     Args:
         policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, such a callable,
             or a policy; see :func:`chmarl_pb.policies.sources.find_policy`.
-        split: all its tasks are played; of "train", the first 250.
+        split: all its tasks are played; of "train", the first 250. If none is given, it is "test-unseen", in the
+            grounded track "generated-test".
         observation: see ``options``.
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.
@@ -85,6 +87,7 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
+    split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     source = find_policy(policy)
     if tasks is None and split == STREAM:

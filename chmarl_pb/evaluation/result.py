@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
@@ -57,13 +58,33 @@ class Report:
     def changed(self) -> str:
         """Names of environment, robots, objects and rules that are not the benchmark's own; empty if there are none."""
         options = self.settings["options"]
-        robots, messages = options.get("robots"), options["messages"]
-        own = (
-            f"robots {', '.join(robots)}" if robots else "",
-            "pointing" if options.get("pointing") else "",
-            "own words" if messages == "symbols" else "",
-        )
-        return ", ".join(part for part in (self.foreign, *own) if part)
+        robots, rules = options.get("robots"), self.rules
+        own = {
+            f"robots {', '.join(robots or ())}": robots,
+            f"{self.track} track": self.track != PAPER,
+            "pointing": options.get("pointing") and not rules["pointing"],
+            "no pointing": rules["pointing"] and not options["pointing"],
+            "own words": options["messages"] == "symbols" != rules["messages"],
+            "message board": options["messages"] is True is not rules["messages"],
+            "feedback": options["feedback"] and not rules["feedback"],
+        }
+        return ", ".join([*filter(None, [self.foreign]), *(name for name, holds in own.items() if holds)])
+
+    @property
+    def track(self) -> str:
+        """The track whose rules were played."""
+        return str(self.settings["options"].get("track", PAPER))
+
+    @property
+    def rules(self) -> dict[str, Any]:
+        """The options of the track; what was played may differ."""
+        return TRACKS[self.track]
+
+    @property
+    def without(self) -> list[str]:
+        """What of messages and feedback was switched off, against the rules of the track."""
+        options, rules = self.settings["options"], self.rules
+        return [name for name in ("messages", "feedback") if rules[name] and not options[name]]
 
     @property
     def declared(self) -> str:

@@ -144,7 +144,7 @@ def label_of(report: Report) -> str:
 
 def title_of(report: Report) -> str:
     """Return a result's label and what sets it apart: what was switched off or given, and other tasks or limits."""
-    off = [f"no {name}" for name in ("messages", "feedback") if not report.settings["options"][name]]
+    off = [f"no {name}" for name in report.without]
     notes = [*off, *_apart(report), *([report.declared] if report.declared else [])]
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
 
@@ -160,7 +160,7 @@ def _apart(report: Report) -> list[str]:
         f"changed: {report.changed}": bool(report.changed),
         f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
         f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
-        f"at most {options['max_steps']} steps": options["max_steps"] != MAX_STEPS,
+        f"at most {options['max_steps']} steps": options["max_steps"] != report.rules["max_steps"],
     }
     return [note for note, holds in notes.items() if holds]
 

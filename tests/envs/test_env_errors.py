@@ -38,6 +38,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
         ({"image_size": 8}, "image_size=8"),
         ({"image_size": "128"}, "image_size='128'"),
         ({"split": ["train"]}, "split="),
+        ({"track": "hard"}, "track='hard'"),
+        ({"pointing": None}, "pointing=None"),
     ],
     ids=str,
 )
@@ -184,7 +186,7 @@ def test_order_of_calls(make: Callable[..., Any]) -> None:
     env.close()
     with pytest.raises(NotResetError):
         env.step(STAY)
-    for env_id in ENV_IDS[::2]:
+    for env_id in ENV_IDS[:4:2]:
         view = make(env_id).unwrapped
         with pytest.raises(NotResetError, match=r"reset\(\)"):
             view.step([0, 0] if "Humanoid" not in env_id else 0)

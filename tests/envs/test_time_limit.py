@@ -9,18 +9,26 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.errors import NotResetError, OptionError
 from chmarl_pb.policies.policy import core_of
 
 HUMANOID, STAY = "CHMARL/SceneGraphHumanoid-v0", 9
+GROUNDED = "CHMARL/GroundedSceneGraphHumanoid-v0"
 HOME: dict[str, Any] = {"home": "home_6", "split": "val-unseen"}
+
+
+def track_of(env_id: str) -> str:
+    """Return the track that the name of an id says."""
+    return "grounded" if "Grounded" in env_id else "paper"
 
 
 def length(env: gymnasium.Env) -> int:
     """Return after how many steps an episode of doing nothing is truncated."""
     env.reset(seed=0)
+    stay = core_of(env).action_names["humanoid"].index("stay")
     for number in range(1, 100):
-        _, _, terminated, truncated, _ = env.step(STAY)
+        _, _, terminated, truncated, _ = env.step(stay)
         assert not terminated
         if truncated:
             return number
@@ -29,7 +37,7 @@ def length(env: gymnasium.Env) -> int:
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_registrations_tell_the_limit(env_id: str) -> None:
-    assert gymnasium.spec(env_id).max_episode_steps == 28
+    assert gymnasium.spec(env_id).max_episode_steps == TRACKS[track_of(env_id)]["max_steps"]
 
 
 @pytest.mark.parametrize(
@@ -49,6 +57,18 @@ def test_a_limit_that_would_not_hold_is_refused() -> None:
     """`gymnasium.make` does not tell an environment its own limit, which would cut the episode in silence."""
     with pytest.raises(OptionError, match="give max_episode_steps=50 instead"):
         gymnasium.make(HUMANOID, **HOME, max_steps=50)
+
+
+def test_grounded_ids_have_the_limit_of_their_track(make: Callable[..., Any]) -> None:
+    steps = TRACKS["grounded"]["max_steps"]
+    assert length(make(GROUNDED, **HOME)) == steps
+    assert length(make(GROUNDED, **HOME, max_steps=30)) == 30
+    assert length(make(HUMANOID, **HOME, track="grounded")) == 28, "an id keeps its own limit"
+    with pytest.raises(OptionError, match=f"give max_episode_steps={steps + 1} instead"):
+        gymnasium.make(GROUNDED, **HOME, max_steps=steps + 1)
+    vector = chmarl_pb.vector_env(1, GROUNDED, 0, **HOME, max_steps=steps + 1)
+    assert vector.get_attr("spec")[0].max_episode_steps == steps + 1
+    vector.close()
 
 
 @pytest.mark.parametrize("options", [{"max_steps": 40}, {"max_episode_steps": 40}], ids=str)

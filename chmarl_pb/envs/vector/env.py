@@ -1,6 +1,6 @@
 """Many environments at once, as Gymnasium's VectorEnv: several processes step them in memory that all share."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from chmarl_pb.envs.limits import MAX_STEPS
+from chmarl_pb.envs.registration import id_of
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.envs.vector.engine import Engine, start
 from chmarl_pb.envs.vector.infos import InfoTable
 from chmarl_pb.envs.vector.worker import MakeEnv
@@ -161,16 +162,17 @@ def make_function(env_id: str | MakeEnv, options: dict[str, Any]) -> MakeEnv:
         OptionError: options are given for a function.
     """
     if not callable(env_id):
-        return partial(gymnasium.make, env_id, disable_env_checker=True, **_limited(options))
+        return partial(gymnasium.make, env_id, disable_env_checker=True, **_limited(env_id, options))
     if options:
         raise OptionError(f"options {sorted(options)} are for ids; a function makes its environment by itself")
     return env_id
 
 
-def _limited(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options with a ``max_steps`` beyond the time limit of the ids as that limit, which would come first."""
-    limit = options.get("max_steps")
-    if not isinstance(limit, int) or limit <= MAX_STEPS:
+def _limited(env_id: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with a ``max_steps`` beyond the time limit of an id as that limit, which would come first."""
+    spec = gymnasium.registry.get(env_id.rpartition(":")[2])
+    most, limit = (spec and spec.max_episode_steps) or MAX_STEPS, options.get("max_steps")
+    if not isinstance(limit, int) or limit <= most:
         return options
     return {name: value for name, value in options.items() if name != "max_steps"} | {"max_episode_steps": limit}
 
@@ -219,13 +221,14 @@ def vector_env(
     return HouseholdVectorEnv(start(make_function(env_id, options), n, workers, mode), n, mode, copy)
 
 
-def joint_vector_env(num_envs: int, observation: str, **options: Any) -> HouseholdVectorEnv:
-    """Return what ``gymnasium.make_vec`` makes of the ids for both robots; see :func:`vector_env`."""
-    ids = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
-    return vector_env(num_envs, ids[observation], **options)
+def _of_ids(kind: str) -> Callable[..., HouseholdVectorEnv]:
+    """Return what ``gymnasium.make_vec`` makes vectors of the ids of a kind by; see :func:`vector_env`."""
+
+    def make(num_envs: int, **options: Any) -> HouseholdVectorEnv:
+        return vector_env(num_envs, id_of(kind, options), **options)
+
+    return make
 
 
-def humanoid_vector_env(num_envs: int, observation: str, **options: Any) -> HouseholdVectorEnv:
-    """Return what ``gymnasium.make_vec`` makes of the ids for the humanoid alone; see :func:`vector_env`."""
-    ids = {"scene_graph": "CHMARL/SceneGraphHumanoid-v0", "visual": "CHMARL/VisualHumanoid-v0"}
-    return vector_env(num_envs, ids[observation], **options)
+joint_vector_env, humanoid_vector_env = _of_ids("joint"), _of_ids("humanoid")
+grounded_joint_vector_env, grounded_humanoid_vector_env = _of_ids("grounded_joint"), _of_ids("grounded_humanoid")

@@ -11,7 +11,6 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.learning.config import CATALOG, check, count, natural
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
@@ -19,7 +18,9 @@ from chmarl_pb.robots.registry import TEAM, listed
 
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
 
-EnvId = Literal[ENV_IDS]  # type: ignore[valid-type]
+EnvId = Literal[
+    "CHMARL/SceneGraph-v0", "CHMARL/Visual-v0", "CHMARL/SceneGraphHumanoid-v0", "CHMARL/VisualHumanoid-v0"
+]  # fmt: skip
 AlgorithmName = Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
 PresetName = Literal["goal", "goal-encoder", "encoder"]
 Hidden = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # of the command line, which finds it from other options

@@ -1,0 +1,27 @@
+"""Tracks: options that belong together; apart from the others, so that registering the ids imports next to nothing."""
+
+from enum import Enum
+from typing import Any
+
+MAX_STEPS = 28  # joint steps: the random policy solves 2 per cent of test-unseen within them, see docs/benchmark.md
+GROUNDED_STEPS = 60  # chosen on tasks of training, see docs/benchmark.md
+
+
+class _Unset(Enum):
+    OF_TRACK = "as the track has it"
+
+
+#: In place of an option's value: that of the track.
+OF_TRACK: Any = _Unset.OF_TRACK
+
+#: Track -> what its environments are given where an option is not.
+TRACKS: dict[str, dict[str, Any]] = {
+    "paper": {"split": "train", "messages": True, "feedback": True, "max_steps": MAX_STEPS, "pointing": False},
+    "grounded": {
+        "split": "generated", "messages": "symbols", "feedback": False, "max_steps": GROUNDED_STEPS, "pointing": True,
+    },
+}  # fmt: skip
+PAPER, GROUNDED = TRACKS
+
+#: Track -> split on which its scores are compared.
+TEST_SPLITS = {PAPER: "test-unseen", GROUNDED: "generated-test"}
