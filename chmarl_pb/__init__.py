@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from chmarl_pb.envs.rollout import rollout as rollout
     from chmarl_pb.envs.vector.env import vector_env as vector_env
     from chmarl_pb.errors import ChmarlError as ChmarlError
+    from chmarl_pb.evaluation.audit import audit as audit
     from chmarl_pb.evaluation.protocol import evaluate as evaluate
     from chmarl_pb.evaluation.result import Report as Report
     from chmarl_pb.homes.generate.store import generate_home as generate_home
@@ -34,6 +35,7 @@ _PUBLIC = {
     "HouseholdEnv": "chmarl_pb.envs.parallel",
     "Report": "chmarl_pb.evaluation.result",
     "Task": "chmarl_pb.tasks.task",
+    "audit": "chmarl_pb.evaluation.audit",
     "evaluate": "chmarl_pb.evaluation.protocol",
     "generate_home": "chmarl_pb.homes.generate.store",
     "load_tasks": "chmarl_pb.tasks.splits",

@@ -12,6 +12,7 @@ from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
+from chmarl_pb.evaluation.gain import gain_of, points
 from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
@@ -160,6 +161,8 @@ def _print_notes(console: Console, report: Report) -> None:
         console.print(f"L* is an upper bound in {report.bounded} of {summary.episodes} episodes, so PLW is one, too")
     if beside := _beside(report):
         console.print(f"on the same tasks, success / PLW: {beside}")
+    if gained := points(gain_of(report)):
+        console.print(f"gain over the best blind policy: {gained} points of PLW")
     gain = report.cooperation
     if gain is None:
         console.print("cooperation: no reference lengths for these tasks, this max_steps and this environment")

@@ -19,6 +19,7 @@ COMMANDS = {
     "tasks": "make the benchmark's task files",
     "dataset": "make, verify and describe data sets of planner trajectories",
     "evaluate": "play all tasks of a split with a policy and print its metrics",
+    "audit": "measure how much of the score needs neither eyes nor words nor the partner",
     "baselines": "evaluate the built-in policies on all splits and print the tables",
     "report": "gather results into one web page, beside the paper's",
     "episode": "save, replay and show single episodes",

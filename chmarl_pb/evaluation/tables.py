@@ -7,6 +7,7 @@ import numpy as np
 
 from chmarl_pb.envs.options import MAX_STEPS, Options
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.gain import gain_of, points
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.provenance import tasks_hash
@@ -106,7 +107,8 @@ def result_table(reports: Sequence[Report]) -> str:
     """Return a table of all results, one row each."""
     head = (
         "<tr><th>policy</th><th>split</th><th>observation</th><th>tasks</th><th>seeds</th><th>success %</th>"
-        "<th>PLW %</th><th>steps<br>if solved</th><th>final<br>potential</th><th>gain from<br>cooperation</th></tr>"
+        "<th>PLW %</th><th>steps<br>if solved</th><th>final<br>potential</th><th>gain from<br>cooperation</th>"
+        "<th>gain over the<br>best blind</th></tr>"
     )
     return _table(head, map(_result_row, reports))
 
@@ -118,7 +120,7 @@ def _result_row(report: Report) -> str:
     values = (
         settings["split"], settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
         _rate(summary.success_rate), _rate(summary.plw), _plain(summary.length_on_success),
-        _plain(summary.final_potential), share,
+        _plain(summary.final_potential), share, points(gain_of(report)) or _NONE,
     )  # fmt: skip
     policy = str(settings["policy"])
     source = "" if label_of(report) == policy else f"<br><small>{escape(policy)}</small>"

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from chmarl_pb.policies.groping import Groper
 from chmarl_pb.policies.narrow_views import BlindView, Chooser, Narrowed, blind_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.search import sweep_of
@@ -16,6 +17,7 @@ from chmarl_pb.robots.pointing import VERBS
 
 _ROUND = 11  # turns of 30 degrees after the first look
 _PACES = 3  # forward moves before it looks around again
+_STRIDE = 3  # turns between two tries where no feedback tells what is in view: as wide as the picture
 _BACK = {"turn_left": "turn_right", "turn_right": "turn_left"}
 
 View = TypeVar("View", bound=BlindView)
@@ -24,9 +26,9 @@ View = TypeVar("View", bound=BlindView)
 class BlindHumanoid(Generic[View]):
     """Goes where messages say, and turns until feedback says that it should have picked or placed."""
 
-    def __init__(self, rooms: tuple[str, ...]):
-        """Remember the rooms."""
-        self.rooms = rooms
+    def __init__(self, rooms: tuple[str, ...], feedback: bool = True):
+        """Remember the rooms, and whether there is feedback at all."""
+        self.rooms, self._feedback = rooms, feedback
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last episode."""
@@ -61,6 +63,7 @@ class BlindHumanoid(Generic[View]):
             self._unvisited = [room for room in self._unvisited if room != self._anchor]
         elif action in _BACK:
             self._turned += 1 if action == "turn_left" else -1
+            self._tried &= self._feedback or self._turned % _STRIDE != 0
         elif action == "move_forward":
             self._anchor = ""
         elif action in VERBS:
@@ -68,11 +71,15 @@ class BlindHumanoid(Generic[View]):
 
     def _next(self, view: View) -> str:
         if view.feedback and self._last:
-            self._queue = self._return()
+            self._queue = self._heed(view)
         if self._queue:
             return self._queue.pop(0)
         known = view.messages[int(view.holding)]
-        return self._look_around(view, known) if known else self._explore()
+        return self._look_around(view, known) if known else self._explore(view)
+
+    def _heed(self, view: View) -> list[str]:
+        """Return what is to be done when there is feedback."""
+        return self._return()
 
     def _return(self) -> list[str]:
         """Return the actions that pick or place what was in view before the last action."""
@@ -108,8 +115,10 @@ class BlindHumanoid(Generic[View]):
         """Return whether to pick or place although nothing tells that it would work: once wherever it has come to."""
         return not self._tried
 
-    def _explore(self) -> str:
-        """Look into the rooms one by one, then all around in each."""
+    def _explore(self, view: View) -> str:
+        """Look into the rooms one by one, then all around in each; without feedback, try what may be in view."""
+        if not self._feedback and self._anchor and self._worth_trying(view):
+            return VERBS[self._holding]
         if self._unvisited:
             return f"goto_{self._unvisited[0]}"
         if self._anchor in self._unturned:
@@ -145,12 +154,18 @@ class BlindDrone:
 class BlindPolicy(Narrowed[BlindView]):
     """All robots, by :class:`BlindView` alone."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...]):
-        """Remember the names of each robot's actions and of the rooms."""
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], feedback: bool = True):
+        """Remember the names of each robot's actions and of the rooms, and whether there is feedback."""
         choosers: dict[str, Chooser[BlindView]] = {
-            name: BlindHumanoid(rooms) if grasps(names) else BlindDrone(names, rooms) for name, names in actions.items()
+            name: _humanoid(names, rooms, feedback) if grasps(names) else BlindDrone(names, rooms)
+            for name, names in actions.items()
         }
         super().__init__(actions, rooms, blind_view, choosers)
+
+
+def _humanoid(actions: Sequence[str], rooms: tuple[str, ...], feedback: bool) -> Chooser[BlindView]:
+    """Return what drives a robot that grasps; one that points has to know where, unless feedback tells when."""
+    return BlindHumanoid(rooms, feedback) if feedback or "pick" in actions else Groper(rooms)
 
 
 def _shuffled(rooms: Sequence[str], rng: np.random.Generator) -> list[str]:

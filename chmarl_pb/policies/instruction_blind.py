@@ -11,6 +11,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed
 from chmarl_pb.policies.blind import BlindDrone, BlindHumanoid
+from chmarl_pb.policies.carrying import Carrier
 from chmarl_pb.policies.narrow_views import Chooser, Narrowed, SeeingView, seeing_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.robots.pointing import VERBS, Cell
@@ -19,9 +20,10 @@ from chmarl_pb.robots.pointing import VERBS, Cell
 class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
     """Goes where messages say, and tries what it sees there until it was the right thing."""
 
-    def __init__(self, rooms: tuple[str, ...], known: Catalog):
-        """Remember the names of the rooms, and the classes that X and Y can be of."""
-        super().__init__(rooms)
+    def __init__(self, rooms: tuple[str, ...], known: Catalog, feedback: bool = True, messages: bool = True):
+        """Remember the rooms, the classes that X and Y can be of, and whether there are feedback and messages."""
+        super().__init__(rooms, feedback)
+        self._messages = messages
         self._kinds = frozenset(known.graspables), frozenset(known.receptacles)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -33,7 +35,7 @@ class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
     def choose(self, view: SeeingView) -> str:
         """Return the name of the next action."""
         for messages, ruled_out in zip(view.messages, self._ruled_out, strict=True):
-            if not messages:
+            if self._messages and not messages:
                 ruled_out |= view.classes
         if self._last == VERBS[view.holding]:  # in vain
             self._ruled_out[view.holding].update(self._seen)
@@ -53,10 +55,26 @@ class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
 class InstructionBlindPolicy(Narrowed[SeeingView]):
     """All robots, by :class:`SeeingView` alone."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
-        """Remember the names of each robot's actions and of the rooms, and the classes that there are."""
+    def __init__(
+        self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK,
+        feedback: bool = True, messages: bool = True,
+    ):  # fmt: skip
+        """Make the team.
+
+        Args:
+            actions: robot -> names of its actions.
+            rooms: names of the rooms.
+            known: the classes that there are.
+            feedback: whether there is any.
+            messages: whether there are any.
+        """
+
+        def humanoid(names: tuple[str, ...]) -> Chooser[SeeingView]:
+            if feedback or "pick" in names:
+                return InstructionBlindHumanoid(rooms, known, feedback, messages)
+            return Carrier(rooms, known)
+
         choosers: dict[str, Chooser[SeeingView]] = {
-            name: InstructionBlindHumanoid(rooms, known) if grasps(names) else BlindDrone(names, rooms)
-            for name, names in actions.items()
+            name: humanoid(names) if grasps(names) else BlindDrone(names, rooms) for name, names in actions.items()
         }
         super().__init__(actions, rooms, partial(seeing_view, known=known), choosers)

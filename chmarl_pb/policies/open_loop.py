@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies import spots
 from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.tasks.language import read_pairs
@@ -38,8 +39,11 @@ class OpenLoopPolicy:
         return {robot: number_of(self.actions[robot], next(self._tours[robot])) for robot in observations}
 
     def _begin(self, robot: str, instruction: np.ndarray) -> Iterator[str]:
+        if not grasps(self.actions[robot]):
+            return cycle(["stay"])
         (_, target), *_ = read_pairs(instruction, self._catalog)
-        tour = tours().get(target, _any_tour()) if grasps(self.actions[robot]) else []
+        known = tours() if "pick" in self.actions[robot] else spots.tours()
+        tour = known.get(target, next(iter(known.values())))  # any, for a class of the user's own
         return cycle(_possible(tour, self.actions[robot]) or ["stay"])
 
 
@@ -47,11 +51,6 @@ class OpenLoopPolicy:
 def tours() -> dict[str, list[str]]:
     """Return class of Y -> names of the humanoid's actions."""
     return {target: line.split() for target, line in json.loads(FILE.read_text(encoding="utf-8")).items()}
-
-
-def _any_tour() -> list[str]:
-    """Return the tour for a class of the user's own."""
-    return next(iter(tours().values()))
 
 
 def _possible(tour: Sequence[str], actions: Sequence[str]) -> list[str]:

@@ -67,11 +67,13 @@ class PolicyEnv(Protocol):
         action_names: robot -> names of its actions, in the order of their numbers.
         rooms: rooms of the home, in the order of the messages.
         catalog: the classes of things.
+        options: of the environment.
     """
 
     action_names: dict[str, tuple[str, ...]]
     rooms: tuple[str, ...]
     catalog: Catalog
+    options: Any
     simulation: Any
     setting: Any
 

@@ -7,12 +7,13 @@ from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.blind import BlindPolicy
 from chmarl_pb.policies.code import RoomCode, Talking
 from chmarl_pb.policies.cooperative_planner import PlannerPolicy
+from chmarl_pb.policies.feedback_only import FeedbackOnlyPolicy
 from chmarl_pb.policies.instruction_blind import InstructionBlindPolicy
 from chmarl_pb.policies.open_loop import OpenLoopPolicy
 from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of, symbols_of
 from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
-from chmarl_pb.policies.variants import Alone, Told, Unheard
+from chmarl_pb.policies.variants import Noting, Staying, Told, Unheard
 
 #: Policies that do without most of what a robot is given -> what they do with; weak ones first.
 SHORTCUTS = {
@@ -37,16 +38,39 @@ def _search(env: PolicyEnv) -> Policy:
 
 def _without_words(env: PolicyEnv, policy: Policy) -> Policy:
     """Return a policy that reads a board, which has nothing on it where robots have words of their own."""
-    return Unheard(policy, (2, len(env.rooms))) if symbols_of(env) else policy
+    return _unheard(env, policy) if symbols_of(env) else policy
 
 
 def _belief(env: PolicyEnv) -> Policy:
     return _talking(env, BeliefPolicy(env.action_names, env.rooms, env.catalog))
 
 
-def _belief_alone(env: PolicyEnv) -> Policy:
-    policy = BeliefPolicy(env.action_names, env.rooms, env.catalog, alone=True)
-    return Alone(_talking(env, policy), env.action_names, env.rooms, env.catalog)
+def _alone(env: PolicyEnv, policy: Policy) -> Policy:
+    """Return a policy for the robots that grasp alone, which hear what they have seen themselves."""
+    return Noting(Staying(policy, env.action_names), env.action_names, env.rooms, env.catalog)
+
+
+def _lone_belief(env: PolicyEnv) -> Policy:
+    return BeliefPolicy(env.action_names, env.rooms, env.catalog, alone=True)
+
+
+def _unheard(env: PolicyEnv, policy: Policy) -> Policy:
+    return Unheard(policy, (2, len(env.rooms)))
+
+
+def _blind(env: PolicyEnv) -> Policy:
+    return _without_words(env, BlindPolicy(env.action_names, env.rooms, bool(env.options.feedback)))
+
+
+def _instruction_blind(env: PolicyEnv) -> Policy:
+    given = bool(env.options.feedback), bool(env.options.messages) and not symbols_of(env)
+    return _without_words(env, InstructionBlindPolicy(env.action_names, env.rooms, env.catalog, *given))
+
+
+def _feedback_only(env: PolicyEnv) -> Policy:
+    in_full = env.options.feedback == "planner"
+    policy = FeedbackOnlyPolicy(env.action_names, env.rooms, in_full, env.catalog)
+    return Staying(_unheard(env, policy), env.action_names)
 
 
 def _belief_told(env: PolicyEnv) -> Policy:
@@ -58,14 +82,14 @@ BUILT_IN: dict[str, Factory] = {
     "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
     "open-loop": lambda env: OpenLoopPolicy(env.action_names, env.catalog),
     "reactive": lambda env: _without_words(env, ReactivePolicy(env.action_names, env.rooms, env.catalog)),
-    "blind": lambda env: _without_words(env, BlindPolicy(env.action_names, env.rooms)),
-    "instruction-blind": lambda env: _without_words(
-        env, InstructionBlindPolicy(env.action_names, env.rooms, env.catalog)
-    ),
-    "search-alone": lambda env: Alone(_search(env), env.action_names, env.rooms, env.catalog),
+    "blind": _blind,
+    "instruction-blind": _instruction_blind,
+    "feedback-only": _feedback_only,
+    "partner-blind": lambda env: Staying(_unheard(env, _lone_belief(env)), env.action_names),
+    "search-alone": lambda env: _alone(env, _search(env)),
     "search-silent": lambda env: Unheard(_search(env)),
     "search": _search,
-    "belief-alone": _belief_alone,
+    "belief-alone": lambda env: _alone(env, _talking(env, _lone_belief(env))),
     "belief-silent": lambda env: Unheard(_belief(env)),
     "belief": _belief,
     "belief-told": _belief_told,
@@ -73,13 +97,38 @@ BUILT_IN: dict[str, Factory] = {
 }
 
 #: Those that play a task the same way for every seed.
-DETERMINISTIC = frozenset({"open-loop", "belief-alone", "belief-silent", "belief", "belief-told", "planner"})
+DETERMINISTIC = frozenset(
+    {"open-loop", "partner-blind", "belief-alone", "belief-silent", "belief", "belief-told", "planner"}
+)
 
 #: Those that are given more than their robots' observations: the planner the world, the other what is truly in view.
 PRIVILEGED = frozenset({"planner", "search-alone", "belief-alone", "belief-told"})
 
 #: Those that read what is in view from scene graphs, and are given the truth where observations hold none.
-SEEING = frozenset({"search", "search-silent", "belief", "belief-silent", "reactive", "instruction-blind"})
+SEEING = frozenset(
+    {"search", "search-silent", "belief", "belief-silent", "reactive", "instruction-blind", "partner-blind"}
+)
+
+
+#: Parts of what a robot is given.
+PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
+
+#: Policy -> the parts that its choices depend on, where there are such; the planner knows the world instead.
+USES: dict[str, tuple[str, ...]] = {
+    "random": (),
+    "blind": ("messages", "feedback", "partner"),
+    "feedback-only": ("feedback",),
+    "open-loop": ("instruction",),
+    "instruction-blind": ("eyes", "messages", "feedback", "partner"),
+    "partner-blind": ("eyes", "instruction"),
+    "reactive": ("eyes", "instruction", "messages", "partner"),
+    "search": ("eyes", "instruction", "messages", "partner"),
+    "belief": ("eyes", "instruction", "messages", "partner"),
+    "planner": (),
+}
+
+#: Those that have a code for own words; others neither say nor understand any.
+TALKING = frozenset({"search", "belief"})
 
 
 def make_policy(name: str, env: Any) -> Policy:

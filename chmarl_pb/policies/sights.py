@@ -10,7 +10,7 @@ from chmarl_pb.catalog import Catalog
 Observation = dict[str, np.ndarray]
 Info = dict[str, Any]
 
-_IN_ROOM = catalog.RELATION_IDS["in_room"]
+_IN_ROOM, _ON = catalog.RELATION_IDS["in_room"], catalog.RELATION_IDS["on"]
 
 
 def classes_in_view(observation: Observation, info: Info, known: Catalog) -> frozenset[str]:
@@ -33,6 +33,15 @@ def places_in_view(
     own = own_room(observation, rooms)
     names = [name for name in info["visible"] if not (observation["self"][-1] and "/" not in name)]
     return [(catalog.class_of(name), catalog.room_of(name) if "/" in name else own) for name in names]
+
+
+def supports_in_view(observation: Observation, known: Catalog) -> dict[str, str]:
+    """Return the class of an object -> that of the receptacle on which it stands, as far as a graph shows both."""
+    if "edges" not in observation:
+        return {}
+    ids, edges = observation["node_class"], observation["edges"]
+    pairs = edges[edges[:, 2] == _ON, :2].tolist()
+    return {known.rows[ids[item] - 1].name: known.rows[ids[support] - 1].name for item, support in pairs}
 
 
 def own_room(observation: Observation, rooms: tuple[str, ...]) -> str:

@@ -30,8 +30,25 @@ class Unheard:
         return np.zeros(messages.shape if self.shape is None else self.shape, messages.dtype)
 
 
-class Alone:
-    """Robots that grasp without the others, which stay at their starts; messages hold what each has seen itself."""
+class Staying:
+    """Robots that grasp without the others, which stay at their starts."""
+
+    def __init__(self, policy: Policy, action_names: dict[str, tuple[str, ...]]):
+        """Take the robots that cannot grasp out of a policy."""
+        self.policy = policy
+        self._staying = {name: names.index("stay") for name, names in action_names.items() if not grasps(names)}
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self.policy.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what the robots that grasp do by themselves."""
+        return {**self.policy.act(observations, infos), **self._staying}
+
+
+class Noting:
+    """A policy whose robots hear nobody: messages hold what each has seen itself."""
 
     def __init__(
         self,
@@ -40,9 +57,8 @@ class Alone:
         rooms: tuple[str, ...],
         known: Catalog = BENCHMARK,
     ):
-        """Take the robots that cannot grasp out of a policy."""
+        """Let robots take notes."""
         self.policy, self.rooms, self._catalog = policy, rooms, known
-        self._staying = {name: names.index("stay") for name, names in action_names.items() if not grasps(names)}
         self._notes = {name: np.zeros((2, len(rooms)), dtype=np.int8) for name in action_names}
 
     def reset(self, seed: int | None) -> None:
@@ -52,7 +68,7 @@ class Alone:
             notes[:] = 0
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return what the robots that grasp do by themselves."""
+        """Return what the policy does by these messages."""
         own = {}
         for name, seen in observations.items():
             if seen["messages"].shape != self._notes[name].shape:  # own words: those of who stays are silence
@@ -60,7 +76,7 @@ class Alone:
                 continue
             self._note(self._notes[name], seen, infos[name])
             own[name] = {**seen, "messages": self._notes[name].copy()}
-        return {**self.policy.act(own, infos), **self._staying}
+        return self.policy.act(own, infos)
 
     def _note(self, notes: np.ndarray, seen: dict[str, np.ndarray], info: dict[str, Any]) -> None:
         """Keep the bits that a robot's own view explains; X is in one room until it is carried."""

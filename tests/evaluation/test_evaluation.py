@@ -31,7 +31,7 @@ from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
-from chmarl_pb.policies.variants import Alone, Unheard
+from chmarl_pb.policies.variants import Noting, Unheard
 from chmarl_pb.robots.registry import team_of
 from chmarl_pb.tasks.splits import SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
@@ -197,7 +197,7 @@ def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv, monkeypatch: 
 
     for name in ("search-silent", "search-alone"):
         policy = BUILT_IN[name](env)
-        assert isinstance(policy, Unheard | Alone)
+        assert isinstance(policy, Unheard | Noting)
         observations, infos = env.reset(options={"task": TASKS[0]})
         policy.reset(0)
         shown: list[np.ndarray] = []

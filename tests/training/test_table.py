@@ -376,8 +376,10 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch: Launch) -> None:
     change(runs[1], plw=0.35)
     write_page(runs[0].results, tmp_path / "docs" / "results.md")
     text = (tmp_path / "docs" / "results.md").read_text()
-    assert "| QMIX | 2 of 3 | mean pool, 4 episodes | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
-    assert "| QMIX | 1 | 4 episodes | 14.09 | 25.0 |" in text
+    assert (
+        "| QMIX | 2 of 3 | mean pool, 4 episodes, feedback at test | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+    )
+    assert "| QMIX | 1 | 4 episodes, feedback at test | 14.09 | 25.0 |" in text
     assert "**QMIX** (best on validation): PLW **30.0 ± 7.1**, success" in text  # without intervals
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text

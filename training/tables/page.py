@@ -9,6 +9,7 @@ from statistics import fmean, stdev
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.learning.config import FROZEN
@@ -23,7 +24,7 @@ Records = dict[tuple[str, str], list[Record]]
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 METRICS = {"PLW": "plw", "Success rate": "success_rate"}
 NOT_RUN = "not run yet"
-BLIND = "blind"
+HEADLINE = SPLITS[-1]
 #: Built-in policies below the learners -> what they do.
 BUILT_IN = {**SHORTCUTS, SEARCH: "looks for X and Y by rule"}
 POOL = "mean"  # of graphs, in runs from before this was a setting
@@ -48,13 +49,15 @@ robots, or the humanoid beside a drone that follows the search policy. At the en
 nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)} do without most of
 what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and with pictures,
 since *reactive*, *instruction-blind* and *search* read which things are truly in view, with pictures too.
-*Made with*: what encodes the observations, who was imitated, and the length of the training. The expert of our own
-row is *search*, which reads the true `visible` while it teaches on pictures; the learner has a detector for them.
+*Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation), who
+was the teacher, the length of the training, and whether there was feedback at test. The teacher of our own row is
+*search*, which reads the true `visible` while it teaches on pictures.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
 robots get pictures; Pick and Place take no argument and drive by themselves; X's class stands in the scene but
-once; and feedback comes exactly when X or Y was in view and within reach. So *blind*, which knows nothing but the
-rooms on the board, whether there is feedback, its own room and whether it holds something, is the row to beat.
+once; and feedback comes exactly when X or Y was in view and within reach. So a score is to be read as its *gain over
+the best blind policy*: PLW minus that of the best policy of the [shortcut audit](benchmark.md#shortcut-audit) that sees
+nothing, on the same split. What does not gain shows no seeing. The column *gain* is that of {HEADLINE}, in points.
 """
 
 #: Where an episode ends -> the potentials that say so.
@@ -111,26 +114,27 @@ def _headlines(records: Records) -> list[str]:
             lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({beside}).")
             continue
         plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
-        built_in = {name: _built_in(name, "plw", SPLITS[-1]) for name in (BLIND, SEARCH)}
-        shares = [f"{fmean(plw) / score:.0%} of the PLW of {name}" for name, score in built_in.items() if score]
-        share = "".join(f", {one}" for one in shares)
+        search = _built_in(SEARCH, "plw", HEADLINE)
+        share = f", {fmean(plw) / search:.0%} of the PLW of {SEARCH}" if search else ""
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
             f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
             f"{_intervals(best, records, 'plw')}, success **{_cell(success)}**"
-            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_below_blind(table, records)}"
+            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_over_blind(plw, table, records)}"
         )
     return ["\n".join(lines)]
 
 
-def _below_blind(table: str, records: Records) -> str:
-    """Return how many rows of learners score less than the blind policy."""
-    blind = _built_in(BLIND, "plw", SPLITS[-1])
-    known = [fmean(_values(same, "plw", SPLITS[-1])) for row in TABLES[table] if (same := _of(row, records))]
-    if blind is None:
+def _over_blind(values: Sequence[float], table: str, records: Records) -> str:
+    """Return the gain of a row over the best blind policy, and how many rows of learners have one."""
+    best = best_blind(HEADLINE)
+    if best is None:
         return ""
-    below = sum(plw < blind for plw in known)
-    return f"*blind* has {100 * blind:.1f}: more than {below} of the {len(known)} learners' rows."
+    known = [gain(_values(same, "plw", HEADLINE), HEADLINE) for row in TABLES[table] if (same := _of(row, records))]
+    ahead = sum((gained or 0) > 0 for gained in known)
+    blind = f"(*{best.name}*, {100 * (best.plw.mean or 0):.1f})"
+    own = f"Gain over the best blind policy {blind}: **{points(gain(values, HEADLINE))}** points"
+    return f"{own}; {ahead} of the {len(known)} learners' rows gain anything."
 
 
 def _intervals(row: Row, records: Records, metric: str) -> str:
@@ -150,6 +154,8 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     metric = METRICS[title]
     lines = [f"| {title} % | seeds | made with |" + "".join(f" {split}: paper | ours |" for split in SPLITS)]
     lines.append("|---|---|---|" + "--:|--:|" * len(SPLITS))
+    if gains := metric == "plw" and best_blind(HEADLINE) is not None:
+        lines = [lines[0] + " gain |", lines[1] + "--:|"]
     name = _setting if table == "feedback" else _name
     for row in rows:
         same = _of(row, records)
@@ -157,16 +163,18 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
             f" {_paper(row, metric, number)} | {_cell(_values(same, metric, split))} |"
             for number, split in enumerate(SPLITS)
         )
-        lines.append(f"| {name(row)} | {_seeds(row, same)} | {_made_with(same)} |{''.join(cells)}")
+        lines.append(f"| {name(row)} | {_seeds(row, same)} | {_made_with(row, same)} |{''.join(cells)}")
+        lines[-1] += f" {points(gain(_values(same, metric, HEADLINE), HEADLINE))} |" * gains
     for policy, does in BUILT_IN.items():
         scores = [_built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             lines.append(f"| *{policy}* | | {does} |" + "".join(f" | {100 * (score or 0):.1f} |" for score in scores))
+            lines[-1] += f" {points(gain([scores[-1] or 0.0], HEADLINE))} |" * gains
     return "\n".join(lines)
 
 
-def _made_with(same: Sequence[Record]) -> str:
-    """Return what encodes a row's observations, whom it imitated, and how long it was trained."""
+def _made_with(row: Row, same: Sequence[Record]) -> str:
+    """Return what encodes a row's observations, its teacher, the length of its training, and its feedback at test."""
     if not same:
         return ""
     checkpoint = same[0]["checkpoint"]
@@ -176,7 +184,9 @@ def _made_with(same: Sequence[Record]) -> str:
     imitated = SEARCH if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
-    return ", ".join(filter(None, [encoder, f"expert: {imitated}" if imitated else "", _budget(same[0])]))
+    teacher = f"teacher: {imitated}" if imitated else ""
+    told = f"{'' if row.feedback else 'no '}feedback at test"
+    return ", ".join(filter(None, [encoder, teacher, _budget(same[0]), told]))
 
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:

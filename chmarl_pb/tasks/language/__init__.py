@@ -2,6 +2,7 @@
 
 from chmarl_pb.tasks.language.corpus import CorpusStatistics, all_words, corpus_statistics
 from chmarl_pb.tasks.language.feedback import Advice, say
+from chmarl_pb.tasks.language.heeding import read_detour
 from chmarl_pb.tasks.language.instructions import instruction, parse_instruction, parse_instructions, read_pairs
 from chmarl_pb.tasks.language.tokens import (
     FEEDBACK_LENGTH,
@@ -26,6 +27,7 @@ __all__ = [
     "instruction",
     "parse_instruction",
     "parse_instructions",
+    "read_detour",
     "read_pairs",
     "say",
     "tokenize",

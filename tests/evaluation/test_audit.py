@@ -1,0 +1,110 @@
+"""The shortcut audit: its rows, its file, and what counts as blind."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import chmarl_pb
+from chmarl_pb.cli import main
+from chmarl_pb.envs.options import Options
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation import audit as module
+from chmarl_pb.evaluation.audit import audit, rows_of, uses
+from chmarl_pb.evaluation.audit_file import Audit, load_audit
+from chmarl_pb.evaluation.metrics import Figure, Played
+from chmarl_pb.evaluation.play import Job, Setup, play
+from chmarl_pb.evaluation.result import Report
+from chmarl_pb.policies.registry import BUILT_IN, PARTS, USES
+
+TASKS = ["val-unseen-000", "val-unseen-001"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("audits")
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Audit:
+    return audit("val-unseen", seeds=[0], workers=1, out=folder / "audit.json", tasks=TASKS, max_steps=12)
+
+
+def test_each_policy_says_what_it_uses() -> None:
+    assert USES.keys() <= BUILT_IN.keys()
+    assert all(set(parts) <= set(PARTS) for parts in USES.values())
+
+
+def test_a_setting_has_the_rows_that_can_differ_in_it() -> None:
+    names = [row.name for row in rows_of(Options())]
+    assert len(set(names)) == len(names) and len({row.slug for row in rows_of(Options())}) == len(names)
+    assert {"blind, no feedback", "blind, no feedback and no messages", "feedback-only, planner's words"} <= set(names)
+    assert "blind, no messages" not in names  # that is feedback-only
+    grounded = [row.name for row in rows_of(Options(pointing=True, messages="symbols", feedback=False))]
+    assert set(grounded) == {
+        "random", "blind", "open-loop", "instruction-blind", "partner-blind", "reactive", "search", "belief", "planner"
+    }  # fmt: skip
+
+
+def test_who_has_no_code_uses_no_own_words() -> None:
+    talking = Options(messages="symbols")
+    assert "messages" not in uses("blind", talking) and "messages" in uses("search", talking)
+    assert "feedback" not in uses("blind", Options(feedback=False))
+
+
+def test_an_audit_says_what_counts_as_blind(found: Audit) -> None:
+    lines = {line.name: line for line in found.lines}
+    assert lines["planner"].success_rate.mean == 1 and not lines["planner"].blind
+    assert not lines["feedback-only, planner's words"].blind  # no robot of the setting is given these
+    assert all(line.blind != line.eyes for line in found.lines if line.name.startswith(("blind", "instruction")))
+    assert lines["blind, no feedback"].uses == ("messages", "partner")
+    assert lines["instruction-blind, no feedback and no messages"].uses == ("eyes",)
+    best = replace(lines["open-loop"], plw=Figure(1.0))
+    assert replace(found, lines=(*found.lines, best)).best_blind is best
+
+
+def test_an_audit_is_read_as_it_was_written(found: Audit, folder: Path) -> None:
+    assert load_audit(folder / "audit.json") == found
+    text = json.loads((folder / "audit.json").read_text())
+    assert text["best_blind"] == found.best_blind.name
+    (folder / "broken.json").write_text(json.dumps({**text, "rows": [{}]}))
+    with pytest.raises(ResultError, match="audit again"):
+        load_audit(folder / "broken.json")
+    with pytest.raises(ResultError, match="chmarl-pb audit"):
+        load_audit(folder / "none.json")
+
+
+def test_rows_that_are_there_are_not_played_again(found: Audit, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(list((folder / "audit").glob("*.json"))) == len(found.lines)
+    (folder / "audit" / "open-loop.json").unlink()
+    played: list[Any] = []
+    evaluate = module.evaluate
+
+    def noted(policy: str, *given: Any, **options: Any) -> Report:
+        return evaluate(policy, *given, **options, plays=lambda setup, jobs: _plays(played, setup, jobs))
+
+    monkeypatch.setattr(module, "evaluate", noted)
+    again = audit("val-unseen", seeds=[0], workers=1, out=folder / "audit.json", tasks=TASKS, max_steps=12)
+    assert again == found and played == ["open-loop"]
+
+
+def _plays(played: list[Any], setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
+    played.append(setup.policy)
+    return play(setup, jobs, 1)
+
+
+def test_the_command_prints_a_table_or_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["audit", "--split", "val-unseen", "--seeds", "1", "--workers", "1", "--task", TASKS[0]]
+    given += ["--out", str(folder / "command.json")]
+    assert main(given) == 0
+    table = capsys.readouterr().out
+    assert "instruction-blind" in table and "best of those that do not see" in table
+    assert main([*given, "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["rows"]) == len(rows_of(Options()))
+
+
+def test_the_package_has_the_function() -> None:
+    assert chmarl_pb.audit is audit
