@@ -17,6 +17,7 @@ from chmarl_pb.evaluation.audit import audit, rows_of, uses
 from chmarl_pb.evaluation.audit_file import Audit, load_audit
 from chmarl_pb.evaluation.metrics import Figure, Played
 from chmarl_pb.evaluation.play import Job, Setup, play
+from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.policies.registry import BUILT_IN, PARTS, USES
 
@@ -81,10 +82,9 @@ def test_rows_that_are_there_are_not_played_again(found: Audit, folder: Path, mo
     assert len(list((folder / "audit").glob("*.json"))) == len(found.lines)
     (folder / "audit" / "open-loop.json").unlink()
     played: list[Any] = []
-    evaluate = module.evaluate
 
     def noted(policy: str, *given: Any, **options: Any) -> Report:
-        return evaluate(policy, *given, **options, plays=lambda setup, jobs: _plays(played, setup, jobs))
+        return evaluate(policy, *given, **options | {"plays": lambda setup, jobs: _plays(played, setup, jobs)})
 
     monkeypatch.setattr(module, "evaluate", noted)
     again = audit("val-unseen", seeds=[0], workers=1, out=folder / "audit.json", tasks=TASKS, max_steps=12)
