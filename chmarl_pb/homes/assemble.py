@@ -3,14 +3,14 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import suppress
 from functools import lru_cache
+from os.path import basename
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yourdfpy
-from lxml import etree
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.files import replacing
@@ -19,6 +19,7 @@ from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
 from chmarl_pb.homes.layout_file import Colour
 from chmarl_pb.homes.object_looks import LINK as LOOKS_LINK
 from chmarl_pb.homes.textures import textured_box
+from chmarl_pb.homes.urdf_lines import urdf_bytes
 from chmarl_pb.homes.walls import Rect, Wall, lintels, pieces
 
 ROOT = "home"
@@ -34,7 +35,6 @@ SKIRTING_SHADE = 0.78
 
 TRIM: Colour = (0.93, 0.91, 0.86)
 MESHES = "meshes"
-DIGITS = 6
 
 
 def build_home(layout_path: str | Path, out_path: str | Path | None = None, known: Catalog = BENCHMARK) -> Path:
@@ -60,7 +60,7 @@ def write_home(layout: Layout, path: Path) -> Path:
         _copy_meshes(load_model(model, layout.catalog), path.parent)
     for name, content in files.items():
         _write(path.parent / MESHES / name, content)
-    _write(path, to_xml(robot))
+    _write(path, urdf_bytes(robot))
     return path
 
 
@@ -98,25 +98,6 @@ def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.
     return robot
 
 
-def to_xml(robot: yourdfpy.Robot) -> bytes:
-    """Return a URDF's bytes, the same on every machine: numbers rounded to six digits, no negative zeros."""
-    urdf = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, filename_handler=str)
-    root = urdf.write_xml().getroot()
-    for element in root.iter():
-        for key, value in element.attrib.items():
-            if key not in ("name", "filename", "type", "link"):
-                element.set(key, " ".join([_number(word) for word in value.split()]))
-    etree.indent(root)
-    text = etree.tostring(root, encoding="utf-8").replace(b"/>", b" />")
-    return b"<?xml version='1.0' encoding='utf-8'?>\n" + bytes(text) + b"\n"
-
-
-@lru_cache(maxsize=4096)
-def _number(word: str) -> str:
-    """Return a number's shortest text with at most six digits after the point."""
-    return f"{round(float(word), DIGITS) + 0.0:.{DIGITS}f}".rstrip("0").rstrip(".")
-
-
 def _link(name: str, visuals: Sequence[Any] = (), collisions: Sequence[Any] = ()) -> yourdfpy.Link:
     """Return a link of zero mass, which a simulator takes as static."""
     inertial = yourdfpy.Inertial(origin=np.eye(4), mass=0.0, inertia=np.zeros((3, 3)))
@@ -135,9 +116,10 @@ def _centre(rect: Rect) -> tuple[float, float]:
     return (rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2
 
 
+@lru_cache(maxsize=4096)
 def _material(rgba: Sequence[float]) -> yourdfpy.Material:
     """Return a material named after its colour, so that equal names mean equal colours in the whole file."""
-    channels = [round(float(channel) * 255) for channel in rgba] + [255] * (4 - len(rgba))
+    channels = [round(channel * 255) for channel in rgba] + [255] * (4 - len(rgba))
     name = "rgba_" + "".join(f"{channel:02x}" for channel in channels)
     return yourdfpy.Material(name, yourdfpy.Color(np.array(channels) / 255))
 
@@ -229,7 +211,7 @@ def _furniture(piece: Furniture, known: Catalog) -> yourdfpy.Link:
     recoloured = {"primary": piece.color, "secondary": piece.secondary}
     visuals = []
     for visual in link.visuals:
-        material = _material(recoloured.get(visual.material.name) or visual.material.color.rgba)
+        material = _material(recoloured.get(visual.material.name) or tuple(visual.material.color.rgba.tolist()))
         visuals.append(yourdfpy.Visual(visual.name, visual.origin, _beside(visual.geometry), material))
     collisions = [yourdfpy.Collision(solid.name, solid.origin, _beside(solid.geometry)) for solid in link.collisions]
     return _link("", visuals, collisions)
@@ -239,7 +221,7 @@ def _beside(geometry: yourdfpy.Geometry) -> yourdfpy.Geometry:
     """Return a model's geometry with its mesh found beside the home."""
     if geometry.mesh is None:
         return geometry
-    return yourdfpy.Geometry(mesh=replace(geometry.mesh, filename=f"{MESHES}/{Path(geometry.mesh.filename).name}"))
+    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(f"{MESHES}/{basename(geometry.mesh.filename)}", geometry.mesh.scale))
 
 
 def _copy_meshes(model: Model, folder: Path) -> None:
@@ -250,7 +232,8 @@ def _copy_meshes(model: Model, folder: Path) -> None:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file whole or not at all; leave it alone where it is already so."""
-    if path.is_file() and path.read_bytes() == content:
-        return
+    with suppress(OSError):
+        if path.read_bytes() == content:
+            return
     with replacing(path) as temporary:
         temporary.write_bytes(content)

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -44,25 +45,29 @@ def check_numbers_of(part: Element) -> None:
         for name, count in _NUMBERS.get(element.tag, {}).items():
             text = element.get(name)
             if text is not None or name not in _OPTIONAL:
-                _check_numbers(f"<{element.tag} {name}={text!r}>", name, count, text or "")
+                problem = _problem_with(name, count, text or "")
+                if problem:
+                    raise ValueError(f"<{element.tag} {name}={text!r}> {problem}")
 
 
-def _check_numbers(label: str, name: str, count: int, text: str) -> None:
-    """Check the numbers of one attribute."""
+@lru_cache(maxsize=2**14)
+def _problem_with(name: str, count: int, text: str) -> str:
+    """Return what is wrong with the numbers of an attribute, or nothing; a home has the same ones again and again."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{label} is not {count} finite numbers; fix it")
+        return f"is not {count} finite numbers; fix it"
     if name in _LENGTHS and not min(numbers) > 0:
-        raise ValueError(f"{label} is not above 0; fix it")
+        return "is not above 0; fix it"
     if name in _LENGTHS and min(numbers) < _SMALLEST:
-        raise ValueError(f"{label} is below {_SMALLEST} m, too small to be there; make it larger or remove it")
+        return f"is below {_SMALLEST} m, too small to be there; make it larger or remove it"
     if name == "scale" and 0 in numbers:
-        raise ValueError(f"{label} leaves nothing of the mesh; fix it")
+        return "leaves nothing of the mesh; fix it"
     if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
-        raise ValueError(f"{label} is not within 0 and 1; divide by 255 what counts to 255")
+        return "is not within 0 and 1; divide by 255 what counts to 255"
+    return ""
 
 
 class Shapes:

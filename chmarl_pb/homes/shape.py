@@ -171,7 +171,12 @@ def read_mesh(name: str, source: Source) -> Mesh:
 def numbers_of(element: Element | None, name: str, default: Numbers = ()) -> Numbers:
     """Return the numbers of an attribute."""
     text = None if element is None else element.get(name)
-    return default if text is None else tuple(float(word) for word in text.split())
+    return default if text is None else _numbers_in(text)
+
+
+@lru_cache(maxsize=2**14)
+def _numbers_in(text: str) -> Numbers:
+    return tuple(float(word) for word in text.split())
 
 
 def read_origin(element: Element) -> Origin:

@@ -6,6 +6,7 @@ line. Rooms lie west and east of a wall that runs along y, south and north of on
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Literal
 
@@ -55,7 +56,13 @@ class Gap:
 
 def boundary(rooms: Mapping[str, Sequence[Rect]]) -> list[Wall]:
     """Return the closed walls between all rooms and the outside, without doorways."""
-    return [*_along("x", rooms), *_along("y", rooms)]
+    return list(_boundary(tuple((room, tuple(rects)) for room, rects in rooms.items())))
+
+
+@lru_cache(maxsize=16)
+def _boundary(rooms: tuple[tuple[str, tuple[Rect, ...]], ...]) -> tuple[Wall, ...]:
+    """Return the walls of rooms that are asked for again and again while a home is made."""
+    return (*_along("x", dict(rooms)), *_along("y", dict(rooms)))
 
 
 def gap_in(wall: Wall, rooms: tuple[str, str], centre: tuple[float, float], width: float) -> Gap | None:

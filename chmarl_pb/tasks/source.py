@@ -39,7 +39,7 @@ class TaskSource:
         self._stream = HomeStream() if split == STREAM and home is None else None
         self.episodes_in_a_home = EPISODES_IN_A_HOME if self._stream else 1
         fixed = () if split == "train" and known != BENCHMARK else kind.tasks(split)
-        self._tasks = [task for task in fixed if home is None or task.home == str(home)]
+        self._tasks = [task for task in fixed if home is None or task.home == self._homes[0]]
 
     def named(self, task: AnyTask | str) -> AnyTask:
         """Return a task given by itself or by its id.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from chmarl_pb.homes.generate.doors import Doorway
-from chmarl_pb.homes.generate.plan import RASTER, Box, Boxes, Plan, in_metres
+from chmarl_pb.homes.generate.plan import RASTER, WIDEST, Box, Boxes, Plan, in_metres
 from chmarl_pb.homes.walls import Gap, pieces
 
 RADIUS = 25
@@ -20,6 +20,10 @@ _DOOR_FREE = 80  # before and behind a doorway
 _LOW, _HIGH = 6, 170  # what reaches between these heights is in the way of robots
 _HUNG = 90  # what begins higher than this hangs over free floor
 
+# Where points of the raster and the ways between them start and end along an axis.
+_STARTS = np.arange(2 * WIDEST // RASTER + 2) // 2 * RASTER
+_ENDS = np.append(_STARTS[1:], _STARTS[-1])
+
 Solid = tuple[int, int, int, int, int, int]
 """Low x, low y, high x, high y, bottom, top."""
 
@@ -30,25 +34,33 @@ class FreeFloor:
     def __init__(self, plan: Plan, doors: Sequence[Doorway]):
         """Begin with bare rooms."""
         self.size = np.array([box for boxes in plan.values() for box in boxes])[:, 2:].max(axis=0)
-        self._solids = np.zeros((0, 6), dtype=np.int64)
-        self._keep = np.array([door.zone(_DOOR_FREE) for door in doors], dtype=np.int64).reshape(-1, 4)
+        self._solids = np.zeros((6, 0), dtype=np.int64)
+        self._keep = _columns([door.zone(_DOOR_FREE) for door in doors], 4)
         # Points of the raster at even places, the ways between neighbours at odd ones.
         self._open = np.zeros(2 * self.size // RASTER + 1, dtype=bool)
         self._open[::2], self._open[:, ::2] = True, True
         self._doors = [self._index(door.position) for door in doors]
         self._stands: list[list[tuple[slice, slice]]] = []
         for wall in walls(plan, doors):
-            self._open &= ~self._blocked((*wall, 0, 250))
+            _block(self._open, wall)
 
-    def clear(self, boxes: Boxes, bottom: int, top: int) -> NDArray[np.bool_]:
-        """Return which boxes (n, 4) of some height touch nothing, and stand on no floor that is to stay free."""
-        solids = self._solids[(bottom < self._solids[:, 5]) & (top > self._solids[:, 4])]
-        clear = ~_touch(boxes, solids)
-        return clear & ~_touch(boxes, self._keep) if bottom < _HUNG else clear
+    def clear(self, boxes: Boxes, heights: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
+        """Return at which places nothing is touched, and no floor stood on that is to stay free.
+
+        Args:
+            boxes: (4, boxes, places) that are to be free at a place.
+            heights: bottom and top of each box.
+        """
+        bottom, top = _columns(heights, 2)[..., None]
+        meet = (bottom < self._solids[5]) & (top > self._solids[4])
+        stand = np.repeat(bottom < _HUNG, self._keep.shape[1], axis=1)
+        others = np.concatenate([self._solids[:4], self._keep], axis=1)
+        return ~_touch(boxes, others, np.concatenate([meet, stand], axis=1))
 
     def unblocked(self, boxes: Boxes) -> NDArray[np.bool_]:
-        """Return on which boxes (n, 4) of floor nothing stands."""
-        return ~_touch(boxes, self._solids[self._solids[:, 4] < _HUNG])
+        """Return at which places nothing stands on some boxes (4, boxes, places) of floor."""
+        stand = self._solids[4] < _HUNG
+        return ~_touch(boxes, self._solids[:4], np.repeat(stand[None], boxes.shape[1], axis=0))
 
     def admit(self, solids: Sequence[Solid], keep: Sequence[Box], stands: Sequence[Sequence[Box]]) -> bool:
         """Put solids into the home unless they cut off a doorway or something that holds objects.
@@ -61,23 +73,24 @@ class FreeFloor:
         open_ = self._open.copy()
         for solid in solids:
             if solid[4] < _HIGH and solid[5] > _LOW:
-                open_ &= ~self._blocked(solid)
+                _block(open_, solid[:4])
         wanted = [*self._stands, *([self._window(box) for box in boxes] for boxes in stands)]
         if not self._reaches(open_, wanted):
             return False
         self._open, self._stands = open_, wanted
-        self._solids = np.concatenate([self._solids, np.array(solids, dtype=np.int64).reshape(-1, 6)])
-        self._keep = np.concatenate([self._keep, np.array(keep, dtype=np.int64).reshape(-1, 4)])
+        self._solids = np.concatenate([self._solids, _columns(solids, 6)], axis=1)
+        self._keep = np.concatenate([self._keep, _columns(keep, 4)], axis=1)
         return True
 
     def _reaches(self, open_: NDArray[np.bool_], stands: Sequence[Sequence[tuple[slice, slice]]]) -> bool:
         """Tell whether one connected floor has all doorways and a place to stand at each thing."""
+        if not (
+            all(open_[door] for door in self._doors) and _has_room(open_, stands)
+        ):  # a cheap test before the dear one
+            return False
         parts, _ = label(open_)
         main = parts[self._doors[0]]
-        if not main or any(parts[door] != main for door in self._doors):
-            return False
-        points = (parts == main)[::2, ::2]
-        return all(any(points[window].any() for window in windows) for windows in stands)
+        return all(parts[door] == main for door in self._doors) and _has_room(parts == main, stands)
 
     def _index(self, point: tuple[int, int]) -> tuple[int, int]:
         return 2 * point[0] // RASTER, 2 * point[1] // RASTER
@@ -87,27 +100,40 @@ class FreeFloor:
         x, y = (slice(max(-(-box[axis] // RASTER), 0), max(box[axis + 2] // RASTER + 1, 0)) for axis in (0, 1))
         return x, y
 
-    def _blocked(self, solid: Solid) -> NDArray[np.bool_]:
-        """Return at which points and on which ways a robot would touch a solid."""
-        squares = []
-        for axis in (0, 1):
-            place = np.arange(self._open.shape[axis])
-            low, high = place // 2 * RASTER, (place + 1) // 2 * RASTER
-            away = np.maximum(np.maximum(solid[axis] - high, low - solid[axis + 2]), 0)
-            squares.append(away * away)
-        blocked: NDArray[np.bool_] = squares[0][:, None] + squares[1][None, :] < RADIUS * RADIUS
-        return blocked
+
+def _has_room(floor: NDArray[np.bool_], stands: Sequence[Sequence[tuple[slice, slice]]]) -> bool:
+    """Tell whether one of the windows of each stand has a point of a floor."""
+    points = floor[::2, ::2]
+    return all(any(points[window].any() for window in windows) for windows in stands)
 
 
-def _touch(boxes: Boxes, others: Boxes) -> NDArray[np.bool_]:
-    """Return which boxes (n, 4) overlap one of some others (m, 4 or more)."""
-    if not len(boxes):
-        return np.zeros(0, dtype=bool)
-    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    near = others[((others[:, :2] < high) & (others[:, 2:4] > low)).all(axis=1)]
-    x0, y0, x1, y1 = boxes.T[:, :, None]
-    hit = (x0 < near[:, 2]) & (y0 < near[:, 3]) & (x1 > near[:, 0]) & (y1 > near[:, 1])
-    touch: NDArray[np.bool_] = hit.any(axis=1)
+def _columns(rows: Sequence[Sequence[int]], count: int) -> Boxes:
+    """Return rows of so many numbers as columns."""
+    return np.array(rows, dtype=np.int64).reshape(-1, count).T
+
+
+def _block(open_: NDArray[np.bool_], box: Box) -> None:
+    """Close the points and the ways on which a robot would touch a box."""
+    squares, window = [], []
+    for axis in (0, 1):
+        low, high = box[axis], box[axis + 2]
+        near = slice(max(2 * (low // RASTER) - 1, 0), min(2 * -(-high // RASTER) + 2, open_.shape[axis]))
+        away = np.maximum(np.maximum(low - _ENDS[near], _STARTS[near] - high), 0)
+        squares.append(away * away)
+        window.append(near)
+    open_[tuple(window)] &= squares[0][:, None] + squares[1] >= RADIUS * RADIUS
+
+
+def _touch(boxes: Boxes, others: Boxes, matter: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return at which places boxes (4, boxes, places) overlap those of some others (4, m) that matter (boxes, m)."""
+    if not boxes.size:
+        return np.zeros(boxes.shape[2], dtype=bool)
+    x0, y0, x1, y1 = boxes[:, :, None]
+    near = (others[0] < x1.max()) & (others[1] < y1.max()) & (others[2] > x0.min()) & (others[3] > y0.min())
+    near &= matter.any(axis=0)
+    low_x, low_y, high_x, high_y = others[:, near, None]
+    hit = (x0 < high_x) & (y0 < high_y) & (x1 > low_x) & (y1 > low_y) & matter[:, near, None]
+    touch: NDArray[np.bool_] = hit.any(axis=(0, 1))
     return touch
 
 

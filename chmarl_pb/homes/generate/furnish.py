@@ -53,14 +53,16 @@ def furnish(plan: Plan, doors: Sequence[Doorway], looks: Looks, draws: Draws) ->
     for site in draws.shuffled(sites):
         if len(things) + _PIECES_LEFT <= MOST:
             _MAY[site.kind](site)
+    classes = {load_model(thing.model).thing_class for thing in things}
+    if len(classes & BENCHMARK.receptacles.keys()) < LEAST_CLASSES:
+        return None
     for site in draws.shuffled(sites):
         left = MOST - len(things)
         if left > 0:
             pictures(site, min(draws.between(1, 2), left))
         if draws.chance(20):
             radiator(site)
-    classes = {load_model(thing.model).thing_class for thing in things}
-    return tuple(_in_order(plan, things)) if len(classes & BENCHMARK.receptacles.keys()) >= LEAST_CLASSES else None
+    return tuple(_in_order(plan, things))
 
 
 def _dine(sites: Sequence[Site]) -> bool:

@@ -5,7 +5,7 @@ A group has a frame of its own: u runs along the wall behind it, v out of that w
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from math import ceil
 
 from chmarl_pb.catalog import BENCHMARK
@@ -74,7 +74,7 @@ class Part:
         """Its class."""
         return extent(self.model).thing_class
 
-    @property
+    @cached_property
     def area(self) -> Area:
         """What it covers."""
         size = extent(self.model)
@@ -126,10 +126,21 @@ class Group:
     margin: int = 0
     sided: bool = False
 
-    @property
+    @cached_property
     def area(self) -> Area:
         """What its parts cover."""
         return around([part.area for part in self.parts])
+
+    @property
+    def around(self) -> Area:
+        """The same with its margin."""
+        u0, v0, u1, v1 = self.area
+        return u0 - self.margin, v0 - self.margin, u1 + self.margin, v1 + self.margin
+
+    @cached_property
+    def solid(self) -> tuple[Part, ...]:
+        """Its parts but for rugs, on which others may stand."""
+        return tuple(part for part in self.parts if part.thing_class != "rug")
 
 
 def around(areas: Sequence[Area]) -> Area:

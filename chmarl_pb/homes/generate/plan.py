@@ -24,7 +24,9 @@ DOORWAY = 175
 
 _SIZES = 20  # of a room that are tried
 _BEST = 5  # places that one is drawn from
-_WIDEST = 1900
+WIDEST = 1900
+"""From one end of a plan to the other."""
+
 #: What is liked of a place, drawn once for a home: weights of shared walls, of a short outer wall, of straight lines.
 _STYLES = ((2, 1, 2), (3, 2, 2), (2, 2, 3), (1, 1, 3), (1, 0, 3), (3, 1, 3), (2, 0, 3), (1, -1, 4))
 
@@ -146,7 +148,7 @@ def _steps(places: Boxes, laid: Boxes) -> Boxes:
 def _fits(plan: Plan) -> bool:
     """Tell whether a plan is not too wide and its rooms have outer walls for windows."""
     boxes = np.array([box for own in plan.values() for box in own])
-    if (boxes[:, 2:].max(axis=0) - boxes[:, :2].min(axis=0)).max() > _WIDEST:
+    if (boxes[:, 2:].max(axis=0) - boxes[:, :2].min(axis=0)).max() > WIDEST:
         return False
     return all(_outer(plan, room) >= rule_of(room).daylight for room in plan)
 

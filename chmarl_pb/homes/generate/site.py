@@ -4,15 +4,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chmarl_pb.catalog import room_kind
 from chmarl_pb.homes.generate.draws import Draws
 from chmarl_pb.homes.generate.free_floor import FreeFloor
-from chmarl_pb.homes.generate.groups import Area, Group, Part, extent
+from chmarl_pb.homes.generate.groups import Group, Part
 from chmarl_pb.homes.generate.looks import Looks, Pair, channels
 from chmarl_pb.homes.generate.plan import Box
-from chmarl_pb.homes.generate.spots import Pose, Spots, Stretch, along_walls, in_middle, inside, placed
+from chmarl_pb.homes.generate.spots import (
+    TURNS,
+    Pose,
+    Spots,
+    Stretch,
+    along_walls,
+    in_middle,
+    inside,
+    placed,
+    placed_at,
+)
 from chmarl_pb.homes.layout import Furniture
 
 MOST = 62
@@ -72,55 +81,36 @@ class Site:
 
     def at(self, group: Group, pose: Pose) -> bool:
         """Put a group at one place, and tell whether it can stand there."""
-        values = [np.array([value], dtype=np.int64) for value in pose]
-        return self._put(group, Spots(np.stack(values[:2], axis=1), values[2], values[3], np.zeros(1, dtype=np.int64)))
+        turn, none = TURNS.index((pose.yaw, pose.mirror)), np.zeros(1, dtype=np.int64)
+        return self._put(group, Spots(np.array([[pose.x], [pose.y]]), none + turn, none))
 
     def _put(self, group: Group, spots: Spots) -> bool:
         if len(self.things) + len(group.parts) > MOST or not len(spots.costs):
             return False
-        left = np.flatnonzero(self._fits(group, spots))
-        order = left[np.lexsort((self.draws.keys(len(left)), spots.costs[left]))] if len(left) else left
-        for number in order[:_TRIES].tolist():
-            x, y = spots.origins[number].tolist()
-            if self._admit(group, Pose(x, y, int(spots.yaws[number]), int(spots.mirrors[number]))):
-                return True
-        return False
+        free = self._free(group, spots)
+        if not len(free.costs):
+            return False
+        order = np.lexsort((self.draws.keys(len(free.costs)), free.costs))
+        return any(self._admit(group, free.pose(number)) for number in order[:_TRIES])
 
-    def _fits(self, group: Group, spots: Spots) -> NDArray[np.bool_]:
-        """Return at which places a group stands within the room, free of all that stands there already."""
-        fits = np.ones(len(spots.costs), dtype=bool)
-        for yaw in np.unique(spots.yaws).tolist():
-            for mirror in np.unique(spots.mirrors).tolist():
-                same = np.flatnonzero((spots.yaws == yaw) & (spots.mirrors == mirror))
-                fits[same] = self._fits_turned(group, Pose(0, 0, yaw, mirror), spots.origins[same])
-        return fits
-
-    def _fits_turned(self, group: Group, pose: Pose, origins: NDArray[np.int64]) -> NDArray[np.bool_]:
-        offsets: NDArray[np.int64] = np.concatenate([origins, origins], axis=1)
-
-        def there(area: Area) -> NDArray[np.int64]:
-            return offsets + np.array(placed(area, pose), dtype=np.int64)
-
-        fits = np.ones(len(origins), dtype=bool)
-        for part in group.parts:
-            if not fits.any():
-                return fits
-            boxes = there(part.area)
-            fits &= inside(boxes, self.boxes)
-            if extent(part.model).thing_class != "rug":
-                fits &= self.floor.clear(boxes, part.z, part.top)
-        for area in group.keep:
-            fits &= self.floor.unblocked(there(area)) & inside(there(area), self.boxes)
-        if group.margin:
-            u0, v0, u1, v1 = group.area
-            wide = there((u0 - group.margin, v0 - group.margin, u1 + group.margin, v1 + group.margin))
-            fits &= self.floor.unblocked(wide) & inside(wide, self.boxes)
-        return fits
+    def _free(self, group: Group, spots: Spots) -> Spots:
+        """Return the places at which a group stands within the room, free of all that stands there already."""
+        solid, rugs = group.solid, [part for part in group.parts if part.thing_class == "rug"]
+        floor = [*group.keep, *([group.around] if group.margin else [])]
+        areas = [*(part.area for part in (*solid, *rugs)), *floor]
+        boxes = placed_at(areas, spots)
+        within = inside(boxes, self.boxes).all(axis=0)
+        spots, boxes = spots.take(within), boxes[:, :, within]
+        clear = self.floor.clear(boxes[:, : len(solid)], [(part.z, part.top) for part in solid])
+        spots, boxes = spots.take(clear), boxes[:, :, clear]
+        return spots.take(self.floor.unblocked(boxes[:, len(areas) - len(floor) :]))
 
     def _admit(self, group: Group, pose: Pose) -> bool:
-        solid = [part for part in group.parts if part.thing_class != "rug"]
         admitted = self.floor.admit(
-            [(*placed(part.area, pose), part.z, part.top + _AIR * (part.thing_class in _NARROW)) for part in solid],
+            [
+                (*placed(part.area, pose), part.z, part.top + _AIR * (part.thing_class in _NARROW))
+                for part in group.solid
+            ],
             [placed(area, pose) for area in group.keep],
             [[placed(area, pose) for area in areas] for areas in group.stands],
         )

@@ -14,6 +14,9 @@ from chmarl_pb.homes.generate.plan import Box, Boxes, Plan, in_metres
 from chmarl_pb.homes.walls import boundary
 
 YAWS = (0, 90, 180, 270)
+TURNS = tuple((yaw, mirror) for yaw in YAWS for mirror in (1, -1))
+"""Yaws and mirrorings of groups."""
+
 _STEP = 10  # between places along a wall
 _GRID = 25  # between places in the middle of a room
 _TRIM = 8  # beside doorways
@@ -51,19 +54,22 @@ class Stretch:
         """How long it is."""
         return self.end - self.start
 
-    def pose(self, along: int, mirror: int = 1) -> Pose:
-        """Return the place of a group whose origin stands at a coordinate along the wall."""
-        x, y = (along, self.face) if self.yaw in (90, 270) else (self.face, along)
-        return Pose(x, y, self.yaw, mirror)
-
 
 class Spots(NamedTuple):
-    """Places of one group: origins (n, 2), and for each the yaw, the mirroring and how little it is liked."""
+    """Places of one group: origins (2, n), and for each the number of its turn and how little it is liked (n,)."""
 
     origins: Boxes
-    yaws: Boxes
-    mirrors: Boxes
+    turns: Boxes
     costs: Boxes
+
+    def take(self, which: NDArray[np.bool_]) -> "Spots":
+        """Return some of the places."""
+        return Spots(self.origins[:, which], self.turns[which], self.costs[which])
+
+    def pose(self, number: int) -> Pose:
+        """Return one of the places."""
+        x, y = self.origins[:, number].tolist()
+        return Pose(x, y, *TURNS[self.turns[number]])
 
 
 def placed(area: Area, pose: Pose) -> Box:
@@ -78,6 +84,19 @@ def placed(area: Area, pose: Pose) -> Box:
         270: (u0, -v1, u1, -v0),
     }[pose.yaw]
     return pose.x + x0, pose.y + y0, pose.x + x1, pose.y + y1
+
+
+# How a turn makes an area of another: the number that each of the new ones is, and its sign.
+_TURNED = np.array([placed((1, 2, 3, 4), Pose(0, 0, *turn)) for turn in TURNS])
+_NUMBERS, _SIGNS = np.abs(_TURNED) - 1, np.sign(_TURNED)
+
+
+def placed_at(areas: Sequence[Area], spots: Spots) -> Boxes:
+    """Return areas of a group's frame at each of some places: (4, areas, places)."""
+    turned = np.array(areas, dtype=np.int64).reshape(-1, 4)[:, _NUMBERS] * _SIGNS
+    x, y = spots.origins
+    boxes: Boxes = turned.transpose(2, 0, 1)[:, :, spots.turns] + np.stack([x, y, x, y])[:, None]
+    return boxes
 
 
 def stretches(plan: Plan, doors: Sequence[Doorway], room: str) -> tuple[Stretch, ...]:
@@ -115,44 +134,48 @@ def along_walls(group: Group, walls: Sequence[Stretch], prefer: str) -> Spots:
         walls: where it may stand.
         prefer: "corner", "middle" or "any" place along them.
     """
-    rows: list[tuple[int, int, int, int, int]] = []
     u0, _, u1, _ = group.area
+    rows = []  # turn, whether the wall runs along x, its surface, and where along it the first and the last place are
     for wall in walls:
-        left = 1 if wall.yaw in (0, 270) else -1  # direction of u along the wall
         for mirror in (1,) if group.sided else (1, -1):
-            low, high = sorted((mirror * left * u0, mirror * left * u1))
-            first, last = wall.start - low, wall.end - high
-            for along in (*range(first, last, _STEP), last) if first <= last else ():
-                ends = min(along - first, last - along)
-                cost = {"corner": ends, "middle": abs(2 * along - first - last) // 2}.get(prefer, 0)
-                rows.append((*wall.pose(along, mirror), cost // 20))
-    return _spots(rows)
+            low, high = (u0, u1) if (wall.yaw in (0, 270)) == (mirror > 0) else (-u1, -u0)
+            if high - low <= wall.length:
+                turn = TURNS.index((wall.yaw, mirror))
+                rows.append((turn, wall.yaw in (90, 270), wall.face, wall.start - low, wall.end - high))
+    table = np.array(rows, dtype=np.int64).reshape(-1, 5)
+    counts = 1 - (table[:, 3] - table[:, 4]) // _STEP
+    turns, level, face, first, last = np.repeat(table, counts, axis=0).T
+    number = np.arange(len(turns)) - np.repeat(np.cumsum(counts) - counts, counts)
+    along = np.minimum(first + _STEP * number, last)
+    costs = np.zeros_like(along)
+    if prefer == "corner":
+        costs = np.minimum(along - first, last - along) // 20
+    elif prefer == "middle":
+        costs = np.abs(2 * along - first - last) // 40
+    return Spots(np.where(level, (along, face), (face, along)), turns, costs)
 
 
 def in_middle(boxes: Sequence[Box], prefer: str) -> Spots:
     """Return places in a room given by its rectangles: "middle" ones first, or in any order."""
-    rows = []
+    turns = [TURNS.index((yaw, 1)) for yaw in YAWS]
+    found = []
     for x0, y0, x1, y1 in boxes:
-        centre = (x0 + x1) // 2, (y0 + y1) // 2
-        for x in range(x0 + _GRID, x1, _GRID):
-            for y in range(y0 + _GRID, y1, _GRID):
-                off = abs(x - centre[0]) + abs(y - centre[1]) if prefer == "middle" else 0
-                rows += [(x, y, yaw, 1, off // 50) for yaw in YAWS]
-    return _spots(rows)
-
-
-def _spots(rows: Sequence[tuple[int, int, int, int, int]]) -> Spots:
-    table = np.array(rows, dtype=np.int64).reshape(-1, 5)
-    return Spots(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+        ticks = np.arange(x0 + _GRID, x1, _GRID), np.arange(y0 + _GRID, y1, _GRID)
+        x, y, turn = (grid.ravel() for grid in np.meshgrid(*ticks, turns, indexing="ij"))
+        off = np.abs(x - (x0 + x1) // 2) + np.abs(y - (y0 + y1) // 2)
+        found.append((x, y, turn, off // 50 if prefer == "middle" else np.zeros_like(off)))
+    x, y, turn, costs = np.concatenate(found, axis=1)
+    return Spots(np.stack([x, y]), turn, costs)
 
 
 def inside(boxes: Boxes, rooms: Sequence[Box]) -> NDArray[np.bool_]:
-    """Return which boxes (n, 4) keep off the walls of a room that some rectangles make."""
-    low, high = boxes[:, :2] - WALL // 2, boxes[:, 2:] + WALL // 2
-    covered = np.zeros(len(boxes), dtype=np.int64)
-    for x0, y0, x1, y1 in rooms:
-        width = np.minimum(high[:, 0], x1) - np.maximum(low[:, 0], x0)
-        depth = np.minimum(high[:, 1], y1) - np.maximum(low[:, 1], y0)
+    """Return which boxes (4, ...) keep off the walls of a room that some rectangles make."""
+    x0, y0, x1, y1 = boxes
+    x0, y0, x1, y1 = x0 - WALL // 2, y0 - WALL // 2, x1 + WALL // 2, y1 + WALL // 2
+    covered = np.zeros_like(x0)
+    for low_x, low_y, high_x, high_y in rooms:
+        width = np.minimum(x1, high_x) - np.maximum(x0, low_x)
+        depth = np.minimum(y1, high_y) - np.maximum(y0, low_y)
         covered += np.maximum(width, 0) * np.maximum(depth, 0)
-    whole: NDArray[np.bool_] = covered == (high - low).prod(axis=1)
+    whole: NDArray[np.bool_] = covered == (x1 - x0) * (y1 - y0)
     return whole
