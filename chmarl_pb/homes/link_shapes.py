@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from contextlib import suppress
 from functools import lru_cache
+from pathlib import PurePosixPath
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -164,5 +165,17 @@ class Shapes:
             return read_mesh(name, self._source) if tag == "mesh" else self._source.named(name)
         except ValueError as error:
             problem = str(error)
-            remedy = f"; add the file or remove the {tag}" if problem.endswith("does not exist") else ""
-            raise ValueError(f"{tag} {name!r}: {problem}{remedy}") from error
+            if problem.endswith("does not exist"):
+                near = _near(name, self._source)
+                problem += f"; write {near!r}, as it is called" if near else f"; add the file or remove the {tag}"
+            raise ValueError(f"{tag} {name!r}: {problem}") from error
+
+
+def _near(name: str, source: Source) -> str:
+    """Return the name of a file that differs from a name only in its case or by backslashes, or nothing."""
+    wanted = PurePosixPath(name.replace("\\", "/"))
+    with suppress(ValueError, OSError):
+        for file in sorted(source.inside(source.urdf.parent, str(wanted)).parent.iterdir()):
+            if file.name.lower() == wanted.name.lower():
+                return str(wanted.with_name(file.name))
+    return ""

@@ -6,6 +6,7 @@ All that PyBullet will load is parsed here first, within limits: see :mod:`chmar
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -112,6 +113,9 @@ def _check_counts(root: Element) -> None:
     for tag, most in MOST.items():
         if counts[tag] > most:
             raise Refused(f"{counts[tag]:,} <{tag}> elements, at most {most:,} are read; remove or join some")
+    pairs = chain.from_iterable(map(Element.items, root.iter()))
+    if max(map(len, chain.from_iterable(pairs)), default=0) <= _LONGEST_VALUE:
+        return
     for element in root.iter():
         for name, value in element.attrib.items():
             if len(value) > _LONGEST_VALUE or len(name) > _LONGEST_VALUE:
@@ -154,7 +158,7 @@ def _joints(root: Element, links: dict[str, Element], found: Findings) -> _Joint
                 check_numbers_of(joint)
                 joints[child] = parent, read_origin(joint)
     roots = [name for name in links if name not in joints]
-    if len(roots) != 1:
+    if len(roots) > 1:  # with none, links go round: that is found when they are placed
         found.error(f"links {roots[:4]} have no parent; join all but one of them by fixed joints")
     return joints
 

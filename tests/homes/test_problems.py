@@ -53,6 +53,23 @@ def test_all_problems_are_found_in_one_pass(write_home: Write) -> None:
         assert problem.position is not None and len(problem.position) == 3
 
 
+def test_joints_that_go_round_are_told_as_that_alone(write_home: Write) -> None:
+    text = home_text(SMALL_HOME, '<joint name="round" type="fixed"><parent link="livingroom/floor_1"/>'
+                     '<child link="world"/></joint>\n')  # fmt: skip
+    told = [str(problem) for problem in check_home(write_home(text)).problems]
+    assert "its own ancestor" in told[0] and not any("no parent" in line for line in told)
+
+
+@pytest.mark.parametrize("name", ["Shapes/mug.OBJ", "Shapes\\Mug.obj"])
+def test_a_mesh_whose_name_is_nearly_right(write_home: Write, name: str) -> None:
+    path = write_home(home_text(SMALL_HOME, f'<link name="livingroom/tv_1"><visual><geometry><mesh filename="{name}"/>'
+                      '</geometry></visual></link>\n<joint name="j" type="fixed"><parent link="world"/>'
+                      '<child link="livingroom/tv_1"/></joint>\n'))  # fmt: skip
+    (path.parent / "Shapes").mkdir()
+    (path.parent / "Shapes" / "Mug.obj").touch()
+    assert any("write 'Shapes/Mug.obj'" in str(problem) for problem in check_home(path).errors)
+
+
 def test_an_environment_tells_the_first_and_how_many_there_are(write_home: Write) -> None:
     with pytest.raises(HomeError, match=r"^[^\n]*revolute[^\n]*\(and \d+ more[^\n]*homes check[^\n]*\)$"):
         load_home(write_home(broken()))
