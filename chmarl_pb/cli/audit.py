@@ -18,6 +18,9 @@ from chmarl_pb.evaluation.audit_file import Audit, Line
 from chmarl_pb.policies.registry import PARTS
 
 
+_WIDTH = 150  # columns of a table that goes into a file
+
+
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run_audit, track="paper")
@@ -53,7 +56,8 @@ def run_audit(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps({**found.settings, "rows": list(map(asdict, found.lines))}, indent=1))
         return 0
-    print_audit(Console(), found)
+    console = Console()
+    print_audit(console if console.is_terminal else Console(width=_WIDTH), found)
     print(out)
     return 0
 
@@ -69,8 +73,9 @@ def print_audit(console: Console, found: Audit) -> None:
     settings = found.settings
     title = f"audit of {settings['split']}, {settings['track']} track, {settings['observation']}"
     table = Table(title=title, title_justify="left")
-    for column in ("", *PARTS, "success %", "95 % interval", "PLW %", "95 % interval", "steps if solved"):
-        table.add_column(column, justify="center" if column in PARTS else "right" if column else "left")
+    table.add_column("", no_wrap=True)
+    for column in (*PARTS, "success %", "95 % interval", "PLW %", "95 % interval", "steps if solved"):
+        table.add_column(column, justify="center" if column in PARTS else "right")
     for line in found.lines:
         table.add_row(line.name, *_cells(line))
     console.print(table)
