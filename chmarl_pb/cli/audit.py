@@ -17,7 +17,6 @@ from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
 from chmarl_pb.policies.registry import PARTS
 
-
 _WIDTH = 150  # columns of a table that goes into a file
 
 
