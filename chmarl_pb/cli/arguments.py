@@ -2,10 +2,11 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from chmarl_pb.catalog import Catalog
-from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import PAPER, TRACKS
+from chmarl_pb.envs.options import SYMBOLS, Options
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.robots.registry import TEAM, listed
 
 OBSERVATIONS = ("scene_graph", "visual")
@@ -36,6 +37,38 @@ def add_robots(parser: argparse.ArgumentParser) -> None:
 def add_track(parser: argparse.ArgumentParser) -> None:
     """Add the option that names the track."""
     parser.add_argument("--track", choices=tuple(TRACKS), default=PAPER, help="rules (default: paper)")
+
+
+def add_rules(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name the track and its rules one by one."""
+    add_track(parser)
+    words = parser.add_mutually_exclusive_group()
+    for flag, value, text in (
+        ("--messages", True, "the message board (default of the track paper)"),
+        ("--no-messages", False, "messages read as zeros"),
+        ("--symbols", SYMBOLS, "no board; robots have own words (default of the track grounded)"),
+    ):
+        words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
+    parser.add_argument(
+        "--feedback", choices=("paper", "planner"), default=OF_TRACK,
+        help="style of the language feedback (default: paper; grounded: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--no-feedback", dest="feedback", action="store_const", const=False, default=OF_TRACK,
+        help="no language feedback",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pointing", action=argparse.BooleanOptionalAction, default=OF_TRACK,
+        help="Pick and Place name a cell of the robot's picture (default: in the track grounded)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
+    )
+
+
+def rules_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of the environment that ``add_rules`` has added."""
+    return {name: getattr(options, name) for name in ("track", "messages", "feedback", "pointing", "max_steps")}
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:

@@ -6,24 +6,23 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import Progress, TaskID
-from rich.table import Table
 
-from chmarl_pb.cli.arguments import output_file
+from chmarl_pb.cli.arguments import add_rules, output_file, rules_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.envs.options import SENSORS
+from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
-from chmarl_pb.policies.registry import PARTS
-
-_WIDTH = 150  # columns of a table that goes into a file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
-    parser.set_defaults(run=run_audit, track="paper")
-    parser.add_argument("--split", default="test-unseen", metavar="S", help="split (default: test-unseen)")
+    parser.set_defaults(run=run_audit)
+    add_rules(parser)
+    parser.add_argument(
+        "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
+    )
     parser.add_argument(
         "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
     )
@@ -46,18 +45,17 @@ def run_audit(options: argparse.Namespace) -> int:
         TaskError: there is no such split or task.
         OptionError: a number is less than 1.
     """
-    out = options.out or Path("out/audit") / f"{options.track}-{options.split}.json"
+    split = TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
+    out = options.out or Path("out/audit") / f"{options.track}-{split}.json"
     with progress_bar() as bar:
         found = audit(
-            options.split, options.track, range(options.seeds), options.workers, out, partial(_advance, bar, {}),
-            observation=options.observation, tasks=options.task,
+            split, seeds=range(options.seeds), workers=options.workers, out=out, progress=partial(_advance, bar, {}),
+            observation=options.observation, tasks=options.task, **rules_of(options),
         )  # fmt: skip
     if options.json:
         print(json.dumps({**found.settings, "rows": list(map(asdict, found.lines))}, indent=1))
         return 0
-    console = Console()
-    print_audit(console if console.is_terminal else Console(width=_WIDTH), found)
-    print(out)
+    print("\n".join([*table_of(found), "", _best(found), str(out)]))
     return 0
 
 
@@ -67,25 +65,20 @@ def _advance(bar: Progress, tasks: dict[str, TaskID], row: str, finished: int, t
     bar.update(tasks[row], completed=finished, total=total)
 
 
-def print_audit(console: Console, found: Audit) -> None:
-    """Print the table of an audit, and the score that a learner's is to be measured by."""
-    settings = found.settings
-    title = f"audit of {settings['split']}, {settings['track']} track, {settings['observation']}"
-    table = Table(title=title, title_justify="left")
-    table.add_column("", no_wrap=True)
-    for column in (*PARTS, "success %", "95 % interval", "PLW %", "95 % interval", "steps if solved"):
-        table.add_column(column, justify="center" if column in PARTS else "right")
-    for line in found.lines:
-        table.add_row(line.name, *_cells(line))
-    console.print(table)
-    best = found.best_blind
-    blind = f"best of those that do not see: {best.name}, PLW {percent(best.plw)}"
-    console.print(f"{blind}; a score is to be read as its gain over that")
+def table_of(found: Audit) -> list[str]:
+    """Return the table of an audit as lines of Markdown."""
+    head = ("policy", "uses", "success %", "95 % interval", "PLW %", "95 % interval", "steps if solved")
+    return [f"| {' | '.join(head)} |", f"|---|---|{'--:|' * (len(head) - 2)}", *map(_row, found.lines)]
 
 
-def _cells(line: Line) -> list[str]:
-    return [
-        *("x" if part in line.uses else "" for part in PARTS),
-        percent(line.success_rate), interval(line.success_rate), percent(line.plw), interval(line.plw),
-        number(line.steps),
-    ]  # fmt: skip
+def _row(line: Line) -> str:
+    rates = (line.success_rate, line.plw)
+    known = [text for rate in rates for text in (percent(rate), interval(rate) if rate.low is not None else "")]
+    return f"| {' | '.join([line.name, ', '.join(line.uses), *known, number(line.steps)])} |"
+
+
+def _best(found: Audit) -> str:
+    """Return the score that a learner's is to be measured by."""
+    settings, best = found.settings, found.best_blind
+    where = f"{settings['split']}, {settings['track']} track, {settings['observation']}"
+    return f"{where}: best of those that do not see: {best.name}, PLW {percent(best.plw)}; scores are gains over that"

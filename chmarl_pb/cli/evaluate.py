@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_track, output_file
-from chmarl_pb.envs.options import SENSORS, SYMBOLS
+from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_rules, output_file, rules_of
+from chmarl_pb.envs.options import SENSORS
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
     )
-    add_track(parser)
+    add_rules(parser)
     parser.add_argument(
         "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
     )
@@ -38,29 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
-    words = parser.add_mutually_exclusive_group()
-    for flag, value, text in (
-        ("--messages", True, "the message board (default of the track paper)"),
-        ("--no-messages", False, "messages read as zeros"),
-        ("--symbols", SYMBOLS, "no board; robots have own words (default of the track grounded)"),
-    ):
-        words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
-    parser.add_argument(
-        "--feedback", choices=("paper", "planner"), default=OF_TRACK,
-        help="style of the language feedback (default: paper; grounded: none)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--no-feedback", dest="feedback", action="store_const", const=False, default=OF_TRACK,
-        help="no language feedback",
-    )  # fmt: skip
     parser.add_argument("--goal", action="store_true", help=GOAL)
-    parser.add_argument(
-        "--pointing", action=argparse.BooleanOptionalAction, default=OF_TRACK,
-        help="Pick and Place name a cell of the robot's picture (default: in the track grounded)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
-    )
     add_robots(parser)
     add_home(parser, "--draw tasks are drawn for it, the same every time")
     parser.add_argument("--draw", type=int, default=20, metavar="N", help="tasks for --home (default: %(default)s)")
@@ -90,9 +68,8 @@ def run_evaluation(options: argparse.Namespace) -> int:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, messages=options.messages,
-            feedback=options.feedback, max_steps=options.max_steps, goal=options.goal, robots=options.robots,
-            catalog=options.catalog, pointing=options.pointing, track=options.track,
+            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, goal=options.goal,
+            robots=options.robots, catalog=options.catalog, **rules_of(options),
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)

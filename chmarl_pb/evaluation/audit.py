@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.evaluation.audit_file import Audit, Line
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.result import Report
@@ -52,8 +53,8 @@ class Row:
 
 
 def audit(
-    split: str = "test-unseen",
-    track: str = "paper",
+    split: str = OF_TRACK,
+    track: str = PAPER,
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
     out: Path | str | None = None,
@@ -67,8 +68,8 @@ def audit(
     False
 
     Args:
-        split: all its tasks are played; of "train", the first 250.
-        track: rules of the game.
+        split: all its tasks are played; of "train", the first 250. If none is given, that of the track's headline.
+        track: its rules are played; single ones may be given as options.
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.
         out: JSON file for the audit. The results of its rows lie in a folder of the same name without the ending; rows
@@ -83,7 +84,8 @@ def audit(
         WorkerError: a process died; finished episodes are kept.
         WriteError: a file cannot be written.
     """
-    given = options if track == "paper" else {"track": track, **options}
+    split = TEST_SPLITS.get(track, "") if split is OF_TRACK else split
+    given = {"track": track, **options}
     setting = Options(**{"split": split, **_of_env(given)})
     file = None if out is None else Path(out)
     lines, reports = list[Line](), list[Report]()

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.provenance import tasks_hash
@@ -103,7 +104,7 @@ def _line(row: dict[str, Any]) -> Line:
 
 
 @cache
-def published_audit(split: str, track: str = "paper") -> Audit | None:
+def published_audit(split: str, track: str = PAPER) -> Audit | None:
     """Return the audit of a split that comes with the package; None if there is none of its present tasks."""
     path = FOLDER / f"{track}-{split}.json"
     if not path.is_file():

@@ -25,7 +25,7 @@ def gain(plws: Sequence[float], split: str) -> float | None:
 def gain_of(report: Report) -> float | None:
     """Return the gain of a result in points; None where no audit is of its tasks and rules."""
     settings = report.settings
-    found = published_audit(settings["split"], settings["options"].get("track", "paper"))
+    found = published_audit(settings["split"], report.track)
     if found is None or not _comparable(report, found):
         return None
     return 100 * (report.plw - (found.best_blind.plw.mean or 0.0))

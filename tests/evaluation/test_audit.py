@@ -44,7 +44,7 @@ def test_a_setting_has_the_rows_that_can_differ_in_it() -> None:
     assert len(set(names)) == len(names) and len({row.slug for row in rows_of(Options())}) == len(names)
     assert {"blind, no feedback", "blind, no feedback and no messages", "feedback-only, planner's words"} <= set(names)
     assert "blind, no messages" not in names  # that is feedback-only
-    grounded = [row.name for row in rows_of(Options(pointing=True, messages="symbols", feedback=False))]
+    grounded = [row.name for row in rows_of(Options(track="grounded"))]
     assert set(grounded) == {
         "random", "blind", "open-loop", "instruction-blind", "partner-blind", "reactive", "search", "belief", "planner"
     }  # fmt: skip
