@@ -101,7 +101,10 @@ def test_the_command_prints_a_table_or_json(folder: Path, capsys: pytest.Capture
     given += ["--out", str(folder / "command.json")]
     assert main(given) == 0
     table = capsys.readouterr().out
-    assert "instruction-blind" in table and "best of those that do not see" in table
+    assert (
+        "| instruction-blind | eyes, messages, feedback, partner |" in table
+        and "best of those that do not see" in table
+    )
     assert main([*given, "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["rows"]) == len(rows_of(Options()))
 
