@@ -140,6 +140,7 @@ def _of_split(report: Report) -> dict[str, Any]:
         "tasks_sha256": report.settings["tasks_sha256"],
         "seconds": report.run["seconds"],
         "summary": asdict(report.summary),
+        "per_wording": {name: asdict(summary) for name, summary in report.per_wording.items()},
         "ends": {str(phi): count for phi, count in sorted(Counter(one.potential for one in report.episodes).items())},
         "plw_search": None if gain is None else gain.plw_search,
         "cooperation_share": None if gain is None else gain.share,

@@ -8,6 +8,7 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.envs.options import SYMBOLS, Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.robots.registry import TEAM, listed
+from chmarl_pb.tasks.language.templates import REVISIONS
 
 OBSERVATIONS = ("scene_graph", "visual")
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
@@ -62,13 +63,17 @@ def add_rules(parser: argparse.ArgumentParser) -> None:
         help="Pick and Place name a cell of the robot's picture (default: in the track grounded)",
     )  # fmt: skip
     parser.add_argument(
+        "--templates", type=int, choices=REVISIONS, default=OF_TRACK, help="2: mended sentences (default of grounded)"
+    )
+    parser.add_argument(
         "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
     )
 
 
 def rules_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment that ``add_rules`` has added."""
-    return {name: getattr(options, name) for name in ("track", "messages", "feedback", "pointing", "max_steps")}
+    names = ("track", "messages", "feedback", "pointing", "templates", "max_steps")
+    return {name: getattr(options, name) for name in names}
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:

@@ -17,9 +17,11 @@ from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
+from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, GENERATED_HOMES, load_tasks
 
 _SPLITS = {PAPER: BENCHMARK_SPLITS, GROUNDED: tuple(GENERATED_HOMES)}  # track -> its splits
+_SCORES = (("success %", "success_rate"), ("PLW %", "plw"))
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -86,6 +88,11 @@ def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
         "PLW %": lambda report: percent(report.summary.plw),
         "PLW %, 95 % interval": lambda report: interval(report.summary.plw),
         "steps if solved": lambda report: number(report.summary.length_on_success),
+        **{
+            f"{title}, {name} wording": partial(_of_wording, metric, name)
+            for title, metric in _SCORES
+            for name in WORDINGS
+        },
     }
     played = next(iter(reports.values()))
     return [
@@ -96,6 +103,11 @@ def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:
         ]
         for metric, cell in cells.items()
     ]
+
+
+def _of_wording(metric: str, wording: str, report: Report) -> str:
+    summary = report.per_wording.get(wording)
+    return percent(getattr(summary, metric)) if summary else "-"
 
 
 def _difficulty(reports: dict[str, dict[str, Report]], most: int) -> list[str]:

@@ -104,6 +104,8 @@ def print_report(console: Console, report: Report) -> None:
     for home, summary in report.per_home.items() if len(report.per_home) <= _MOST_HOMES else ():
         table.add_row(home, *_cells(summary))
     table.add_section()
+    for wording, summary in report.per_wording.items() if len(report.per_wording) > 1 else ():
+        table.add_row(f"{wording} words", *_cells(summary))
     table.add_row("all", *_cells(report.summary), style="bold")
     console.print(table)
     _print_notes(console, report)

@@ -113,7 +113,7 @@ class DaggerMappo(Play):
 
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
-        same = ("seed", "horizon", "features", "hidden", "encoder", "image_encoder", "graph_pool")
+        same = ("seed", "horizon", "features", "hidden", "encoder", "image_encoder", "graph_pool", "word_vectors")
         imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})
         _play("imitation", imitation, self.env, self.place, folder / IMITATION)
         mappo = replace(self.config, start=str(folder / IMITATION / BEST))

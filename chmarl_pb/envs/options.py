@@ -22,6 +22,7 @@ from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
 from chmarl_pb.tasks.kinds import KINDS, TaskKind
+from chmarl_pb.tasks.language.templates import REVISIONS
 from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLITS, homes_of
 from chmarl_pb.tasks.symbols import Symbols, Talk
@@ -67,6 +68,8 @@ class Options:
             :class:`RobotModel` objects.
         catalog: catalogue file (TOML) of own objects and furniture; None: the one that
             ``CHMARL_CATALOG`` names, if any.
+        templates: revision of the sentences of instructions and feedback: 1, the benchmark's, or 2, the same tasks in
+            mended sentences.
         track: "paper" or "grounded"; options that are not given have its values, see :mod:`chmarl_pb.envs.tracks`.
     """
 
@@ -85,6 +88,7 @@ class Options:
     robots: tuple[str | Path | RobotModel, ...] = TEAM
     catalog: str | Path | None = None
     pointing: bool = OF_TRACK
+    templates: int = OF_TRACK
     track: str = PAPER
 
     def __post_init__(self) -> None:
@@ -109,6 +113,7 @@ class Options:
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
         _one_of("pointing", self.pointing, (True, False))
+        _one_of("templates", self.templates, REVISIONS)
         _one_of("task", self.task, tuple(KINDS), TaskKind)
         team_of(self.robots)
         object.__setattr__(self, "robots", tuple(self.robots))  # a list of the same is the same option
@@ -170,7 +175,8 @@ class Options:
             return deepcopy(self.feedback)
         if not self.feedback:
             return None
-        return SpokenAdviser(CRITICS[self.feedback if isinstance(self.feedback, str) else STYLES[0]])
+        critic = CRITICS[self.feedback if isinstance(self.feedback, str) else STYLES[0]]
+        return SpokenAdviser(critic, self.templates)
 
     @property
     def kind(self) -> TaskKind:

@@ -89,7 +89,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.possible_agents = list(self._models)
         self.agents: list[str] = []
         self.catalog = self.options.things
-        self._kind = speaking_of(self.options.kind, self.catalog)
+        self._kind = speaking_of(self.options.kind, self.catalog, self.options.templates)
         self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
         given = self.options
         load = partial(

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from chmarl_pb.evaluation.metrics import Played, path_weighted
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.tasks.language import WORDINGS, wording_of_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 FOLDER = Path(__file__).parent / "references"
@@ -123,6 +124,12 @@ def reference_scores(split: str, max_steps: int, tasks: Iterable[AnyTask] | None
         solved = fmean(fmean(steps is not None for steps in lengths) for lengths in cut.values())
         scores[name] = Score(solved, fmean(_score(task, lengths) for task, lengths in cut.items()))
     return scores
+
+
+def reference_scores_by_wording(split: str, max_steps: int) -> dict[str, dict[str, Score]]:
+    """Return wording of the instructions, "seen" or "held-out" -> what ``reference_scores`` says of those tasks."""
+    tasks = {name: [task for task in evaluated_tasks(split) if wording_of_task(task) == name] for name in WORDINGS}
+    return {name: reference_scores(split, max_steps, same) for name, same in tasks.items()}
 
 
 def gain_share(plw: float, alone: float) -> float | None:

@@ -11,6 +11,7 @@ from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
 from chmarl_pb.evaluation.intervals import interval
 from chmarl_pb.evaluation.optimum import Optimum, optimum, tasks_say_optimum
+from chmarl_pb.tasks import language
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 
@@ -26,6 +27,7 @@ class Played:
         potential: phi at the end.
         actions: the numbers of the robots' actions in every step.
         optimum: of a success with other robots than the benchmark's, their L*; else the task has it.
+        instruction: what was asked for; empty in older results, where the task tells it.
     """
 
     task: AnyTask
@@ -35,6 +37,7 @@ class Played:
     potential: float
     actions: tuple[tuple[int, ...], ...] = ()
     optimum: Optimum | None = None
+    instruction: str = ""
 
     @property
     def job(self) -> tuple[AnyTask, int]:
@@ -50,6 +53,13 @@ class Played:
     def optimal_steps(self) -> int:
         """L* of the robots; of other robots than the benchmark's only where they have solved the task."""
         return self.optimum.steps if self.optimum else self.task.optimal_steps
+
+    @property
+    def wording(self) -> str:
+        """Whether training shows all the words of the instruction: "seen" or "held-out"."""
+        if self.instruction:
+            return language.wording_of(self.instruction)
+        return language.wording_of_task(self.task)
 
 
 @dataclass(frozen=True)
@@ -117,7 +127,9 @@ def played(env: HouseholdEnv, episode: Episode, seed: int) -> Played:
     """
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
     shortest = optimum(env) if episode.success and not tasks_say_optimum(env) else None
-    return Played(episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest)
+    return Played(
+        episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest, env.instruction
+    )  # fmt: skip
 
 
 def summarize(episodes: Sequence[Played], intervals: bool = True) -> Summary:
@@ -148,6 +160,12 @@ def summarize_by(episodes: Sequence[Played], key: Callable[[AnyTask], str]) -> d
     for episode in episodes:
         groups[key(episode.task)].append(episode)
     return {name: summarize(groups[name], intervals=False) for name in sorted(groups)}
+
+
+def summarize_by_wording(episodes: Sequence[Played]) -> dict[str, Summary]:
+    """Return the metrics of episodes with seen and with held-out wording, of those that there are, in this order."""
+    groups = {name: [episode for episode in episodes if episode.wording == name] for name in language.WORDINGS}
+    return {name: summarize(same) for name, same in groups.items() if same}
 
 
 def bootstrap_interval(episodes: Sequence[Played], value: Callable[[Played], float]) -> tuple[float, float]:

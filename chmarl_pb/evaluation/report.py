@@ -110,7 +110,7 @@ def _words(observation: str) -> str:
 
 def _groups(report: Report) -> str:
     name = f"{title_of(report)}, {report.settings['split']}, {_words(report.settings['observation'])}"
-    tables = [group_table("home", report.per_home)]
+    tables = [group_table("wording", report.per_wording), group_table("home", report.per_home)]
     tables += [group_table(role, summaries) for role, summaries in report.per_class.items()]
     return f"<details><summary>{escape(name)}</summary>{''.join(tables)}</details>"
 

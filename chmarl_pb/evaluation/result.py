@@ -11,7 +11,7 @@ from typing import Any
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
-from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by
+from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by, summarize_by_wording
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.files import write_atomically
@@ -54,6 +54,11 @@ class Report:
             "target": summarize_by(self.episodes, lambda task: task.target),
         }
 
+    @cached_property
+    def per_wording(self) -> dict[str, Summary]:
+        """Wording of the instructions, "seen" in training or "held-out" of it, -> metrics."""
+        return summarize_by_wording(self.episodes)
+
     @property
     def changed(self) -> str:
         """Names of environment, robots, objects and rules that are not the benchmark's own; empty if there are none."""
@@ -67,6 +72,7 @@ class Report:
             "own words": options["messages"] == "symbols" != rules["messages"],
             "message board": options["messages"] is True is not rules["messages"],
             "feedback": options["feedback"] and not rules["feedback"],
+            f"sentences {options.get('templates')}": options.get("templates", rules["templates"]) != rules["templates"],
         }
         return ", ".join([*filter(None, [self.foreign]), *(name for name, holds in own.items() if holds)])
 
@@ -132,6 +138,7 @@ class Report:
             "run": self.run,
             "summary": asdict(self.summary),
             "cooperation": asdict(self.cooperation) if self.cooperation else None,
+            "per_wording": _plain(self.per_wording),
             "per_home": _plain(self.per_home),
             "per_class": groups,
         }
@@ -199,9 +206,8 @@ def _json(value: Any) -> str:
 
 
 def episode_row(episode: Played) -> dict[str, Any]:
-    """Return an episode as plain data for JSON; L* only where the task does not have it."""
-    row = asdict(episode)
-    return row if episode.optimum else {name: value for name, value in row.items() if name != "optimum"}
+    """Return an episode as plain data for JSON; L* only where the task does not have it, no instruction if unknown."""
+    return {name: value for name, value in asdict(episode).items() if value or name not in ("optimum", "instruction")}
 
 
 def episode_of(row: dict[str, Any]) -> Played:

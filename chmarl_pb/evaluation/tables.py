@@ -1,12 +1,13 @@
 """The report's tables: the paper's numbers beside ours in the same layout, and all results one by one."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from statistics import fmean
 
 import numpy as np
 
 from chmarl_pb.envs.options import MAX_STEPS, Options
-from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.cooperation import SEARCH, Score, reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import gain_of, points
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
@@ -14,6 +15,7 @@ from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.policies.registry import SHORTCUTS
+from chmarl_pb.tasks.language import WORDINGS
 
 _NONE = "-"
 
@@ -79,20 +81,26 @@ def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
     rows = []
     for name in (*SHORTCUTS, SEARCH):
         if name not in given and all(name in of_split for of_split in scores.values()):
-            cells = "".join(
-                f"<td>{100 * scores[split][name][metric]:.2f}</td>" for metric in (0, 1) for split in SPLITS
-            )
+            cells = "".join(_reference_cell(split, name, metric) for metric in Score._fields for split in SPLITS)
             note = f"<br><small>{SHORTCUTS.get(name, 'looks for X and Y by rule')}</small>"
             rows.append(f'<tr class="built-in"><th>{name}{note}</th><td class="whose">built in</td>{cells}</tr>')
     return rows
+
+
+def _reference_cell(split: str, policy: str, metric: str) -> str:
+    scores = reference_scores_by_wording(split, MAX_STEPS)
+    means = {name: getattr(same[policy], metric) for name, same in scores.items() if same}
+    whole = getattr(reference_scores(split, MAX_STEPS)[policy], metric)
+    return f"<td>{100 * whole:.2f}{_by_wording(means)}</td>"
 
 
 def _our_cells(reports: Sequence[Report]) -> str:
     cells = []
     for metric in ("success_rate", "plw"):
         for split in SPLITS:
-            values = [100 * getattr(report, metric) for report in reports if report.settings["split"] == split]
-            cells.append(f"<td>{_mean_of(values)}</td>")
+            same = [report for report in reports if report.settings["split"] == split]
+            values = [100 * getattr(report, metric) for report in same]
+            cells.append(f"<td>{_mean_of(values)}{_by_wording(_means(same, metric))}</td>")
     return "".join(cells)
 
 
@@ -103,11 +111,24 @@ def _mean_of(values: Sequence[float]) -> str:
     return f"{np.mean(values):.2f}{deviation}"
 
 
+def _means(reports: Sequence[Report], metric: str) -> dict[str, float]:
+    """Return wording of the instructions -> a metric's mean over results, 0 to 1."""
+    summaries = {name: [one.per_wording[name] for one in reports if name in one.per_wording] for name in WORDINGS}
+    return {name: fmean(getattr(one, metric).mean or 0 for one in same) for name, same in summaries.items() if same}
+
+
+def _by_wording(means: Mapping[str, float]) -> str:
+    """Return a line with a score for seen and for held-out wording; none if there is but one of them."""
+    parts = [f"{name} {100 * mean:.1f}" for name, mean in means.items()]
+    return f"<br><small>{', '.join(parts)}</small>" if len(parts) > 1 else ""
+
+
 def result_table(reports: Sequence[Report]) -> str:
     """Return a table of all results, one row each."""
     head = (
         "<tr><th>policy</th><th>split</th><th>observation</th><th>tasks</th><th>seeds</th><th>success %</th>"
-        "<th>PLW %</th><th>steps<br>if solved</th><th>final<br>potential</th><th>gain from<br>cooperation</th>"
+        "<th>PLW %</th><th>success / PLW %<br>by wording</th><th>steps<br>if solved</th>"
+        "<th>final<br>potential</th><th>gain from<br>cooperation</th>"
         "<th>gain over the<br>best blind</th></tr>"
     )
     return _table(head, map(_result_row, reports))
@@ -119,13 +140,22 @@ def _result_row(report: Report) -> str:
     share = _NONE if gain is None or gain.share is None else f"{100 * gain.share:.0f} %"
     values = (
         settings["split"], settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
-        _rate(summary.success_rate), _rate(summary.plw), _plain(summary.length_on_success),
+        _rate(summary.success_rate), _rate(summary.plw), _both(report), _plain(summary.length_on_success),
         _plain(summary.final_potential), share, points(gain_of(report)) or _NONE,
     )  # fmt: skip
     policy = str(settings["policy"])
     source = "" if label_of(report) == policy else f"<br><small>{escape(policy)}</small>"
     cells = "".join(f"<td>{value}</td>" for value in values)
     return f"<tr><th>{escape(title_of(report))}{source}</th>{cells}</tr>"
+
+
+def _both(report: Report) -> str:
+    """Return the scores for seen and for held-out wording."""
+    lines = (
+        f"{name}: {100 * (summary.success_rate.mean or 0):.1f} / {100 * (summary.plw.mean or 0):.1f}"
+        for name, summary in report.per_wording.items()
+    )
+    return "<br>".join(lines)
 
 
 def group_table(title: str, summaries: dict[str, Summary]) -> str:

@@ -75,6 +75,7 @@ class RunConfig:
         encoder: of observations: a name in ``networks.encoders.ENCODERS``, or ``module:name``.
         image_encoder: of pictures: "cnn" learns; all others are frozen, see ``networks.frozen``.
         graph_pool: of scene graphs: "mean" (the paper's), or "gated" by the instruction.
+        word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         validation_interval: episodes between two validations.
         checkpoint_interval: episodes between two checkpoints.
         log_interval: episodes between two rows of metrics.
@@ -96,6 +97,7 @@ class RunConfig:
     encoder: str = "household"
     image_encoder: str = "cnn"
     graph_pool: str = "mean"
+    word_vectors: bool = False
     validation_interval: int = count(1_000)
     checkpoint_interval: int = count(1_000)
     log_interval: int = count(200)

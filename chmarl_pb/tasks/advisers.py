@@ -117,9 +117,14 @@ class Detour:
 class SpokenAdviser:
     """Says in plain English what a critic knows."""
 
-    def __init__(self, critic: MakeCritic):
-        """Ask a critic of this kind about each robot with an arm in every episode."""
-        self.critic = critic
+    def __init__(self, critic: MakeCritic, templates: int = 1):
+        """Ask a critic of this kind about each robot with an arm in every episode.
+
+        Args:
+            critic: makes one.
+            templates: revision of the sentences.
+        """
+        self.critic, self._templates = critic, templates
 
     def begin(self, simulation: Simulation, task: AnyTask, goals: Goals) -> None:
         """Watch an episode that begins in a simulation."""
@@ -148,7 +153,7 @@ class SpokenAdviser:
         grip = outcome.state.grips.get(robot)
         holding = grip is not None and grip.item == goal.item
         advice = language.Advice(self._actions[robot], succeeded, better, holding)
-        return language.say(self._task.moves[self._goals.index(goal)], step, advice, self._catalog)
+        return language.say(self._task.moves[self._goals.index(goal)], step, advice, self._catalog, self._templates)
 
 
 #: Style of feedback -> the critic behind it.

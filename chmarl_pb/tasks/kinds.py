@@ -68,10 +68,12 @@ class Rearrange:
 
     Attributes:
         catalog: whose words instructions are of; an environment sets its own.
+        templates: revision of the sentences; an environment sets its own.
     """
 
     objects: ClassVar[int] = 1
     catalog: Catalog = field(default=BENCHMARK, repr=False)
+    templates: int = field(default=1, repr=False)
 
     def tasks(self, split: str) -> list[AnyTask]:
         """Return the benchmark's tasks."""
@@ -94,7 +96,7 @@ class Rearrange:
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence."""
         assert isinstance(task, Task)
-        return language.instruction(task, self.catalog)
+        return language.instruction(task, self.catalog, self.templates)
 
 
 @dataclass(frozen=True)
@@ -107,11 +109,13 @@ class Tidy:
         fewest: objects in a task.
         most: objects in a task.
         catalog: whose words instructions are of; an environment sets its own.
+        templates: revision of the sentences; an environment sets its own.
     """
 
     fewest: int = FEWEST
     most: int = MOST
     catalog: Catalog = field(default=BENCHMARK, repr=False)
+    templates: int = field(default=1, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -159,7 +163,7 @@ class Tidy:
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence for each object."""
         assert isinstance(task, TidyTask)
-        return " ".join(language.instruction(move, self.catalog) for move in task.moves)
+        return " ".join(language.instruction(move, self.catalog, self.templates) for move in task.moves)
 
 
 def _draw_moves(
@@ -181,10 +185,17 @@ REARRANGE = Rearrange()
 KINDS: dict[str, TaskKind] = {"rearrange": REARRANGE, "tidy": Tidy()}
 
 
-def speaking_of(kind: TaskKind, known: Catalog) -> TaskKind:
-    """Return a kind whose instructions name the classes of a catalogue; one of the user's own as it is."""
-    if not isinstance(kind, Rearrange | Tidy) or kind.catalog == known:
+def speaking_of(kind: TaskKind, known: Catalog, templates: int) -> TaskKind:
+    """Return a kind whose instructions name the classes of a catalogue; one of the user's own as it is.
+
+    Args:
+        kind: the kind.
+        known: the catalogue.
+        templates: revision of the sentences.
+    """
+    if not isinstance(kind, Rearrange | Tidy) or (kind.catalog == known and kind.templates == templates):
         return kind
     speaking = copy(kind)
     object.__setattr__(speaking, "catalog", known)
+    object.__setattr__(speaking, "templates", templates)
     return speaking

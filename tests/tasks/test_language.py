@@ -171,6 +171,34 @@ def test_the_id_of_a_task_tells_its_words(task_id: str, expected: bool) -> None:
     assert may_use_held_out(replace(TASK, id=task_id)) == expected
 
 
+def test_seen_words_are_those_that_training_shows() -> None:
+    """Of the words in validation and test, the held-out ones are those in no instruction of the 5,500 for training."""
+    shown, asked = (
+        {word for split in splits for task in load_tasks(split) for word in language.words(language.instruction(task))}
+        for splits in (["train"], [split for split in SPLIT_SIZES if split != "train"])
+    )
+    assert asked - shown == asked & language.held_out_words()
+
+
+def test_six_of_ten_instructions_of_validation_and_test_have_held_out_words() -> None:
+    asked = [task for split in BENCHMARK_SPLITS if split != "train" for task in load_tasks(split)]
+    assert 0.55 < np.mean([language.wording_of_task(task) == "held-out" for task in asked]) < 0.65
+    assert {language.wording_of_task(task) for task in load_tasks("train")} == {"seen"}
+
+
+@pytest.mark.parametrize(
+    ("text", "wording"),
+    [
+        ("", "seen"), ("Put the mug on the desk.", "seen"), ("Place the smartphone on a bed!", "held-out"),
+        ("Transfer the mug onto the desk.", "held-out"), ("Put the table fork on the desk.", "seen"),
+        ("Put the red mug on the desk in the lounge.", "seen"),
+        ("Put the mug on the desk in the restroom.", "held-out"),
+    ],
+)  # fmt: skip
+def test_wording(text: str, wording: str) -> None:
+    assert language.wording_of(text) == wording
+
+
 # Vocabulary and corpus
 
 

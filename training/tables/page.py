@@ -8,12 +8,13 @@ from statistics import fmean, stdev
 
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.policies.registry import SHORTCUTS
+from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.tables.curves import draw_curves
 from training.tables.rows import TABLES, Row
@@ -67,6 +68,10 @@ ENDS_NOTE = """Where the episodes of test-unseen end, per cent: a learner that d
 that sees it and does not pick it next to that, one that does not find Y, or does not place, further right.
 """
 
+WORDING_NOTE = """PLW of tasks whose instruction training can show, and of those with words held out of it
+([language.md](language.md#held-out-paraphrases)); of runs that were scored when this was kept.
+"""
+
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
 are all four combinations for QMIX; the paper lacks the one with neither.
 """
@@ -92,6 +97,7 @@ def _write_page(results: Path, page: Path) -> None:
     for table, rows in TABLES.items():
         parts += [f"## {TITLES[table]}", *([ISOLATION] if table == "feedback" else []), f"```\n{_command(table)}\n```"]
         parts += [_table(title, rows, records, table) for title in METRICS]
+        parts += _by_wording(rows, records) if table != "feedback" else []
         parts += _ends(rows, records) if table != "feedback" else []
         parts += draw_curves(table, rows, records, page.parent)
     write_atomically(page, "\n\n".join(part.strip() for part in [*parts, *_runs(records)]) + "\n")
@@ -173,6 +179,26 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     return "\n".join(lines)
 
 
+def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
+    """Return a table of PLW for seen and for held-out wording apart, of the rows whose runs tell it."""
+    lines = [f"| PLW %, seen, held-out | {' | '.join(SPLITS)} |", "|---|" + "--:|" * len(SPLITS)]
+    for row in rows:
+        known = [record for record in _of(row, records) if "per_wording" in record["evaluation"]["splits"][SPLITS[-1]]]
+        cells = (", ".join(_cell(_apart(known, split, name)) for name in WORDINGS) for split in SPLITS)
+        lines += [f"| {_name(row)} | {' | '.join(cells)} |"] if known else []
+    scores = {split: reference_scores_by_wording(split, MAX_STEPS) for split in SPLITS}
+    for policy in BUILT_IN:
+        if all(policy in same for of_split in scores.values() for same in of_split.values()):
+            cells = (", ".join(f"{100 * same[policy].plw:.1f}" for same in scores[split].values()) for split in SPLITS)
+            lines.append(f"| *{policy}* | {' | '.join(cells)} |")
+    return [WORDING_NOTE, "\n".join(lines)] if len(lines) > 2 else []
+
+
+def _apart(same: Sequence[Record], split: str, wording: str) -> list[float]:
+    """Return the PLW of each run on tasks of one wording, 0 to 1."""
+    return [record["evaluation"]["splits"][split]["per_wording"][wording]["plw"]["mean"] for record in same]
+
+
 def _made_with(row: Row, same: Sequence[Record]) -> str:
     """Return what encodes a row's observations, its teacher, the length of its training, and its feedback at test."""
     if not same:
@@ -234,7 +260,8 @@ def _settings(record: Record) -> dict[str, object]:
     """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
     own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
     checkpoint = record["checkpoint"]
-    settings = {"graph_pool": POOL, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
+    before = {"graph_pool": POOL, "word_vectors": False}  # older runs have neither
+    settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
     return {name: value for name, value in settings.items() if name not in own}
 
 

@@ -183,7 +183,8 @@ class _Run:
         if not path.is_file():
             return
         content = checkpoint.load(path, UNFINISHED)
-        content["config"] = {"robots": ",".join(TEAM), **content["config"]}  # older ones say nothing of robots
+        before = {"robots": ",".join(TEAM), "word_vectors": False}  # older ones have neither
+        content["config"] = before | content["config"]
         for name, own in self._settings().items():
             if content.get(name) != own:
                 raise checkpoint.CheckpointError(

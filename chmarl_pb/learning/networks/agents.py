@@ -22,7 +22,8 @@ class Agent(nn.Module):
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
         make = look_up("encoder", config.encoder, ENCODERS)
-        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool)
+        options = {"word_vectors": True} if config.word_vectors else {}  # own encoders need not know of it
+        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **options)
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
 

@@ -8,7 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.parts import EMBEDDING, Part
+from chmarl_pb.learning.networks.parts import Part
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable
+from chmarl_pb.tasks.language.vectors import class_vectors
 
 LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
 SHAPE = (len(LABELS), 4)
@@ -47,10 +49,10 @@ class DetectionEncoder(Part):
     size = EMBEDDING + HEADS * SHAPE[1]
     asks = True
 
-    def __init__(self) -> None:
-        """Make the tables."""
+    def __init__(self, word_vectors: bool = False):
+        """Make the tables; with word vectors that of the classes is made from them."""
         super().__init__()
-        self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
+        self.classes: Table = _vector_table() if word_vectors else nn.Embedding(SHAPE[0], EMBEDDING)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
 
@@ -61,3 +63,9 @@ class DetectionEncoder(Part):
         match = torch.einsum("chd,bhd->bhc", keys, self.query(words).unflatten(1, (HEADS, KEY)))
         heads = torch.sigmoid(match - _CLOSED) @ detected
         return torch.cat([detected[..., 0] @ self.classes.weight, heads.flatten(1)], dim=1)
+
+
+def _vector_table() -> VectorTable:
+    """Return a table for the rows of detections."""
+    ids = [catalog.BENCHMARK.class_ids[name] for name in LABELS]
+    return VectorTable(class_vectors()[ids], len(ids))

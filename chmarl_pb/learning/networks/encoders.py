@@ -17,7 +17,8 @@ from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
-from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, embedding, flattened, id_count
+from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, flattened, id_count
+from chmarl_pb.learning.networks.tables import Table, word_table
 from chmarl_pb.learning.observation_keys import (
     IMAGE,
     INSTRUCTION,
@@ -39,6 +40,7 @@ def build_encoder(
     image_encoder: str = "cnn",
     graph_pool: str = "mean",
     numbers_past: bool = False,
+    word_vectors: bool = False,
 ) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
@@ -58,13 +60,15 @@ def build_encoder(
         graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
         numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
             appended to the features as they are; see :class:`chmarl_pb.learning.networks.numbers.Numbers`.
+        word_vectors: whether words and classes come from static word vectors, of which a linear map is learned, so that
+            synonyms that training never shows are understood; see :mod:`chmarl_pb.tasks.language.vectors`.
 
     Raises:
         ValueError: the space is of another kind, or there is no such encoder.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past)
+        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors)
     part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
@@ -76,23 +80,32 @@ class DictEncoder(nn.Module):
         size: number of features, with the numbers that go past the layers.
     """
 
-    def __init__(self, space: spaces.Dict, size: int, image_encoder: str, graph_pool: str, numbers_past: bool = False):
+    def __init__(
+        self,
+        space: spaces.Dict,
+        size: int,
+        image_encoder: str,
+        graph_pool: str,
+        numbers_past: bool = False,
+        word_vectors: bool = False,
+    ):
         """Make the parts that a space needs."""
         super().__init__()
         self.space, pool = space, look_up("graph_pool", graph_pool, GRAPH_POOLS)
-        tables: dict[int, nn.Embedding] = {}  # one table for each size of vocabulary: instruction and feedback share it
+        tables: dict[int, Table] = {}  # one table for each size of vocabulary: instruction and feedback share it
         parts: dict[str, Part] = {}
         self.graphs, self._tokens, goal, pictures = graphs(space), tokens(space), goals(space), named(space, IMAGE)
         inside = {key for others in self.graphs.values() for key in others}
         for key, box in space.spaces.items():
             if key in self.graphs:
-                parts[key] = pool(box, space[self.graphs[key][0]])
+                parts[key] = pool(box, space[self.graphs[key][0]], word_vectors)
             elif key in self._tokens:
-                parts[key] = TokenEncoder(tables.setdefault(id_count(box), embedding(id_count(box))))
+                count = id_count(box)
+                parts[key] = TokenEncoder(tables.setdefault(count, word_table(count, word_vectors)))
             elif key in goal:
-                parts[key] = GoalEncoder(box)
+                parts[key] = GoalEncoder(box, word_vectors)
             elif key not in inside:
-                parts[key] = _flat_or_image(box, image_encoder, key in pictures)
+                parts[key] = _flat_or_image(box, image_encoder, key in pictures, word_vectors)
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
@@ -118,7 +131,9 @@ class DictEncoder(nn.Module):
         return cast(TokenEncoder, self.parts[self.keys.index(key)]).total(flat[key])
 
 
-def _flat_or_image(space: spaces.Space[Any], image_encoder: str, ours: bool = False) -> Part:
+def _flat_or_image(
+    space: spaces.Space[Any], image_encoder: str, ours: bool = False, word_vectors: bool = False
+) -> Part:
     """Return what encodes a part of a space; features of pictures are known under our own key alone."""
     if isinstance(space, spaces.Box) and is_picture(space):
         return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
@@ -128,7 +143,7 @@ def _flat_or_image(space: spaces.Space[Any], image_encoder: str, ours: bool = Fa
             raise ValueError(
                 f"pictures have features of shape {space.shape}, not those of {image_encoder}: {kind.shape}"
             )
-        return kind.reader()
+        return kind.reader(word_vectors)
     if isinstance(space, spaces.Box | spaces.Discrete):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
@@ -140,5 +155,5 @@ def _instruction_beside(key: str) -> str:
 
 
 #: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
-#: encoder of pictures and of the pool of graphs.
-ENCODERS: dict[str, Callable[[spaces.Space[Any], int, str, str], nn.Module]] = {"household": build_encoder}
+#: encoder of pictures and of the pool of graphs; where a run asks for it, also with ``word_vectors=True``.
+ENCODERS: dict[str, Callable[..., nn.Module]] = {"household": build_encoder}

@@ -9,7 +9,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -35,18 +35,18 @@ class Kind:
     Attributes:
         build: makes it from its weights.
         shape: of the features of one picture.
-        reader: makes the part of an agent's network that reads the features.
+        reader: makes the part of an agent's network that reads the features; called with the option ``word_vectors``.
     """
 
     build: Build
     shape: tuple[int, ...]
-    reader: Callable[[], Part]
+    reader: Callable[[bool], Part]
 
 
 FROZEN_ENCODERS: dict[str, Kind] = {
-    "resnet18": Kind(resnet.build, resnet.SHAPE, FeatureEncoder),
+    "resnet18": Kind(resnet.build, resnet.SHAPE, lambda _: FeatureEncoder()),
     "detector": Kind(detector.build, detections.SHAPE, detections.DetectionEncoder),
-    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, partial(FeatureEncoder, efficientnet.FEATURES)),
+    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, lambda _: FeatureEncoder(efficientnet.FEATURES)),
 }
 
 

@@ -10,7 +10,8 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.parts import EMBEDDING, Part, embedding, id_count
+from chmarl_pb.learning.networks.parts import Part, id_count
+from chmarl_pb.learning.networks.tables import EMBEDDING, class_table, embedding
 
 GRAPH = 64  # features of a node after each graph convolution
 HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of each node, and numbers in each
@@ -28,10 +29,10 @@ class GraphEncoder(Part):
 
     size = GRAPH
 
-    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any]):
+    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any], word_vectors: bool = False):
         """Make tables for the ids in two spaces; 0 is padding."""
         super().__init__()
-        self.classes, self.states = embedding(id_count(classes)), embedding(id_count(states))
+        self.classes, self.states = class_table(id_count(classes), word_vectors), embedding(id_count(states))
         self.first = nn.Linear(2 * EMBEDDING, GRAPH)
         self.second = nn.Linear(GRAPH, GRAPH)
 
@@ -65,9 +66,9 @@ class GatedGraphEncoder(GraphEncoder):
     size = GRAPH + HEADS * (VALUE + 1)
     asks = True
 
-    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any]):
+    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any], word_vectors: bool = False):
         """Make tables for the ids in two spaces; 0 is padding."""
-        super().__init__(classes, states)
+        super().__init__(classes, states, word_vectors)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
         self.value = nn.Linear(GRAPH, HEADS * VALUE)

@@ -7,7 +7,8 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.parts import EMBEDDING, Part, embedding, flattened, id_count
+from chmarl_pb.learning.networks.parts import Part, flattened, id_count
+from chmarl_pb.learning.networks.tables import EMBEDDING, class_table
 from chmarl_pb.learning.observation_keys import MESSAGES, SELF, goals, named
 
 _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
@@ -16,11 +17,11 @@ _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell wh
 class GoalEncoder(Part):
     """The embeddings of the classes that the goal names, and the bits as they are."""
 
-    def __init__(self, goal: spaces.Space[Any]):
+    def __init__(self, goal: spaces.Space[Any], word_vectors: bool = False):
         """Make a table of classes."""
         super().__init__()
         self.shape = goal.shape
-        self.classes = embedding(id_count(goal))
+        self.classes = class_table(id_count(goal), word_vectors)
         self.size = _IDS * EMBEDDING + 2
 
     def forward(self, goal: Tensor) -> Tensor:

@@ -6,7 +6,8 @@ from typing import Any
 from gymnasium import spaces
 from torch import Tensor, nn
 
-EMBEDDING = 32  # features of a word, of a node's class, and of its state
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table
+
 FEATURES = 512  # of a picture, after a frozen network
 
 
@@ -27,7 +28,7 @@ class TokenEncoder(Part):
 
     size = EMBEDDING
 
-    def __init__(self, words: nn.Embedding):
+    def __init__(self, words: Table):
         """Use a table of words."""
         super().__init__()
         self.words = words
@@ -92,8 +93,3 @@ def id_count(space: spaces.Space[Any]) -> int:
     if not isinstance(space, spaces.Box):
         raise ValueError(f"{space} is not a Box of ids")
     return int(space.high.max()) + 1
-
-
-def embedding(count: int) -> nn.Embedding:
-    """Return a table for ids; that of 0, which is padding, stays zero."""
-    return nn.Embedding(count, EMBEDDING, padding_idx=0)

@@ -51,6 +51,7 @@ class CloningConfig:
         hidden: length of the GRU's state.
         past_actions: whether a robot observes its own last action.
         image_encoder: of pictures.
+        word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
         validation_interval: epochs between two choices of the best weights.
         validation_tasks: of each validation split that are played then, at equal distances.
@@ -72,6 +73,7 @@ class CloningConfig:
     hidden: int = count(128)
     past_actions: bool = True
     image_encoder: str = "resnet18"
+    word_vectors: bool = False
     temperature: float = amount(0.0)
     validation_interval: int = count(2)
     validation_tasks: int = count(50)
@@ -103,7 +105,7 @@ class BCActor(nn.Module):
         """Make the layers for an observation space and each robot's number of actions."""
         super().__init__()
         self.actions = actions
-        self.encoder = build_encoder(space, config.features, config.image_encoder)
+        self.encoder = build_encoder(space, config.features, config.image_encoder, word_vectors=config.word_vectors)
         self.dropout = nn.Dropout(config.dropout)
         self.past_actions = config.past_actions
         self.memory = nn.GRU(config.features + sum(actions) * self.past_actions, config.hidden, batch_first=True)

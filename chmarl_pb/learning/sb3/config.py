@@ -101,7 +101,9 @@ PRESETS = {
 }
 
 #: Settings of runs that were written before there was a choice.
-BEFORE_PRESETS = {"preset": "encoder", "robots": ",".join(TEAM), "home": None, "catalog": None, CATALOG: ""}
+BEFORE_PRESETS = {
+    "preset": "encoder", "robots": ",".join(TEAM), "home": None, "catalog": None, CATALOG: "", "word_vectors": False,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,7 @@ class Config:
         frozen: sha256 of the frozen weights; empty without them.
         features: numbers that an observation is encoded to.
         graph_pool: of scene graphs; see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
+        word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
         tasks: number of validation tasks of each of the two splits; twice as many are drawn for a home.
@@ -150,6 +153,7 @@ class Config:
     frozen: Hidden = ""
     features: int = count(128)
     graph_pool: str = "gated"
+    word_vectors: bool = False
     learning_rate: float | None = None
     interval: int = count(25_000)
     tasks: int = count(50)
@@ -205,6 +209,8 @@ class Config:
         encoder: dict[str, Any] = {"features_dim": self.features, "graph_pool": self.graph_pool}
         if PRESETS[self.preset].goal:
             encoder["numbers_past"] = True
+        if self.word_vectors:
+            encoder["word_vectors"] = True
         if self.frozen:
             encoder["image_encoder"] = self.image_encoder
         return {**network, "features_extractor_class": HouseholdFeatures, "features_extractor_kwargs": encoder}

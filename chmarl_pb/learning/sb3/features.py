@@ -24,6 +24,7 @@ class HouseholdFeatures(BaseFeaturesExtractor):
         graph_pool: str = "mean",
         numbers_past: bool = False,
         image_encoder: str = "cnn",
+        word_vectors: bool = False,
     ):
         """Make the encoder of a space.
 
@@ -33,12 +34,13 @@ class HouseholdFeatures(BaseFeaturesExtractor):
             graph_pool: see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
             numbers_past: whether ``messages``, ``self`` and the bits of ``goal`` go past the encoder to the heads, too.
             image_encoder: of pictures; the name of the frozen network where its features are in their place.
+            word_vectors: see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
 
         Raises:
             ValueError: observations are flattened, stacked, normalised or scaled.
         """
         check = Check(observation_space)
-        encoder = DictEncoder(observation_space, features_dim, image_encoder, graph_pool, numbers_past)
+        encoder = DictEncoder(observation_space, features_dim, image_encoder, graph_pool, numbers_past, word_vectors)
         super().__init__(observation_space, encoder.size)
         self.encoder, self._check = encoder, check
 

@@ -4,6 +4,7 @@ from chmarl_pb.tasks.language.corpus import CorpusStatistics, all_words, corpus_
 from chmarl_pb.tasks.language.feedback import Advice, say
 from chmarl_pb.tasks.language.heeding import read_detour
 from chmarl_pb.tasks.language.instructions import instruction, parse_instruction, parse_instructions, read_pairs
+from chmarl_pb.tasks.language.seen import WORDINGS, held_out_words, wording_of, wording_of_task
 from chmarl_pb.tasks.language.tokens import (
     FEEDBACK_LENGTH,
     INSTRUCTION_LENGTH,
@@ -20,10 +21,12 @@ __all__ = [
     "INSTRUCTION_LENGTH",
     "PADDING",
     "UNKNOWN",
+    "WORDINGS",
     "Advice",
     "CorpusStatistics",
     "all_words",
     "corpus_statistics",
+    "held_out_words",
     "instruction",
     "parse_instruction",
     "parse_instructions",
@@ -33,5 +36,7 @@ __all__ = [
     "tokenize",
     "vocabulary",
     "vocabulary_size",
+    "wording_of",
+    "wording_of_task",
     "words",
 ]

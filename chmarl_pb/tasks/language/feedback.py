@@ -10,7 +10,7 @@ from chmarl_pb.tasks.language.actions import TRY, Verb, ways_to_say
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, sentence
 from chmarl_pb.tasks.language.instructions import names_of
-from chmarl_pb.tasks.language.templates import DETOUR, MISSED_PICK, MISSED_PLACE, Templates
+from chmarl_pb.tasks.language.templates import DETOUR, MISSED_PICK, MISSED_PLACE, Templates, revised
 from chmarl_pb.tasks.task import Task
 
 
@@ -31,7 +31,7 @@ class Advice:
     holding: bool
 
 
-def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK) -> str:
+def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK, templates: int = 1) -> str:
     """Return an advice as a sentence; the task's seed and the step choose the words.
 
     Args:
@@ -39,10 +39,11 @@ def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK) -> st
         step: number of joint steps before the action.
         advice: what to say.
         known: the classes of X and Y.
+        templates: revision of the sentences: 1, the benchmark's, or 2, mended.
     """
     rng = np.random.default_rng([task.seed, 2, step])
     held_out = may_use_held_out(task)
-    template = pick_from(templates_for(advice).pool(held_out), rng)
+    template = revised(pick_from(templates_for(advice).pool(held_out), rng), templates)
     x = pick_from(names_of(task.graspable, held_out, known), rng)
     y = pick_from(names_of(task.target, held_out, known), rng)
     done = pick_from(ways_to_say(advice.done, held_out), rng)

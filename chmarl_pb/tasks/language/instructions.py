@@ -10,17 +10,23 @@ from numpy.typing import NDArray
 from chmarl_pb.catalog import BENCHMARK, Catalog, Name, ThingClass
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
-from chmarl_pb.tasks.language.templates import INSTRUCTIONS
+from chmarl_pb.tasks.language.templates import INSTRUCTIONS, revised
 from chmarl_pb.tasks.language.tokens import vocabulary, words
 from chmarl_pb.tasks.task import Task
 
 
 @lru_cache(maxsize=8192)
-def instruction(task: Task, known: Catalog = BENCHMARK) -> str:
-    """Return the task's instruction; its seed chooses the template, the names and the articles."""
+def instruction(task: Task, known: Catalog = BENCHMARK, templates: int = 1) -> str:
+    """Return the task's instruction; its seed chooses the template, the names and the articles.
+
+    Args:
+        task: names X and Y.
+        known: the classes of X and Y.
+        templates: revision of the sentences: 1, the benchmark's, or 2, mended.
+    """
     rng = np.random.default_rng([task.seed, 1])
     held_out = may_use_held_out(task)
-    template = pick_from(INSTRUCTIONS.pool(held_out), rng)
+    template = revised(pick_from(INSTRUCTIONS.pool(held_out), rng), templates)
     x = pick_from(names_of(task.graspable, held_out, known), rng)
     y = pick_from(names_of(task.target, held_out, known), rng)
     return phrase(template, x, y, *(bool(bit) for bit in rng.integers(2, size=2)))

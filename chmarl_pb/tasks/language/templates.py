@@ -146,3 +146,64 @@ DETOUR = Templates(
 )
 
 FEEDBACK = (MISSED_PICK, MISSED_PLACE, DETOUR)
+
+#: The benchmark's sentences that read stiffly, or whose "it" refers to nothing -> what ``templates=2`` says instead.
+MENDED = {
+    "Grab {x} and keep {it} on {y}.": "Grab {x} and put {it} on {y}.",
+    "Take {x} off the thing that {they} rest{s} on and move {it} to {y}.": (
+        "Wherever {the_x} {is}, take {it} from there and move {it} to {y}."
+    ),
+    "Get hold of {x} and drop {it} off on {y}.": "Get hold of {x} and set {it} down on {y}.",
+    "Collect {x} and deliver {it} to the top of {y}.": "Collect {x} and deliver {it} to {y}.",
+    "Would you kindly hunt for {x} and rest {it} upon {y}?": "Would you kindly hunt for {x} and set {it} upon {y}?",
+    "Nobody knows where {the_x} {is}, but {they} must soon stand on {y}.": (
+        "Nobody knows where {the_x} {is}, but {they} must soon be on {y}."
+    ),
+    "It would be great if {the_x} could stand on {y}.": "It would be great to have {the_x} on {y}.",
+    "You could see {the_x}, so picking {it} up was better than {done}.": (
+        "You could see {the_x}, so picking {it} up would have been better than {done}."
+    ),
+    "You could have picked up {the_x}, but you were busy {done}.": (
+        "You could have picked up {the_x}, but you were {done} instead."
+    ),
+    "The correct choice was to take hold of {the_x}, not {done}.": (
+        "The correct choice was to take hold of {the_x} instead of {done}."
+    ),
+    "You overlooked {the_x}: a pick would have beaten {done}.": (
+        "You overlooked {the_x}: picking {it} up would have been wiser than {done}."
+    ),
+    "With {the_x} visible, a pick was wiser than {done}.": (
+        "With {the_x} visible, picking {it} up was wiser than {done}."
+    ),
+    "You should have put {it} down on {y} instead of {done}.": (
+        "You should have put {the_x} down on {y} instead of {done}."
+    ),
+    "You could see {y}, so put {it} there instead of {done}.": (
+        "You could see {y}, so put {the_x} there instead of {done}."
+    ),
+    "Rather than {done}, you should have set {it} on {y}.": "Rather than {done}, you should have set {the_x} on {y}.",
+    "It was time to place {it} on {y} instead of {done}.": "It was time to place {the_x} on {y} instead of {done}.",
+    "Placing {it} on {y} was better than {done}.": "Placing {the_x} on {y} would have been better than {done}.",
+    "You could have placed {it} on {y}, but you were busy {done}.": (
+        "You could have placed {the_x} on {y}, but you were {done} instead."
+    ),
+    "The correct choice was to leave {it} on {y}, not {done}.": (
+        "The correct choice was to leave {the_x} on {y} instead of {done}."
+    ),
+    "You overlooked {y}: setting {it} down would have beaten {done}.": (
+        "You overlooked {y}: setting {the_x} down there would have been wiser than {done}."
+    ),
+    "With {y} visible, setting {it} down was wiser than {done}.": (
+        "With {y} visible, setting {the_x} down there was wiser than {done}."
+    ),
+    "{doing}, not {done}, was part of the shortest way to {goal}.": (
+        "{doing} was part of the shortest way to {goal}, but {done} was not."
+    ),
+}
+
+REVISIONS = (1, 2)  # of the sentences: the benchmark's, and the mended ones
+
+
+def revised(template: str, revision: int) -> str:
+    """Return a template as a revision has it; the words and slots that were drawn for it still fit."""
+    return MENDED.get(template, template) if revision == 2 else template
