@@ -1,38 +1,90 @@
 """Where to point: the cells of the picture that name what a robot sees, as far as its observation tells."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.catalog import Catalog
-from chmarl_pb.robots.pointing import MIDDLE, VERBS, Cell, cell_at, named
+from chmarl_pb.robots.pointing import CELLS, GRID, MIDDLE, VERBS, Cell, named
 
 Observation = dict[str, np.ndarray]
+Views = NDArray[np.float64]  # (n, 3) u, v and share of pixels of some nodes, as in ``node_view``
+
+SURE = 0.5  # part of the pixels in a cell from which on it is pointed at
+_TURN, _PITCH, _FIELD = np.pi / 6, np.pi / 9, 1.0  # of the humanoid: a turn, its camera's pitch and half width at 1 m
+
+
+class Aim(NamedTuple):
+    """A cell to point at, and the part that a thing has there of the pixels of things that are taken alike."""
+
+    cell: Cell
+    part: float
+
+
+class Nodes(NamedTuple):
+    """The objects, or the receptacles, that a robot sees: their classes, and where they are in its picture."""
+
+    names: tuple[str, ...]
+    views: Views
+
+
+def nodes_of(observation: Observation, kinds: Collection[str], known: Catalog) -> Nodes:
+    """Return what is in view of some classes, but for what is held; nothing where nodes have no place."""
+    if "node_view" not in observation:
+        return Nodes((), np.zeros((0, 3)))
+    ids, views = observation["node_class"], observation["node_view"].astype(float)
+    there = (ids > 0) & (observation["node_state"] != known.state_ids["held"]) & (views[:, 2] > 0)
+    names = {number: known.rows[ids[number] - 1].name for number in np.flatnonzero(there).tolist()}
+    chosen = sorted((number for number in names if names[number] in kinds), key=lambda number: -views[number, 2])
+    return Nodes(tuple(names[number] for number in chosen), views[chosen])
+
+
+def aims_at(nodes: Nodes, wanted: Collection[str]) -> list[Aim]:
+    """Return the cells at which Pick, or Place, may take one of the wanted classes, the surest first.
+
+    A node tells the middle of its pixels and how many they are, not which: it is taken for a square.
+    """
+    mine = np.array([name in wanted for name in nodes.names], dtype=bool)
+    if not mine.any():
+        return []
+    pixels = _in_cells(nodes.views)
+    own = pixels[mine].max(axis=0)
+    others = pixels[~mine].max(axis=0) if (~mine).any() else np.zeros(len(CELLS))
+    parts = own / np.maximum(own + others, 1e-12)
+    order = sorted(np.flatnonzero(own).tolist(), key=lambda cell: (-round(float(parts[cell]), 6), -float(own[cell])))
+    return [Aim(CELLS[cell], float(parts[cell])) for cell in order]
 
 
 def cells_of(observation: Observation, known: Catalog) -> dict[str, Cell]:
-    """Return class -> the cell at which Pick, or Place, takes such a thing: that of its middle; large things first.
+    """Return class -> the cell at which Pick, or Place, most likely takes such a thing; large things first.
 
-    Left out is what has the middle of a larger object, or receptacle, in the same cell: that most likely has most
-    pixels there. Nothing is told where the observation does not say where nodes are.
+    Left out is what has most pixels in no cell. Nothing is told where the observation does not say where nodes are.
     """
-    if "node_view" not in observation:
-        return {}
-    ids, states = observation["node_class"], observation["node_state"]
-    views, held = observation["node_view"].tolist(), known.state_ids["held"]
     found: dict[str, Cell] = {}
-    for kind in (known.graspables, known.receptacles):
-        nodes = [
-            number for number in np.flatnonzero(ids).tolist()
-            if _name(ids[number], known) in kind and states[number] != held and views[number][2] > 0
-        ]  # fmt: skip
-        taken: set[Cell] = set()
-        for number in sorted(nodes, key=lambda number: -views[number][2]):
-            cell = cell_at(*views[number][:2])
-            if cell not in taken:
-                found.setdefault(_name(ids[number], known), cell)
-            taken.add(cell)
+    for kinds in (known.graspables, known.receptacles):
+        nodes = nodes_of(observation, kinds, known)
+        for name in dict.fromkeys(nodes.names):
+            best = aims_at(nodes, (name,))[0]
+            if best.part > SURE:
+                found[name] = best.cell
     return found
+
+
+def turned(nodes: Nodes, side: int) -> Nodes:
+    """Return what of some things would be in view, and where, after a turn to the left (1) or to the right (-1)."""
+    right, up = (2 * nodes.views[:, 0] - 1) * _FIELD, (1 - 2 * nodes.views[:, 1]) * _FIELD
+    ahead, height = np.cos(_PITCH) + up * np.sin(_PITCH), up * np.cos(_PITCH) - np.sin(_PITCH)
+    cosine, sine = np.cos(_TURN), side * np.sin(_TURN)
+    right, ahead = right * cosine + ahead * sine, ahead * cosine - right * sine
+    depth = ahead * np.cos(_PITCH) - height * np.sin(_PITCH)
+    safe = np.maximum(depth, 1e-6) * _FIELD
+    across, above = right / safe, (ahead * np.sin(_PITCH) + height * np.cos(_PITCH)) / safe
+    views = np.stack([(across + 1) / 2, (1 - above) / 2, nodes.views[:, 2]], axis=1)
+    there = (depth > 0) & (abs(across) < 1) & (abs(above) < 1)
+    names = tuple(name for name, is_there in zip(nodes.names, there.tolist(), strict=True) if is_there)
+    return Nodes(names, views[there])
 
 
 def held_class(observation: Observation, known: Catalog) -> str | None:
@@ -56,6 +108,16 @@ def number_of(actions: Sequence[str], name: str) -> int:
 def aimed(verb: str, cell: Cell | None) -> str:
     """Return the name of a Pick or Place at a cell, if there is one."""
     return verb if cell is None else named(verb, cell)
+
+
+def _in_cells(views: Views) -> NDArray[np.float64]:
+    """Return (n, cells) the share of the picture that squares of some pixels cover in each cell."""
+    half, edges = np.sqrt(views[:, 2:]) / 2, np.arange(GRID + 1) / GRID
+    across, down = (
+        np.clip(np.minimum(middle + half, edges[1:]) - np.maximum(middle - half, edges[:-1]), 0, None)
+        for middle in (views[:, :1], views[:, 1:2])
+    )
+    return (down[:, :, None] * across[:, None, :]).reshape(len(views), len(CELLS))
 
 
 def _name(number: int, known: Catalog) -> str:

@@ -1,5 +1,6 @@
 """The robot that grasps, by its belief: it looks where X or Y is likeliest for the steps that it takes to look."""
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
@@ -7,23 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import Catalog
-from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
+from chmarl_pb.policies.aiming import number_of
+from chmarl_pb.policies.belief.hand import Hand
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
 from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
 from chmarl_pb.policies.sights import classes_in_view, places_in_view
 from chmarl_pb.policies.tidying import Pair, Tidying
-from chmarl_pb.robots.pointing import Cell, verb_of
+from chmarl_pb.robots.pointing import VERBS, verb_of
 from chmarl_pb.tasks.language import read_pairs
 
-_VERBS = "pick", "place"
 _Y_TOO = 0.4  # what seeing Y counts beside seeing X, while X is searched for
 _KNOWN = 0.9  # from this probability on the room is known
 _LEAST = 1e-3  # probability a step for which a look is not worth it
 _OTHERS = 0.5  # what finding X counts in a room that another robot that grasps begins with
 _DOUBT = 0.3  # that messages are of the object in question, if there are several
 _PACES = 3
+_ASIDE = 5  # turns by which it goes on in another direction the next time
 _ALL = (1 << TURNS) - 1
 
 
@@ -48,6 +50,7 @@ class Searcher:
             known: the classes that instructions name.
         """
         self.actions, self.rooms, self._flyers, self._part, self._catalog = actions, rooms, flyers, part, known
+        self._hand = Hand(known)
         self.reset(None)
 
     def reset(self, seed: int | None) -> None:
@@ -60,7 +63,9 @@ class Searcher:
         self._tried = ""
         self._queue: list[str] = []
         self._held = self._deaf = False
-        self._away = False  # whether it has just put down what was picked by mistake
+        self._hand.reset()
+        self._vain: dict[str, Bits] = defaultdict(lambda: np.zeros(len(self.rooms), dtype=np.int64))  # such views
+        self._wandered = 0  # times that it went on into rooms
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
@@ -73,27 +78,17 @@ class Searcher:
         seen, done = classes_in_view(observation, info, self._catalog), holding != self._held
         self._held = holding
         self._look(observation, info, done)
-        cells = cells_of(observation, self._catalog)
-        if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
-            return self._put_away(cells, done)
-        tried, self._away = "" if self._away else self._tried, False
+        tried = "" if self._hand.away else self._tried
         wanted = self._tidying.wanted(pairs, holding, seen, tried)
-        failed = self._tried == _VERBS[holding] and not done
-        if failed:  # nothing in this view serves
-            for name in wanted & seen:
-                self.knowledge.sighted.pop(name, None)
         beliefs = self._listen(observation["messages"] > 0, pairs, holding, wanted, seen)
-        aims = [cell for name, cell in cells.items() if name in wanted]
-        if wanted & seen and not failed and (aims or "node_view" not in observation):
+        action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
+        if action is not None:
             self._queue = []
-            return aimed(_VERBS[holding], aims[0] if aims else None)
+            return action
+        if self._station is not None:
+            for name in wanted & seen:  # nothing in this view serves
+                self._vain[name][self._station.room] |= 1 << self._station.turn
         return self._search(beliefs, wanted if holding else frozenset())
-
-    def _put_away(self, cells: dict[str, Cell], done: bool) -> str:
-        """Put down what was picked by mistake, on anything that is in view."""
-        place = None if self._tried == "place" and not done else putting_away(cells, self._catalog)
-        self._away = place is not None
-        return place or "turn_left"
 
     def _look(self, observation: dict[str, np.ndarray], info: dict[str, Any], done: bool) -> None:
         """Note where the last action has led, and what is in view there."""
@@ -101,7 +96,7 @@ class Searcher:
         heading = round(float(np.arctan2(sine, cosine)) * TURNS / (2 * np.pi)) % TURNS
         if self._tried.startswith("goto_"):
             self._station, self._zero = Station(self.rooms.index(self._tried.removeprefix("goto_")), 0), heading
-        elif self._tried == "move_forward" or (self._tried in _VERBS and done):
+        elif self._tried == "move_forward" or (self._tried in VERBS and done):
             self._station = None
         if self._station is not None:
             self._station = Station(self._station.room, (heading - self._zero) % TURNS)
@@ -161,8 +156,9 @@ class Searcher:
     def _sighted(self, targets: Collection[str]) -> Iterator[Look]:
         """Yield the ways back to views that showed what is wanted."""
         for name in targets & self.knowledge.sighted.keys():
-            for room in np.flatnonzero(self.knowledge.sighted[name]).tolist():
-                yield self._named(soonest(self._plans(room), self.knowledge.sighted[name][[room]], np.ones(1)), room)
+            views = self.knowledge.sighted[name] & ~self._vain[name]
+            for room in np.flatnonzero(views).tolist():
+                yield self._named(soonest(self._plans(room), views[[room]], np.ones(1)), room)
 
     def _known(self, belief: Belief, room: int) -> Iterator[Look]:
         """Yield the best way to look for a thing in the room that it is in; none if all has been looked at."""
@@ -198,8 +194,9 @@ class Searcher:
     def _wander(self, room: int) -> str:
         """Go on into a room that does not show the thing from its anchor, and look around there."""
         if not self._queue:
-            ahead = self.knowledge.ahead(self._find)
+            ahead = (self.knowledge.ahead(self._find) + _ASIDE * self._wandered) % TURNS
             turns = ["turn_left"] * ahead if ahead <= TURNS // 2 else ["turn_right"] * (TURNS - ahead)
             around = ["turn_left"] * (TURNS - 1)
             self._queue = [f"goto_{self.rooms[room]}", *turns, *["move_forward"] * _PACES, *around][::-1]
+            self._wandered += 1
         return self._queue.pop()
