@@ -1,10 +1,12 @@
-"""A written code for own words: which symbol says in which room X or Y has been seen.
+"""A written code for own words: which symbol says in which room, and in which direction there, X or Y has been seen.
 
 With R rooms, symbol 1 + r says "X is in room r", symbol 1 + R + r "a Y is in room r", and 0 nothing; so 1 + 2 R symbols
-are in use, and with fewer the last rooms of Y cannot be told. Each robot tells each fact that it has found out itself,
-new ones first, ``REPEATS`` times; what it has heard it does not pass on.
+are in use, and with fewer the last rooms of Y cannot be told. The symbols that are left, seven of 16 with four rooms,
+say in which direction from the room's middle the thing is that was named last. Each robot tells each fact that it has
+found out itself, new ones first, ``REPEATS`` times; what it has heard it does not pass on.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,9 +19,15 @@ from chmarl_pb.tasks.language import read_pairs
 from chmarl_pb.tasks.symbols import SILENT
 
 REPEATS = 2  # times that a fact is told, as symbols may be lost
+SHARED, BEARINGS = "shared", "bearings"  # keys that are added to the observation
+UNKNOWN = -1.0
+_LEAST_DIRECTIONS = 3
 
 Observation = dict[str, NDArray[Any]]
 Fact = tuple[int, int]  # 0 for X, 1 for Y; the number of a room
+
+#: Tells the direction of a thing of a class in view from the middle of a room, radians from +x; None if unknown.
+Bearing = Callable[[Observation, str, int], float | None]
 
 
 class RoomCode:
@@ -27,37 +35,60 @@ class RoomCode:
 
     Attributes:
         board: (2, rooms) int8 rooms in which X (row 0) and Y (row 1) have been seen, as far as the robot knows.
+        shared: (2, rooms) int8 the same as far as all know that nothing was lost; it has been said and heard.
+        bearings: (2, rooms) the direction in which it is there, radians from 0 on, or ``UNKNOWN``.
     """
 
-    def __init__(self, rooms: tuple[str, ...], vocabulary: int, known: Catalog = BENCHMARK):
-        """Remember the rooms, in the order of their numbers, and how many symbols there are."""
-        self.rooms, self._vocabulary, self._catalog = rooms, vocabulary, known
+    def __init__(
+        self, rooms: tuple[str, ...], vocabulary: int, known: Catalog = BENCHMARK, bearing: Bearing | None = None
+    ):
+        """Get to know the code.
+
+        Args:
+            rooms: in the order of their numbers.
+            vocabulary: how many symbols there are.
+            known: the classes of things.
+            bearing: tells directions; None: this robot tells none.
+        """
+        self.rooms, self._vocabulary, self._catalog, self._bearing = rooms, vocabulary, known, bearing
+        left = vocabulary - 1 - 2 * len(rooms)
+        self._directions = left if left >= _LEAST_DIRECTIONS else 0
         self.reset()
 
     def reset(self) -> None:
         """Forget the last episode."""
         self.board: NDArray[np.int8] = np.zeros((2, len(self.rooms)), np.int8)
+        self.shared = self.board.copy()
+        self.bearings = np.full((2, len(self.rooms)), UNKNOWN)
         self._fresh, self._repeats = list[int](), list[int]()  # symbols that are still to be said
+        self._said = SILENT
+        self._named: dict[int, Fact] = {}  # robot that is heard -> the fact that it told last
 
     def listen(self, observation: Observation, info: dict[str, Any]) -> Observation:
-        """Take in what is heard and seen; return the observation with the board in place of the symbols."""
-        for row in observation["messages"]:
-            fact = self.fact_of(int(row.argmax()) if row.any() else SILENT)
-            if fact is not None:
-                self.board[fact] = 1
-        for fact in self._seen(observation, info):
+        """Take in what is heard and seen; return the observation with the board in place of the symbols.
+
+        It also gets what all robots know, and directions.
+        """
+        self._share(self.fact_of(self._said))
+        for number, row in enumerate(observation["messages"]):
+            self._hear(number, int(row.argmax()) if row.any() else SILENT)
+        for name, fact in self._seen(observation, info):
             if not self.board[fact]:
                 self.board[fact] = 1
                 self._fresh.append(self.symbol_of(fact))
-        return {**observation, "messages": self.board.copy()}
+                self._point(observation, name, fact)
+        return {
+            **observation, "messages": self.board.copy(), SHARED: self.shared.copy(), BEARINGS: self.bearings.copy()
+        }  # fmt: skip
 
     def speak(self) -> int:
         """Return the symbol that is to be said now: something new, else what is to be repeated."""
         if self._fresh:
-            symbol = self._fresh.pop(0)
-            self._repeats += [symbol] * (REPEATS - 1)
-            return symbol
-        return self._repeats.pop(0) if self._repeats else SILENT
+            self._said = self._fresh.pop(0)
+            self._repeats += [self._said] * (REPEATS - 1)
+        else:
+            self._said = self._repeats.pop(0) if self._repeats else SILENT
+        return self._said
 
     def symbol_of(self, fact: Fact) -> int:
         """Return the symbol of a fact; that of silence if there are too few."""
@@ -71,12 +102,37 @@ class RoomCode:
         row, room = divmod(symbol - 1, len(self.rooms))
         return row, room
 
-    def _seen(self, observation: Observation, info: dict[str, Any]) -> list[Fact]:
-        """Return the facts that a robot sees for itself; of what is held it tells nothing."""
+    def _hear(self, robot: int, symbol: int) -> None:
+        """Take in a symbol that a robot has said."""
+        fact = self.fact_of(symbol)
+        if fact is not None:
+            self._named[robot] = fact
+            self.board[fact] = 1
+            self._share(fact)
+        elif symbol > 2 * len(self.rooms) and robot in self._named:
+            sector = symbol - 1 - 2 * len(self.rooms)
+            self.bearings[self._named[robot]] = (sector + 0.5) * 2 * np.pi / self._directions
+
+    def _share(self, fact: Fact | None) -> None:
+        if fact is not None:
+            self.shared[fact] = 1
+
+    def _point(self, observation: Observation, name: str, fact: Fact) -> None:
+        """Tell after a new fact in which direction the thing is, if that is known."""
+        angle = self._bearing(observation, name, fact[1]) if self._bearing and self._directions else None
+        if angle is not None:
+            sector = int(angle % (2 * np.pi) / (2 * np.pi) * self._directions) % self._directions
+            self._fresh.append(1 + 2 * len(self.rooms) + sector)
+
+    def _seen(self, observation: Observation, info: dict[str, Any]) -> list[tuple[str, Fact]]:
+        """Return the classes and the facts that a robot sees for itself; of what is held it tells nothing."""
         pairs = read_pairs(observation["instruction"], self._catalog)
         rows = {name: row for pair in pairs for row, name in enumerate(pair)}
         places = places_in_view(observation, info, self.rooms, self._catalog)
-        return [(rows[name], self.rooms.index(room)) for name, room in places if name in rows and room in self.rooms]
+        return [
+            (name, (rows[name], self.rooms.index(room)))
+            for name, room in places if name in rows and room in self.rooms
+        ]  # fmt: skip
 
 
 class Talking:

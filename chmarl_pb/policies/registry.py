@@ -29,7 +29,9 @@ def _talking(env: PolicyEnv, policy: Policy) -> Policy:
     symbols = symbols_of(env)
     if not symbols:
         return policy
-    return Talking(policy, {name: RoomCode(env.rooms, symbols, env.catalog) for name in env.action_names})
+    tells = policy.bearings if isinstance(policy, BeliefPolicy) else {}
+    codes = {name: RoomCode(env.rooms, symbols, env.catalog, tells.get(name)) for name in env.action_names}
+    return Talking(policy, codes)
 
 
 def _search(env: PolicyEnv) -> Policy:

@@ -20,6 +20,7 @@ _MISFIT, _ABSENT = (
 )  # log odds against a layout for each class that a view shows and it does not, or the reverse
 _ELSEWHERE = 0.2  # ... of a spot that the view which found the thing from above does not show
 _AWRY = 0.3  # ... of a spot that is not in the direction in which a robot that flies found the thing
+_ASTRAY = 0.1  # ... of a spot that is not in the direction that was told
 _COUNT = np.array([bin(number).count("1") for number in range(1 << 16)], dtype=np.float64)
 
 
@@ -56,12 +57,14 @@ class Evidence(NamedTuple):
         heard: (rooms,) whether messages name the room.
         find: the view that found it, if known.
         doubt: what is left of the probability of the rooms that messages do not name.
+        bearings: (rooms,) the direction from each room's middle in which it was told to be, radians, or negative.
     """
 
     flown: Bits
     heard: NDArray[np.bool_]
     find: Find | None = None
     doubt: float = 0.0
+    bearings: NDArray[np.float64] | None = None
 
 
 class Knowledge:
@@ -115,6 +118,10 @@ class Knowledge:
         chance[spots.above & evidence.flown[spots.room] != 0] *= OVERLOOKED
         if evidence.find is not None:
             chance *= self._likelihood(spots, evidence.find)
+        for room in [] if evidence.bearings is None else np.flatnonzero(evidence.bearings >= 0).tolist():
+            turn = self.turn_to(room, float(evidence.bearings[room]))
+            if turn is not None:
+                chance[(spots.room == room) & (spots.near >> turn & 1 == 0)] *= _ASTRAY
         if evidence.heard.any():
             chance[~evidence.heard[spots.room]] *= evidence.doubt
         if not chance.any():  # a message names a room in which the statistics know no such thing
@@ -153,6 +160,12 @@ class Knowledge:
         if find.room not in self._headings or not (right or forward):
             return None
         return (round(float(np.arctan2(forward, right)) * TURNS / (2 * np.pi)) - self._headings[find.room]) % TURNS
+
+    def turn_to(self, room: int, angle: float) -> int | None:
+        """Return the turn at a room's anchor that looks in a direction; None where it has not stood there."""
+        if room not in self._headings:
+            return None
+        return (round(angle * TURNS / (2 * np.pi)) - self._headings[room]) % TURNS
 
     def ahead(self, find: Find | None) -> int:
         """Return the turn to go on from where nothing has been seen all around."""

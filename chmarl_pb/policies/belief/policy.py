@@ -10,12 +10,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.aiming import nodes_of
 from chmarl_pb.policies.belief.scouts import MOVES, Scouts
 from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import statistics
+from chmarl_pb.policies.code import SHARED, Bearing
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.tasks.language import read_pairs
+
+_SPAN = 4.0  # metres that a robot that flies sees across at the height of things
+_ABOVE = 0.7  # metres from a room's middle within which there is no telling a direction
 
 
 class Scout:
@@ -38,9 +43,19 @@ class Scout:
         targets = {target for _, target in pairs}
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, expected, len(pairs) > 1)
-        self._scouts.hear(observation["messages"] > 0)
+        self._scouts.hear(observation.get(SHARED, observation["messages"]) > 0)
         self._scouts.decide((expected.objects_off(targets), expected.receptacles_of(targets)))
         return self.actions.index(self._scouts.actions[self.name])
+
+    def bearing(self, observation: dict[str, np.ndarray], name: str, room: int) -> float | None:
+        """Return the direction of a thing in view from the middle of its room; None unless it flies in that room."""
+        place = None if self._scouts is None else self._scouts.place(self.name)
+        nodes = nodes_of(observation, (name,), self._catalog)
+        if place is None or place[0] != room or not nodes.names:
+            return None
+        (right, forward), (across, down, _) = place[1], nodes.views[0]
+        x, y = right + (across - 0.5) * _SPAN, forward + (0.5 - down) * _SPAN
+        return float(np.arctan2(y, x)) if np.hypot(x, y) > _ABOVE else None
 
 
 class _Part(Protocol):
@@ -76,6 +91,11 @@ class BeliefPolicy:
             self.parts[name] = Searcher(actions[name], rooms, counted, (number, len(graspers)), known)
         for name in flyers:
             self.parts[name] = Scout(name, actions[name], rooms, flyers, known)
+
+    @property
+    def bearings(self) -> dict[str, Bearing]:
+        """Robot that flies -> what tells directions."""
+        return {name: part.bearing for name, part in self.parts.items() if isinstance(part, Scout)}
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""

@@ -55,6 +55,10 @@ class Scouts:
         self._places: dict[str, Place | None] = dict.fromkeys(names)
         self._plans: dict[str, list[tuple[str, Place]]] = {name: [] for name in names}
 
+    def place(self, name: str) -> Place | None:
+        """Return where a robot is, as far as its own actions tell."""
+        return self._places[name]
+
     def hear(self, heard: NDArray[np.bool_]) -> None:
         """Note what messages say after a step: (2, rooms) whether X, and Y, has been seen there."""
         new = heard & ~self._heard

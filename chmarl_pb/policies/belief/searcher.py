@@ -14,6 +14,7 @@ from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Sta
 from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
+from chmarl_pb.policies.code import BEARINGS, SHARED, UNKNOWN
 from chmarl_pb.policies.sights import classes_in_view, places_in_view
 from chmarl_pb.policies.tidying import Pair, Tidying
 from chmarl_pb.robots.pointing import VERBS, verb_of
@@ -80,7 +81,10 @@ class Searcher:
         self._look(observation, info, done)
         tried = "" if self._hand.away else self._tried
         wanted = self._tidying.wanted(pairs, holding, seen, tried)
-        beliefs = self._listen(observation["messages"] > 0, pairs, holding, wanted, seen)
+        heard = observation["messages"] > 0
+        self._shared = observation.get(SHARED, observation["messages"]) > 0
+        self._bearings = observation.get(BEARINGS, np.full(heard.shape, UNKNOWN))
+        beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
         if action is not None:
             self._queue = []
@@ -119,12 +123,12 @@ class Searcher:
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, self.knowledge.statistics, several)
         scouts = self._scouts
-        scouts.hear(heard)
+        scouts.hear(self._shared)
         scouts.decide(spots)
         doubt = _DOUBT if several else 0.0
         evidence = [
-            Evidence(np.zeros_like(flown) if self._deaf else flown, bits, find, doubt)
-            for flown, bits, find in zip(scouts.flown, heard, scouts.finds, strict=True)
+            Evidence(np.zeros_like(flown) if self._deaf else flown, bits, find, doubt, bearings)
+            for flown, bits, find, bearings in zip(scouts.flown, heard, scouts.finds, self._bearings, strict=True)
         ]
         self._find = scouts.finds[holding]
         of_y = self.knowledge.statistics.receptacles_of(wanted) if holding else spots[1]
@@ -194,9 +198,15 @@ class Searcher:
     def _wander(self, room: int) -> str:
         """Go on into a room that does not show the thing from its anchor, and look around there."""
         if not self._queue:
-            ahead = (self.knowledge.ahead(self._find) + _ASIDE * self._wandered) % TURNS
+            ahead = (self._ahead(room) + _ASIDE * self._wandered) % TURNS
             turns = ["turn_left"] * ahead if ahead <= TURNS // 2 else ["turn_right"] * (TURNS - ahead)
             around = ["turn_left"] * (TURNS - 1)
             self._queue = [f"goto_{self.rooms[room]}", *turns, *["move_forward"] * _PACES, *around][::-1]
             self._wandered += 1
         return self._queue.pop()
+
+    def _ahead(self, room: int) -> int:
+        """Return the turn at a room's anchor in whose direction to go on."""
+        told = float(self._bearings[int(self._held), room])
+        turn = self.knowledge.turn_to(room, told) if told >= 0 else None
+        return self.knowledge.ahead(self._find) if turn is None else turn
