@@ -9,7 +9,7 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import SURE, Aim, Nodes, aimed, aims_at, held_class, nodes_of, turned
 from chmarl_pb.robots.pointing import VERBS, Cell
 
-_RISKY = 0.25  # part of a cell at which it is pointed where nothing better is to be had
+_RISKY = 0.1  # part of a cell at which it is pointed where nothing better is to be had
 _MOVES = 4  # turns and paces for a better view of one thing
 _SIDES = {1: "turn_left", -1: "turn_right"}
 _ROUGH = 20  # views are told apart by this part of a picture
@@ -114,6 +114,7 @@ class Hand:
         if abs(across) > 1 / 4:
             return _SIDES[-1 if across > 0 else 1]
         if self._paced == view:  # the last one was blocked
+            self._moves = _MOVES
             return None
         self._paced = view
         return "move_forward"

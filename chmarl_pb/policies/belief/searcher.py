@@ -66,6 +66,7 @@ class Searcher:
         self._held = self._deaf = False
         self._hand.reset()
         self._vain: dict[str, Bits] = defaultdict(lambda: np.zeros(len(self.rooms), dtype=np.int64))  # such views
+        self._origin: Station | None = None  # where it began to do something with what was in view
         self._wandered = 0  # times that it went on into rooms
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
@@ -78,6 +79,7 @@ class Searcher:
         pairs, holding = read_pairs(observation["instruction"], self._catalog), bool(observation["self"][-1])
         seen, done = classes_in_view(observation, info, self._catalog), holding != self._held
         self._held = holding
+        self._origin = None if done else self._origin
         self._look(observation, info, done)
         tried = "" if self._hand.away else self._tried
         wanted = self._tidying.wanted(pairs, holding, seen, tried)
@@ -87,12 +89,18 @@ class Searcher:
         beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
         if action is not None:
-            self._queue = []
+            self._queue, self._origin = [], self._origin or self._station
             return action
-        if self._station is not None:
-            for name in wanted & seen:  # nothing in this view serves
-                self._vain[name][self._station.room] |= 1 << self._station.turn
+        self._give_up(wanted, seen)
         return self._search(beliefs, wanted if holding else frozenset())
+
+    def _give_up(self, wanted: Collection[str], seen: Collection[str]) -> None:
+        """Do not come back to what is in view here, nor to the view from which it led to nothing."""
+        here = self._station if set(wanted) & set(seen) else None
+        for station in filter(None, (here, self._origin)):
+            for name in wanted:
+                self._vain[name][station.room] |= 1 << station.turn
+        self._origin = None
 
     def _look(self, observation: dict[str, np.ndarray], info: dict[str, Any], done: bool) -> None:
         """Note where the last action has led, and what is in view there."""
