@@ -13,6 +13,7 @@ Observation = dict[str, np.ndarray]
 Views = NDArray[np.float64]  # (n, 3) u, v and share of pixels of some nodes, as in ``node_view``
 
 SURE = 0.5  # part of the pixels in a cell from which on it is pointed at
+_LEAST = 4 / 128**2  # share of a picture from which on things are visible
 _TURN, _PITCH, _FIELD = np.pi / 6, np.pi / 9, 1.0  # of the humanoid: a turn, its camera's pitch and half width at 1 m
 
 
@@ -81,8 +82,9 @@ def turned(nodes: Nodes, side: int) -> Nodes:
     depth = ahead * np.cos(_PITCH) - height * np.sin(_PITCH)
     safe = np.maximum(depth, 1e-6) * _FIELD
     across, above = right / safe, (ahead * np.sin(_PITCH) + height * np.cos(_PITCH)) / safe
-    views = np.stack([(across + 1) / 2, (1 - above) / 2, nodes.views[:, 2]], axis=1)
-    there = (depth > 0) & (abs(across) < 1) & (abs(above) < 1)
+    share = nodes.views[:, 2] / np.maximum(depth, 1e-6) ** 3  # things look larger at the edges of a picture
+    views = np.stack([(across + 1) / 2, (1 - above) / 2, share], axis=1)
+    there = (depth > 0) & (abs(across) < 1) & (abs(above) < 1) & (share >= _LEAST)
     names = tuple(name for name, is_there in zip(nodes.names, there.tolist(), strict=True) if is_there)
     return Nodes(names, views[there])
 
