@@ -38,7 +38,8 @@ def encoded(texts: Sequence[str]) -> Vectors:
         tokenizer, model = AutoTokenizer.from_pretrained(folder), AutoModel.from_pretrained(folder).eval()
     with torch.inference_mode():
         means = [model(**tokenizer(text, return_tensors="pt")).last_hidden_state[0].mean(dim=0) for text in texts]
-    return np.stack([mean.numpy() for mean in means])
+    found: Vectors = np.stack([mean.numpy() for mean in means])
+    return found
 
 
 def main_directions(vectors: Vectors, size: int) -> Vectors:
@@ -47,7 +48,8 @@ def main_directions(vectors: Vectors, size: int) -> Vectors:
     directions = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)[2][:size]
     directions *= np.sign(directions[np.arange(size), np.abs(directions).argmax(axis=1)])[:, None]
     found: Vectors = (vectors - vectors.mean(axis=0)) @ directions.T
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+    unit: Vectors = found / np.linalg.norm(found, axis=1, keepdims=True)
+    return unit
 
 
 def write(path: Path) -> None:

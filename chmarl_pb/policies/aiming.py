@@ -119,7 +119,8 @@ def _in_cells(views: Views) -> NDArray[np.float64]:
         np.clip(np.minimum(middle + half, edges[1:]) - np.maximum(middle - half, edges[:-1]), 0, None)
         for middle in (views[:, :1], views[:, 1:2])
     )
-    return (down[:, :, None] * across[:, None, :]).reshape(len(views), len(CELLS))
+    shares: NDArray[np.float64] = (down[:, :, None] * across[:, None, :]).reshape(len(views), len(CELLS))
+    return shares
 
 
 def _name(number: int, known: Catalog) -> str:

@@ -99,7 +99,7 @@ class Site:
         floor = [*group.keep, *([group.around] if group.margin else [])]
         areas = [*(part.area for part in (*solid, *rugs)), *floor]
         boxes = placed_at(areas, spots)
-        within = inside(boxes, self.boxes).all(axis=0)
+        within = np.asarray(inside(boxes, self.boxes).all(axis=0))
         spots, boxes = spots.take(within), boxes[:, :, within]
         clear = self.floor.clear(boxes[:, : len(solid)], [(part.z, part.top) for part in solid])
         spots, boxes = spots.take(clear), boxes[:, :, clear]

@@ -118,8 +118,9 @@ class Knowledge:
         chance[spots.above & evidence.flown[spots.room] != 0] *= OVERLOOKED
         if evidence.find is not None:
             chance *= self._likelihood(spots, evidence.find)
-        for room in [] if evidence.bearings is None else np.flatnonzero(evidence.bearings >= 0).tolist():
-            turn = self.turn_to(room, float(evidence.bearings[room]))
+        bearings = np.empty(0) if evidence.bearings is None else evidence.bearings
+        for room in np.flatnonzero(bearings >= 0).tolist():
+            turn = self.turn_to(room, float(bearings[room]))
             if turn is not None:
                 chance[(spots.room == room) & (spots.near >> turn & 1 == 0)] *= _ASTRAY
         if evidence.heard.any():
