@@ -79,7 +79,7 @@ def _geometry(geometry: yourdfpy.Geometry) -> str:
 def _origin(frame: bytes) -> str:
     """Return the element of a frame (4 x 4 numbers); most shapes of furniture have one of a few."""
     matrix = np.frombuffer(frame).reshape(4, 4)
-    angles = euler_from_matrix(matrix)  # type: ignore[no-untyped-call]
+    angles = euler_from_matrix(matrix)
     return f'<origin xyz="{_words(matrix[:3, 3])}" rpy="{_words(angles)}" />'
 
 
