@@ -67,8 +67,9 @@ def test_every_number_of_the_paper_is_there(page: str) -> None:
 
 
 def whole(report: Report, **options: Any) -> Report:
-    """Return a result as if it were of all tasks, with other options."""
-    settings = report.settings | {"tasks_sha256": tasks_hash(load_tasks(report.settings["split"]))}
+    """Return a result as if it were of all tasks, with other options, of a policy that is told no more than others."""
+    whole_split = tasks_hash(load_tasks(report.settings["split"]))
+    settings = report.settings | {"tasks_sha256": whole_split, "privileged": False}
     return replace(report, settings=settings | {"options": settings["options"] | options})
 
 
@@ -160,7 +161,7 @@ def test_what_needs_no_eyes_stands_in_every_table_of_results(results: Path) -> N
         for name, (success, plw) in reference_scores("test-unseen", MAX_STEPS).items():
             if name in (*SHORTCUTS, "search"):
                 row = html[html.index(f"<th>{name}<") :]
-                assert f"<td>{100 * success:.2f}</td>" in row and f"<td>{100 * plw:.2f}</td>" in row
+                assert f"<td>{100 * success:.2f}<" in row and f"<td>{100 * plw:.2f}<" in row
         assert "blind" in html and "built in" in html
 
 
@@ -195,7 +196,7 @@ def test_a_label_puts_a_result_beside_the_papers(results: Path) -> None:
 def test_what_is_no_result_of_the_benchmark_stands_beside_nothing(results: Path) -> None:
     reports = [load_result(results / f"{name}.json") for name in ("planner", "qmix")]
     html = paper_table(paper.SCENE_GRAPH, reports, others=True)
-    assert re.search(r"planner \(2 chosen tasks: \w{4}\)", html)
+    assert re.search(r"planner \(2 chosen tasks: \w{4}, is told the truth\)", html)
     assert re.search(r"QMIX \+ messages \(2 chosen tasks: \w{4}, at most 8 steps\)", html)
     beside = html[html.index("QMIX + messages") :]
     assert "<td>100.00" not in beside[: beside.index("QTRAN")]
