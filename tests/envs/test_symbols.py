@@ -261,6 +261,25 @@ def test_code_says_each_fact_and_reads_it_back() -> None:
     assert RoomCode(rooms, 6).symbol_of((1, 3)) == 0, "there are too few symbols"
 
 
+def test_code_tells_directions_by_what_is_left_of_the_symbols(env: HouseholdEnv) -> None:
+    observations, infos = env.reset(options={"task": TASKS[0]})
+    told = [0.1, 2.0, 6.2]
+    for angle in told:
+        speaker, hearer = (RoomCode(env.rooms, 16, bearing=lambda *_: angle) for _ in range(2))  # noqa: B023
+        seen = {**observations["drone"], "messages": np.zeros((1, 16), np.int8)}
+        speaker._seen = lambda *_: [("mug", (0, 2))]  # type: ignore[method-assign]
+        hearer._seen = lambda *_: []  # type: ignore[method-assign]
+        for step in range(3):
+            own = speaker.listen(seen, infos["drone"])
+            assert own["shared"][0, 2] == (step > 0), "it is known to all when it has been heard"
+            seen["messages"] = np.zeros((1, 16), np.int8)
+            heard = {**seen, "messages": np.eye(16, dtype=np.int8)[[speaker.speak()]]}
+            found = hearer.listen(heard, infos["drone"])
+        assert found["messages"].tolist() == found["shared"].tolist() and found["messages"][0].tolist() == [0, 0, 1, 0]
+        assert abs(found["bearings"][0, 2] - angle) <= np.pi / 7 + 1e-9
+    assert RoomCode(env.rooms, 10, bearing=lambda *_: 1.0)._directions == 0, "too few symbols are left"
+
+
 def test_search_talks_and_its_partner_understands(env: HouseholdEnv) -> None:
     """By the code the pair is nearly as good as by the board, and better than where nothing is heard."""
     episodes: dict[str, list[Episode]] = {}
