@@ -42,7 +42,7 @@ def nodes(*rows: tuple[str, float, float, float]) -> Nodes:
 
 
 def test_cells_name_what_has_most_pixels_there(env: HouseholdEnv) -> None:
-    right = {verb: [] for verb, _ in KINDS}
+    right: dict[str, list[bool]] = {verb: [] for verb, _ in KINDS}
     for seen in looks(env, 4):
         cells, pointer = cells_of(seen, BENCHMARK), env.simulation.pointer
         assert pointer is not None
