@@ -17,6 +17,9 @@ from chmarl_pb.errors import AssetError
 
 Kind = Literal["graspable", "receptacle", "scenery", "room", "robot"]
 
+#: Name and content of the files of a model, the URDF first.
+Files = tuple[tuple[str, bytes], ...]
+
 
 @dataclass(frozen=True)
 class Name:
@@ -44,6 +47,7 @@ class ThingClass:
         names: names in plain English, the first is the canonical one.
         places: receptacle classes that tasks put it on; none named: all.
         model: name and content of the files that PyBullet loads it from, the URDF first; none: the packaged ones.
+        looks: colour -> model of each object of the class, where there are several; none: one object.
     """
 
     name: str
@@ -51,7 +55,14 @@ class ThingClass:
     states: tuple[str, ...]
     names: tuple[Name, ...]
     places: tuple[str, ...] = ()
-    model: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
+    model: Files = field(default=(), repr=False)
+    looks: tuple[tuple[str, Files], ...] = field(default=(), repr=False)
+
+    @property
+    def objects(self) -> tuple[tuple[str, Files], ...]:
+        """The name of each object of the class that there may be in a home, and its model."""
+        looks = tuple((object_name(self.name, colour), model) for colour, model in self.looks)
+        return looks or ((f"{self.name}_1", self.model),)
 
     @property
     def synonyms(self) -> tuple[str, ...]:
@@ -309,6 +320,11 @@ _ALL = (*_GRASPABLES, *_RECEPTACLES, *_SCENERY, *_ROOMS, *_ROBOTS)
 #: The benchmark's classes, whose ids never move.
 BENCHMARK = Catalog(_ALL, tuple(sorted({state for row in _ALL for state in row.states} | {"held"})))
 
+#: Colours that objects of a class are told apart by, in the order of their ids; 0 is none.
+COLOURS = ("black", "white", "red", "pink", "orange", "yellow", "brown", "green", "teal", "blue", "purple")
+
+COLOUR_IDS = {name: number for number, name in enumerate(COLOURS, start=1)}
+
 #: Relations between two nodes, in the order of their ids; 0 is padding.
 RELATIONS = ("on", "inside", "near", "held_by", "in_room")
 
@@ -318,6 +334,17 @@ RELATION_IDS = {name: number for number, name in enumerate(RELATIONS, start=1)}
 def class_of(thing: str) -> str:
     """Return the class of a thing's name: ``kitchen/stove_1`` -> ``stove``, ``mug_1`` -> ``mug``."""
     return thing.rsplit("/", 1)[-1].rstrip("0123456789").rstrip("_")
+
+
+def object_name(class_name: str, colour: str) -> str:
+    """Return the name of the object of a class that has a colour, where there are several."""
+    return f"{class_name}_{COLOUR_IDS[colour]}"
+
+
+def colour_of(thing: str) -> int:
+    """Return the id of the colour in the name of an object among others of its class: ``mug_3`` -> 3; else 0."""
+    number = thing.rpartition("_")[2]
+    return int(number) if "/" not in thing and number.isdecimal() else 0
 
 
 def room_of(thing: str) -> str:

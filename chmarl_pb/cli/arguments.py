@@ -40,6 +40,14 @@ def add_track(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--track", choices=tuple(TRACKS), default=PAPER, help="rules (default: paper)")
 
 
+def add_lookalikes(parser: argparse.ArgumentParser) -> None:
+    """Add the option that puts other objects of X's class into the home."""
+    parser.add_argument(
+        "--lookalikes", action=argparse.BooleanOptionalAction, default=OF_TRACK,
+        help="other objects of X's class stand there; the instruction names X's colour and Y's room",
+    )  # fmt: skip
+
+
 def add_rules(parser: argparse.ArgumentParser) -> None:
     """Add the options that name the track and its rules one by one."""
     add_track(parser)
@@ -62,6 +70,7 @@ def add_rules(parser: argparse.ArgumentParser) -> None:
         "--pointing", action=argparse.BooleanOptionalAction, default=OF_TRACK,
         help="Pick and Place name a cell of the robot's picture (default: in the track grounded)",
     )  # fmt: skip
+    add_lookalikes(parser)
     parser.add_argument(
         "--templates", type=int, choices=REVISIONS, default=OF_TRACK, help="2: mended sentences (default of grounded)"
     )
@@ -72,7 +81,7 @@ def add_rules(parser: argparse.ArgumentParser) -> None:
 
 def rules_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment that ``add_rules`` has added."""
-    names = ("track", "messages", "feedback", "pointing", "templates", "max_steps")
+    names = ("track", "messages", "feedback", "pointing", "lookalikes", "templates", "max_steps")
     return {name: getattr(options, name) for name in names}
 
 

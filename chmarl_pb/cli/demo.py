@@ -8,7 +8,15 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from chmarl_pb.cli.arguments import OBSERVATIONS, add_catalog, add_home, add_robots, add_track, output_folder
+from chmarl_pb.cli.arguments import (
+    OBSERVATIONS,
+    add_catalog,
+    add_home,
+    add_lookalikes,
+    add_robots,
+    add_track,
+    output_folder,
+)
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
@@ -36,6 +44,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_catalog(parser)
     add_track(parser)
     parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    add_lookalikes(parser)
     parser.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
     )
@@ -47,9 +56,11 @@ def _run(options: argparse.Namespace) -> int:
     if options.home is not None:
         if task is not None:
             raise OptionError("--task names its home already; leave out --home")
-        (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots)
+        (task,) = draw_tasks(
+            options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
+        )
     given = {"robots": options.robots, "catalog": options.catalog, "track": options.track}
-    return demo(task, options.observation, options.out, **given)
+    return demo(task, options.observation, options.out, lookalikes=options.lookalikes, **given)
 
 
 def demo(task: str | Task | None, observation: str, out: Path, policy: str = "planner", **options: Any) -> int:

@@ -10,6 +10,7 @@ from chmarl_pb.cli.arguments import (
     OBSERVATIONS,
     add_catalog,
     add_home,
+    add_lookalikes,
     add_robots,
     add_track,
     add_verb,
@@ -40,6 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_catalog(saving)
     saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
     saving.add_argument("--goal", action="store_true", help=GOAL)
+    add_lookalikes(saving)
     add_robots(saving)
     add_track(saving)
     saving.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
@@ -63,10 +65,12 @@ def save(options: argparse.Namespace) -> int:
     if options.task:
         task = find_task(options.task)
     else:
-        (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots)
+        (task,) = draw_tasks(
+            options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
+        )
     env = HouseholdEnv(
         options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog,
-        track=options.track,
+        track=options.track, lookalikes=options.lookalikes,
     )  # fmt: skip
     try:
         file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)

@@ -62,7 +62,15 @@ def run_evaluation(options: argparse.Namespace) -> int:
     if options.home is not None:
         if tasks:
             raise OptionError("--task names its home already; leave out --home")
-        tasks = draw_tasks(options.home, options.draw, 0, options.catalog, options.robots)
+        tasks = draw_tasks(
+            options.home,
+            options.draw,
+            0,
+            options.catalog,
+            options.robots,
+            lookalikes=options.lookalikes,
+            track=options.track,
+        )
         where = options.home
     with progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)

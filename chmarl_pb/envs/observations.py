@@ -2,25 +2,41 @@
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 
 from chmarl_pb import catalog
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import BENCHMARK, COLOURS, Catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.sensing.text import as_bytes
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.lookalike_task import LookalikeTask
+from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.world import WorldState
 
 Observation = dict[str, np.ndarray]
 
 _DIRECTIONS = [(float(np.cos(angle)), float(np.sin(angle))) for angle in map(heading_angle, range(HEADINGS))]
+
+
+class Wanted(NamedTuple):
+    """What an instruction asks for, as the option ``goal`` lets it be observed.
+
+    Attributes:
+        classes: ids of the classes of X and Y.
+        things: names of what would do as X, and as Y.
+        attributes: id of the colour of X, and number of the room of Y from 1 on; 0 where the instruction names none.
+    """
+
+    classes: tuple[int, int]
+    things: tuple[frozenset[str], frozenset[str]]
+    attributes: tuple[int, int]
 
 
 class Observer:
@@ -35,6 +51,8 @@ class Observer:
 
         ``self`` is (rooms + 4,): one-hot room (the last: none of them), cosine and sine of the heading,
         and 1 if the humanoid holds something. ``goal`` is (4,): class ids of X and Y, and 1 for each that is in view.
+        Among lookalikes ``goal_attributes`` (2,) goes with it: id of X's colour, and number of Y's room in ``rooms``
+        from 1 on, 0 where the instruction names none.
 
         Raises:
             OptionError: two sensors have a key in common, or one has a key of the environment itself.
@@ -43,26 +61,46 @@ class Observer:
         parts: dict[str, spaces.Space[Any]] = {}
         for sensor in self._sensors:
             _add(parts, sensor.spaces(), type(sensor).__name__)
-        tokens = language.vocabulary_size(known) - 1
+        tokens = language.vocabulary_size(known, options.lookalikes) - 1
+        self._rooms, self._among = rooms, options.lookalikes
         self._words = language.INSTRUCTION_LENGTH * options.kind.objects
+        self._feedback_words = language.FEEDBACK_LENGTH
+        if self._among:
+            self._words, self._feedback_words = (
+                length + language.ATTRIBUTES_LENGTH for length in (self._words, self._feedback_words)
+            )
         own: dict[str, spaces.Space[Any]] = {
             "instruction": spaces.Box(0, tokens, (self._words,), np.int16),
-            "feedback": spaces.Box(0, tokens, (language.FEEDBACK_LENGTH,), np.int16),
+            "feedback": spaces.Box(0, tokens, (self._feedback_words,), np.int16),
             "messages": options.channel.space(rooms),
             "self": spaces.Box(-1, 1, (len(rooms) + 4,), np.float32),
         }
         if options.goal:
             own["goal"] = spaces.Box(0, np.array([len(known.rows)] * 2 + [1] * 2, np.int16), dtype=np.int16)
+            if self._among:
+                most = np.array([len(COLOURS), len(rooms)], np.int16)
+                own["goal_attributes"] = spaces.Box(0, most, dtype=np.int16)
         _add(parts, own, "the environment")
         self.space = spaces.Dict(parts)
         self._parts = parts
 
     def tokens(self, instruction: str) -> np.ndarray:
         """Return an instruction as token ids."""
-        return language.tokenize(instruction, self._words, self._catalog)
+        return language.tokenize(instruction, self._words, self._catalog, self._among)
+
+    def wanted(self, instruction: str, setting: Setting) -> Wanted:
+        """Return what an instruction asks for."""
+        item, target = language.parse_instruction(instruction, self._catalog)
+        goal, task, ids = setting.goal, setting.task, self._catalog.class_ids
+        attributes = (0, 0)
+        if isinstance(task, LookalikeTask):
+            room = self._rooms.index(task.room) + 1 if task.room in self._rooms else 0
+            attributes = catalog.COLOUR_IDS[task.colour], room
+        things = frozenset((goal.item,)), frozenset(goal.receptacles)
+        return Wanted((ids[item], ids[target]), things, attributes)
 
     def observe(
-        self, simulation: Simulation, view: View, instruction: np.ndarray, wanted: tuple[str, str] | None
+        self, simulation: Simulation, view: View, instruction: np.ndarray, wanted: Wanted | None
     ) -> tuple[Observation, dict[str, str]]:
         """Return what one robot observes, and the texts among it as they are.
 
@@ -70,7 +108,7 @@ class Observer:
             simulation: where the episode is played.
             view: what its sensors may read.
             instruction: token ids.
-            wanted: classes of X and Y as the instruction names them; None: they are not observed.
+            wanted: what the instruction asks for; None: it is not observed.
         """
         observation: Observation = {}
         texts: dict[str, str] = {}
@@ -81,13 +119,14 @@ class Observer:
                     value = as_bytes(value, self._parts[key].shape[0])  # type: ignore[index]
                 observation[key] = value
         observation["instruction"] = instruction.copy()
-        observation["feedback"] = language.tokenize(view.feedback, language.FEEDBACK_LENGTH, self._catalog)
+        observation["feedback"] = language.tokenize(view.feedback, self._feedback_words, self._catalog, self._among)
         observation["messages"] = view.messages
         observation["self"] = _self(simulation, view.state, view.robot)
         if wanted is not None:
-            in_view = {catalog.class_of(name) for name in view.seen}
-            numbers = [*(self._catalog.class_ids[name] for name in wanted), *(name in in_view for name in wanted)]
-            observation["goal"] = np.array(numbers, dtype=np.int16)
+            in_view = (not things.isdisjoint(view.seen) for things in wanted.things)
+            observation["goal"] = np.array([*wanted.classes, *in_view], dtype=np.int16)
+            if self._among:
+                observation["goal_attributes"] = np.array(wanted.attributes, dtype=np.int16)
         return observation, texts
 
 

@@ -18,6 +18,7 @@ from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.sensing.cells import NodeViewSensor
+from chmarl_pb.sensing.colours import NodeColourSensor
 from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
@@ -63,6 +64,9 @@ class Options:
         renderer: "fast", or "tiny" for plain TinyRenderer: the same pictures, far slower.
         pointing: whether Pick and Place name a cell of the robot's picture and act on what is there, see
             :mod:`chmarl_pb.tasks.pointing`; scene graphs then tell where nodes are in it.
+        lookalikes: whether one to three other objects of X's class in other colours stand in the home, so that the
+            instruction names the colour of X, and the room of Y where that class is not unique; see
+            :mod:`chmarl_pb.tasks.lookalike_task`. Scene graphs then tell the colours of objects.
         goal: whether what the instruction asks for is observed as class ids, with what of it is in view.
         robots: one to eight robots in the order in which they act: names of the package's, paths of robot files, or
             :class:`RobotModel` objects.
@@ -88,6 +92,7 @@ class Options:
     robots: tuple[str | Path | RobotModel, ...] = TEAM
     catalog: str | Path | None = None
     pointing: bool = OF_TRACK
+    lookalikes: bool = OF_TRACK
     templates: int = OF_TRACK
     track: str = PAPER
 
@@ -113,12 +118,15 @@ class Options:
         _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
         _one_of("goal", self.goal, (True, False))
         _one_of("pointing", self.pointing, (True, False))
+        _one_of("lookalikes", self.lookalikes, (True, False))
         _one_of("templates", self.templates, REVISIONS)
         _one_of("task", self.task, tuple(KINDS), TaskKind)
         team_of(self.robots)
         object.__setattr__(self, "robots", tuple(self.robots))  # a list of the same is the same option
         if self.goal and self.kind.objects != 1:
             raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
+        if self.lookalikes and self.kind.objects != 1:
+            raise OptionError("lookalikes=True needs tasks that name one object; use task='rearrange'")
         _whole("max_steps", self.max_steps, 1, 1_000_000)
         _whole("image_size", self.image_size, 16, 1024)
 
@@ -133,12 +141,14 @@ class Options:
         """Return what every robot observes the classes of a catalogue with, in order."""
         parts = self._observed()
         own = [self._sensor(part, known) if isinstance(part, str) else part for part in parts]
-        return (*own, NodeViewSensor()) if self.pointing and "scene_graph" in parts else tuple(own)
+        if "scene_graph" in parts:
+            own += [NodeViewSensor()] * self.pointing + [NodeColourSensor()] * self.lookalikes
+        return tuple(own)
 
     def _sensor(self, name: str, known: Catalog) -> Sensor:
         if name in CAMERA_SENSORS:
             return CAMERA_SENSORS[name](self.image_size, known)
-        return TextSensor() if name == "text" else SceneGraphSensor(known)
+        return TextSensor(self.lookalikes) if name == "text" else SceneGraphSensor(known)
 
     @property
     def shows_graphs(self) -> bool:

@@ -19,7 +19,6 @@ from chmarl_pb.robots.motion import Motion
 from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.robots.robot import decide
 from chmarl_pb.sensing.sensors import View
-from chmarl_pb.tasks import language
 from chmarl_pb.tasks.kinds import speaking_of
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome, reward
@@ -93,8 +92,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
         given = self.options
         load = partial(
-            Simulation, models=self._models, renderer=given.renderer, known=self.catalog, pointing=given.pointing
-        )
+            Simulation, models=self._models, renderer=given.renderer, known=self.catalog, pointing=given.pointing,
+            lookalikes=given.lookalikes,
+        )  # fmt: skip
         # The endless split does not come back to a home.
         self._simulations = Simulations(load, 1 if self.episodes_in_a_home > 1 else MOST_SIMULATIONS)
         if self.options.home is not None:
@@ -169,13 +169,13 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.world.sync()
         self.outcome = self._look()
         self.messages = self._say(self._channel.begin(self.rooms))
-        self.instruction = self.instruction_of(self.task)
+        self.instruction = self._kind.instruction(self.setting.task)
         self._instruction_tokens = self._observer.tokens(self.instruction)
-        self._wanted = language.parse_instruction(self.instruction, self.catalog) if self.options.goal else None
+        self._wanted = self._observer.wanted(self.instruction, self.setting) if self.options.goal else None
         self.agents, self.steps, self.snapshots, self.collisions = list(self._models), 0, (), 0
         self.said = {}
         if self._adviser:
-            self._adviser.begin(self.simulation, self.task, self.setting.goals)
+            self._adviser.begin(self.simulation, self.setting.task, self.setting.goals)
         return self._observe({}, dict.fromkeys(self._models, True))
 
     def step(self, actions: dict[str, Any]) -> Results:
@@ -222,6 +222,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
 
     def instruction_of(self, task: AnyTask) -> str:
         """Return what a task asks for in the words of this environment."""
+        if self.options.lookalikes:  # what it names besides classes follows from the home
+            task = self._simulations.enter(task.home).definite(task, self._kind)
         return self._kind.instruction(task)
 
     def go_on(self) -> None:

@@ -17,11 +17,12 @@ OF_TRACK: Any = _Unset.OF_TRACK
 #: Track -> what its environments are given where an option is not.
 TRACKS: dict[str, dict[str, Any]] = {
     "paper": {
-        "split": "train", "messages": True, "feedback": True, "max_steps": MAX_STEPS, "pointing": False, "templates": 1,
+        "split": "train", "messages": True, "feedback": True, "max_steps": MAX_STEPS, "pointing": False,
+        "lookalikes": False, "templates": 1,
     },
     "grounded": {
         "split": "generated", "messages": "symbols", "feedback": False, "max_steps": GROUNDED_STEPS, "pointing": True,
-        "templates": 2,
+        "lookalikes": False, "templates": 2,
     },
 }  # fmt: skip
 PAPER, GROUNDED = TRACKS

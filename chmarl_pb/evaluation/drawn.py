@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM
@@ -27,6 +28,8 @@ def draw_tasks(
     catalog: str | None = None,
     robots: tuple[str | Path | RobotModel, ...] = TEAM,
     seeds_from: int = 0,
+    lookalikes: bool = OF_TRACK,
+    track: str = PAPER,
 ) -> tuple[Task, ...]:
     """Return tasks that the planner solves in a home; the same arguments give the same tasks.
 
@@ -37,6 +40,8 @@ def draw_tasks(
         catalog: catalogue file of own things.
         robots: that are to solve them.
         seeds_from: least seed of a task; from 2**31 on they are none that an environment draws.
+        lookalikes: whether they are to be solved among lookalikes, of which their L* then is.
+        track: which says so where it is not given.
 
     Raises:
         OptionError: the number is not positive.
@@ -45,8 +50,9 @@ def draw_tasks(
     """
     if count < 1:
         raise OptionError(f"{count} tasks: draw at least one")
-    options, rng = Options(home=home, robots=robots, catalog=catalog), np.random.default_rng(seed)
-    simulation = Simulation(home, options.models, known=options.things)
+    options = Options(home=home, robots=robots, catalog=catalog, lookalikes=lookalikes, track=track)
+    rng = np.random.default_rng(seed)
+    simulation = Simulation(home, options.models, known=options.things, lookalikes=options.lookalikes)
     try:
         name = simulation.home.name
         ids = [f"drawn-{name}-{number:03d}" for number in range(count)]

@@ -24,6 +24,7 @@ _DEFAULTS: dict[str, Any] = {
     "task": "rearrange",
     "catalog": None,
     "pointing": False,
+    "lookalikes": False,
 }  # options that are there if they are others
 
 
@@ -36,7 +37,7 @@ class EpisodeFile:
         policy: name of the policy that played it.
         seed: of the policy.
         options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots,
-            task, catalog and pointing where they are not the benchmark's.
+            task, catalog, pointing and lookalikes where they are not the benchmark's.
         actions: T times the number of each robot's action.
         rewards: T shared rewards.
         states: T + 1 state hashes, the first after the reset.
@@ -103,7 +104,7 @@ def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
     options = {option: getattr(given, option) for option in _OPTIONS} | {"observation": given.observation_name}
     robots = tuple(str(robot) if isinstance(robot, Path) else robot for robot in given.robots)
     catalog = None if given.catalog is None else str(given.catalog)
-    others = {"robots": robots, "task": given.task, "catalog": catalog, "pointing": given.pointing}
+    others = {name: getattr(given, name) for name in _DEFAULTS} | {"robots": robots, "catalog": catalog}
     names = (*options.values(), *robots, given.task)
     if ":" in options["observation"] or not all(isinstance(name, str | int) for name in names):
         raise OptionError(

@@ -22,7 +22,11 @@ class Optimum:
 
 def tasks_say_optimum(env: HouseholdEnv) -> bool:
     """Return whether robots and rules are the benchmark's, for which tasks say their L*."""
-    return env.simulation.pointer is None and list(env.simulation.models.items()) == list(team_of(TEAM).items())
+    return (
+        env.simulation.pointer is None
+        and not env.options.lookalikes
+        and list(env.simulation.models.items()) == list(team_of(TEAM).items())
+    )
 
 
 def optimum(env: HouseholdEnv) -> Optimum:

@@ -69,6 +69,8 @@ class Report:
             f"{self.track} track": self.track != PAPER,
             "pointing": options.get("pointing") and not rules["pointing"],
             "no pointing": rules["pointing"] and not options["pointing"],
+            "lookalikes": options.get("lookalikes") and not rules["lookalikes"],
+            "no lookalikes": rules["lookalikes"] and not options.get("lookalikes"),
             "own words": options["messages"] == "symbols" != rules["messages"],
             "message board": options["messages"] is True is not rules["messages"],
             "feedback": options["feedback"] and not rules["feedback"],

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from chmarl_pb.catalog import Catalog, ThingClass, graspable_urdf
+from chmarl_pb.catalog import Catalog, Files, ThingClass, graspable_urdf
 
 LINK = "object_looks_"
 
@@ -20,7 +20,8 @@ LINK = "object_looks_"
 SETS = 6
 
 _LINK = re.compile(LINK + "([0-9]{1,6})")
-_RGB = {
+#: Colours by name.
+RGB = {
     "white": (0.96, 0.96, 0.95), "grey": (0.42, 0.43, 0.45), "black": (0.07, 0.07, 0.08), "red": (0.85, 0.13, 0.12),
     "pink": (0.97, 0.60, 0.70), "orange": (0.97, 0.53, 0.10), "yellow": (0.99, 0.84, 0.14), "brown": (0.40, 0.23, 0.11),
     "green": (0.18, 0.58, 0.23), "teal": (0.10, 0.55, 0.58), "blue": (0.13, 0.36, 0.78), "purple": (0.50, 0.28, 0.68),
@@ -103,18 +104,38 @@ def _with_looks(catalog: Catalog, number: int) -> Catalog:
     return replace(catalog, rows=rows, content=f"{catalog.content} object_looks_{number}".strip())
 
 
-def _model(row: ThingClass, number: int, place: int) -> tuple[tuple[str, bytes], ...]:
+def main_part(class_name: str) -> tuple[str, tuple[str, ...]]:
+    """Return the material of the main part of a packaged class and the colours that suit it; nothing of others."""
+    material, colours = _PAINT.get(class_name, ("", []))
+    return material, tuple(colour for colour in (material, *colours) if colour in RGB)
+
+
+def packaged_model(class_name: str) -> Files:
+    """Return the files of a packaged class as it looks in the benchmark's homes."""
+    urdf = graspable_urdf(class_name)
+    root = ElementTree.fromstring(urdf.read_bytes())
+    _resize(root, np.ones(3), urdf.parent)
+    return ((urdf.name, ElementTree.tostring(root)),)
+
+
+def _model(row: ThingClass, number: int, place: int) -> Files:
     """Return the files of a class, whose place in the catalogue this is, in the colour and size of a set."""
     urdf, rng = graspable_urdf(row.name), np.random.default_rng((number, place))
     material, colours = _PAINT[row.name]
-    paint = [None, *(_RGB[colour] for colour in colours)][(number + place) % (len(colours) + 1)]
+    colour = [None, *(RGB[name] for name in colours)][(number + place) % (len(colours) + 1)]
     width, height = _WIDTHS[int(rng.integers(len(_WIDTHS)))], _HEIGHTS[int(rng.integers(len(_HEIGHTS)))]
     root = ElementTree.fromstring(urdf.read_bytes())
     _resize(root, np.array([width, width, height]), urdf.parent)
-    for element in root.iter("material"):
-        if paint is not None and element.get("name") == material:
-            _set_numbers(element.find("color"), "rgba", (*paint, 1.0))
+    if colour is not None:
+        paint(root, material, colour)
     return ((urdf.name, ElementTree.tostring(root)),)
+
+
+def paint(root: ElementTree.Element, material: str, colour: tuple[float, float, float]) -> None:
+    """Give all parts of an object that are of a material another colour."""
+    for element in root.iter("material"):
+        if element.get("name") == material:
+            _set_numbers(element.find("color"), "rgba", (*colour, 1.0))
 
 
 def _resize(root: ElementTree.Element, scale: np.ndarray, folder: Path) -> None:

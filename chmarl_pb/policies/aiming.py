@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import Catalog
+from chmarl_pb.policies.sights import OTHER, classes_of_nodes
 from chmarl_pb.robots.pointing import CELLS, GRID, MIDDLE, VERBS, Cell, named
 
 Observation = dict[str, np.ndarray]
@@ -35,10 +36,10 @@ def nodes_of(observation: Observation, kinds: Collection[str], known: Catalog) -
     """Return what is in view of some classes, but for what is held; nothing where nodes have no place."""
     if "node_view" not in observation:
         return Nodes((), np.zeros((0, 3)))
-    ids, views = observation["node_class"], observation["node_view"].astype(float)
-    there = (ids > 0) & (observation["node_state"] != known.state_ids["held"]) & (views[:, 2] > 0)
-    names = {number: known.rows[ids[number] - 1].name for number in np.flatnonzero(there).tolist()}
-    chosen = sorted((number for number in names if names[number] in kinds), key=lambda number: -views[number, 2])
+    names, views = classes_of_nodes(observation, known), observation["node_view"].astype(float)
+    there = (observation["node_state"] != known.state_ids["held"]) & (views[:, 2] > 0)
+    numbers = [number for number in np.flatnonzero(there).tolist() if names[number].removeprefix(OTHER) in kinds]
+    chosen = sorted(numbers, key=lambda number: -views[number, 2])
     return Nodes(tuple(names[number] for number in chosen), views[chosen])
 
 
@@ -94,12 +95,14 @@ def held_class(observation: Observation, known: Catalog) -> str | None:
     if "node_state" not in observation:
         return None
     held = np.flatnonzero(observation["node_state"] == known.state_ids["held"]).tolist()
-    return _name(observation["node_class"][held[0]], known) if held else None
+    return classes_of_nodes(observation, known)[held[0]] if held else None
 
 
 def putting_away(cells: dict[str, Cell], known: Catalog) -> str | None:
     """Return the Place that puts down what was picked by mistake, on any receptacle in view; None if there is none."""
-    return next((aimed("place", cell) for name, cell in cells.items() if name in known.receptacles), None)
+    return next(
+        (aimed("place", cell) for name, cell in cells.items() if name.removeprefix(OTHER) in known.receptacles), None
+    )
 
 
 def number_of(actions: Sequence[str], name: str) -> int:
@@ -121,7 +124,3 @@ def _in_cells(views: Views) -> NDArray[np.float64]:
     )
     shares: NDArray[np.float64] = (down[:, :, None] * across[:, None, :]).reshape(len(views), len(CELLS))
     return shares
-
-
-def _name(number: int, known: Catalog) -> str:
-    return known.rows[number - 1].name

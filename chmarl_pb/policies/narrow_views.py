@@ -13,7 +13,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
-from chmarl_pb.policies.sights import classes_in_view, supports_in_view
+from chmarl_pb.policies.sights import classes_in_view, messages_read, supports_in_view
 from chmarl_pb.robots.pointing import Cell
 from chmarl_pb.tasks.language import read_pairs
 
@@ -71,12 +71,13 @@ def blind_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> 
 
 def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> SeeingView:
     """Return the view of a policy that sees but does not read."""
-    return SeeingView(**_blind(rooms, observation), **_seeing(observation, info, known))
+    unread = {name: value for name, value in observation.items() if name != "instruction"}
+    return SeeingView(**_blind(rooms, observation), **_seeing(unread, info, known))
 
 
 def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> FullView:
     """Return the view of a policy that sees and reads."""
-    blind = _blind(rooms, observation)
+    blind = _blind(rooms, {**observation, "messages": messages_read(observation, rooms, known)})
     pairs = read_pairs(observation["instruction"], known)
     wanted = frozenset(pair[int(blind["holding"])] for pair in pairs)
     return FullView(**blind, **_seeing(observation, info, known), wanted=wanted)

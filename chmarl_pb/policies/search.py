@@ -16,7 +16,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
-from chmarl_pb.policies.sights import classes_in_view
+from chmarl_pb.policies.sights import classes_in_view, messages_read
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
 from chmarl_pb.tasks.language import read_pairs
@@ -85,6 +85,7 @@ class HumanoidSearch:
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
         pairs, holding = read_pairs(observation["instruction"], self._catalog), bool(observation["self"][-1])
+        board = messages_read(observation, self.rooms, self._catalog)
         cells = cells_of(observation, self._catalog)
         if cells and holding and held_class(observation, self._catalog) not in (None, *(item for item, _ in pairs)):
             return self._put_away(cells)
@@ -99,7 +100,7 @@ class HumanoidSearch:
         aims = [cell for name, cell in cells.items() if name in wanted]
         if wanted & seen and not failed and (aims or "node_view" not in observation):
             return aimed(verb, aims[0] if aims else None)
-        known = [room for room, bit in zip(self.rooms, observation["messages"][row], strict=True) if bit]
+        known = [room for room, bit in zip(self.rooms, board[row], strict=True) if bit]
         if len(pairs) > 1:  # the board does not say which object has been seen where
             known = self._not_searched(here, known)
         return self._look_around(here, known)
@@ -176,7 +177,8 @@ class DroneSearch:
         wanted = {name for pair in pairs for name in pair}
         self._seen |= classes_in_view(observation, info, self._catalog)
         if len(pairs) == 1:  # else the board does not say which object has been seen
-            self._seen |= {name for name, bits in zip(pairs[0], observation["messages"], strict=True) if bits.any()}
+            board = messages_read(observation, self.rooms, self._catalog)
+            self._seen |= {name for name, bits in zip(pairs[0], board, strict=True) if bits.any()}
         return self.actions.index("stay" if self._seen.issuperset(wanted) else self._sweep())
 
     def note(self, action: int) -> None:

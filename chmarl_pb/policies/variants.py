@@ -7,6 +7,7 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, PolicyEnv, grasps
+from chmarl_pb.policies.sights import classes_of_names
 from chmarl_pb.tasks.language import read_pairs
 
 
@@ -82,10 +83,11 @@ class Noting:
         """Keep the bits that a robot's own view explains; X is in one room until it is carried."""
         pairs = read_pairs(seen["instruction"], self._catalog)
         graspables, receptacles = (set(names) for names in zip(*pairs, strict=True))
-        for name in info["visible"]:
-            if catalog.class_of(name) in graspables:
+        visible = info["visible"]
+        for name, kind in zip(visible, classes_of_names(seen, visible, self._catalog), strict=True):
+            if kind in graspables:
                 notes[0] |= seen["messages"][0]
-            elif catalog.class_of(name) in receptacles:
+            elif kind in receptacles:
                 notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)
 
 

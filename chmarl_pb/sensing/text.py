@@ -8,6 +8,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import COLOURS
 from chmarl_pb.sensing.scene_graph import SceneGraph
 from chmarl_pb.sensing.sensors import View, text_space
 
@@ -23,18 +24,22 @@ class TextSensor:
     state; what messages say; feedback, and whether the last action failed; and the names of its actions.
     """
 
+    def __init__(self, colours: bool = False):
+        """Tell objects by their colours, or by their classes alone."""
+        self._colours = colours
+
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of texts."""
         return {"text": text_space(LENGTH)}
 
     def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
         """Return the sentences."""
-        return {"text": describe(view)}
+        return {"text": describe(view, self._colours)}
 
 
-def describe(view: View) -> str:
-    """Return what a robot sees, its feedback and its messages, a line for each."""
-    lines = [f"Task: {view.instruction}", _self(view), *_seen(view), *_messages(view)]
+def describe(view: View, colours: bool = False) -> str:
+    """Return what a robot sees, its feedback and its messages, a line for each; with or without colours of objects."""
+    lines = [f"Task: {view.instruction}", _self(view, colours), *_seen(view, colours), *_messages(view)]
     if not view.succeeded:
         lines.append("Your last action could not be done.")
     if view.feedback:
@@ -43,20 +48,20 @@ def describe(view: View) -> str:
     return "\n".join(lines)
 
 
-def _self(view: View) -> str:
+def _self(view: View, colours: bool) -> str:
     """Return where the robot is, and what it holds."""
     grip = view.state.grips.get(view.robot)
-    holding = f" You hold the {_name(grip.item)}." if grip else ""
+    holding = f" You hold the {_name(grip.item, colours)}." if grip else ""
     return f"You are the {_robot(view.robot)}, in the {_name(view.room)}.{holding}"
 
 
-def _seen(view: View) -> Iterator[str]:
+def _seen(view: View, colours: bool) -> Iterator[str]:
     """Yield one line for each room in which the robot sees something."""
     graph = view.graph()
     rooms: dict[str, list[str]] = {}
     places = {source: (relation, target) for source, target, relation in graph.relations() if relation in _PLACES}
     inside = {source: target for source, target, relation in graph.relations() if relation == "in_room"}
-    for name, thing in zip(graph.names, _things(graph, places, view.models), strict=True):
+    for name, thing in zip(graph.names, _things(graph, places, view.models, colours), strict=True):
         if name in inside:
             rooms.setdefault(inside[name], []).append(thing)
     if not rooms:
@@ -65,10 +70,12 @@ def _seen(view: View) -> Iterator[str]:
         yield f"You see in the {_name(room)}: {', '.join(things)}."
 
 
-def _things(graph: SceneGraph, places: dict[str, tuple[str, str]], robots: Container[str]) -> Iterator[str]:
+def _things(
+    graph: SceneGraph, places: dict[str, tuple[str, str]], robots: Container[str], colours: bool
+) -> Iterator[str]:
     """Yield the words for each node: its name, where it is, and its state."""
     for name, state in zip(graph.names, graph.states, strict=True):
-        words = _robot(name) if name in robots else _name(name)
+        words = _robot(name) if name in robots else _name(name, colours)
         if name in places:
             relation, target = places[name]
             words += f" {_WORDS.get(relation, relation)} the {_robot(target) if target in robots else _name(target)}"
@@ -90,9 +97,14 @@ def _robot(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _name(name: str) -> str:
-    """Return a name in words: ``kitchen/kitchen_table_2`` -> kitchen table 2, ``mug_1`` -> mug."""
+def _name(name: str, colours: bool = False) -> str:
+    """Return a name in words: ``kitchen/kitchen_table_2`` -> kitchen table 2, ``mug_1`` -> mug.
+
+    With colours ``mug_3`` is the red mug.
+    """
     kind = catalog.class_of(name)
+    if colours and (colour := catalog.colour_of(name)):
+        return f"{COLOURS[colour - 1]} {kind.replace('_', ' ')}"
     number = name.rpartition("/")[2].removeprefix(kind).removeprefix("_")
     words = kind.replace("_", " ")
     return f"{words} {number}" if number not in ("", "1") else words

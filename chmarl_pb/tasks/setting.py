@@ -13,6 +13,7 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, grip_point
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.lookalike_task import LookalikeTask
 from chmarl_pb.tasks.sampling import may_stand
 from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
@@ -30,12 +31,14 @@ class Setting:
     """What a task's seed has fixed beside the places of the objects.
 
     Attributes:
+        task: the task, with all that its instruction names.
         goals: what Pick and Place act on, one goal for each object, in the order of the instruction.
         states: name of a static thing or an object -> its symbolic state.
         graspers: the robots that can grasp.
         rooms: names of the home's rooms, in the order of a robot's ``room``.
     """
 
+    task: AnyTask
     goals: tuple[Goal, ...]
     states: dict[str, str]
     graspers: tuple[str, ...]
@@ -77,21 +80,35 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
     """
     for move in moves:
         move.check(space.home.catalog)
-    goals = tuple(Goal(move.item, receptacles_of(space.home, move.target)) for move in moves)
+    goals = tuple(_goal(world, space.home, move) for move in moves)
     kept = _layouts.setdefault(space, {})
     layout = kept.get(task)
     if layout is None:
-        layout = _lay_out(world, space, task, moves)
+        layout = _lay_out(world, space, task, moves, goals)
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
         kept[task] = layout
     world.arrange(layout.objects)
     names = (*(thing.name for thing in space.home.things), *world.objects)
     states = dict(zip(names, layout.states, strict=True))
-    return Setting(goals, states, world.graspers, tuple(space.home.rooms))
+    return Setting(task, goals, states, world.graspers, tuple(space.home.rooms))
 
 
-def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Layout:
+def _goal(world: World, home: Home, move: Task) -> Goal:
+    """Return the goal of a move.
+
+    Raises:
+        TaskError: the home has no such receptacle, or there is no such object in the world.
+    """
+    if move.item not in world.physics.objects:
+        raise TaskError(f"task {move.id!r}: there is no {move.item}; tasks with colours need lookalikes=True")
+    targets = receptacles_of(home, move.target)
+    if isinstance(move, LookalikeTask) and move.room:
+        targets = tuple(name for name in targets if catalog.room_of(name) == move.room)
+    return Goal(move.item, targets)
+
+
+def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...], goals: tuple[Goal, ...]) -> Layout:
     """Draw a task's layout, with the objects put into the world one by one."""
     # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
     things, moods = (np.random.default_rng([task.seed, stream]) for stream in (_PLACES, _STATES))
@@ -103,8 +120,11 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...])
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
-    targets = {name for move in moves for name in receptacles_of(space.home, move.target)}
-    _dress(world, space, task, [move.item for move in moves], targets, things)
+    targets = {name for goal in goals for name in goal.receptacles}
+    items = [goal.item for goal in goals]
+    if isinstance(task, LookalikeTask):
+        items += _add_lookalikes(world, space, task, things)
+    _dress(world, space, task, items, targets, things)
     return Layout(world.state.objects, _states(space.home, world.objects, moods))
 
 
@@ -150,15 +170,36 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
+def _add_lookalikes(world: World, space: Space, task: LookalikeTask, rng: np.random.Generator) -> tuple[str, ...]:
+    """Put the other objects of X's class on receptacles drawn uniformly, and return their names.
+
+    Raises:
+        TaskError: there is no place for one.
+    """
+    receptacles, known = list(space.home.receptacles), space.home.catalog
+    for item in task.lookalikes:
+        order = [
+            name for name in rng.permutation(receptacles).tolist()
+            if may_stand(known, task.graspable, catalog.class_of(name))
+        ]  # fmt: skip
+        if not any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order):
+            raise TaskError(f"task {task.id!r}: no receptacle of {space.home.name} has a reachable place for {item}")
+    return task.lookalikes
+
+
 def _dress(
     world: World, space: Space, task: AnyTask, items: list[str], targets: set[str], rng: np.random.Generator
 ) -> None:
-    """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit."""
+    """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit.
+
+    What stands beside the objects to be moved counts among them.
+    """
     receptacles, known = np.array(list(space.home.receptacles)), space.home.catalog
     # The benchmark's tasks are dressed as ever, whatever objects a user has.
-    objects = np.array([f"{name}_1" for name in (BENCHMARK if split_of(task.id) else known).graspables])
-    placed = 0
-    for item in rng.permutation(objects[~np.isin(objects, items)]).tolist():
+    own = set(map(catalog.class_of, items))
+    classes = [name for name in (BENCHMARK if split_of(task.id) else known).graspables if name not in own]
+    placed = len(items) - len(task.moves)
+    for item in rng.permutation([_one_of(known, name, rng) for name in classes]).tolist():
         order = [
             name for name in rng.permutation(receptacles)[:6].tolist()
             if may_stand(known, catalog.class_of(item), catalog.class_of(name))
@@ -167,6 +208,12 @@ def _dress(
         if placed == DISTRACTORS:
             return
     _clear(world, items, targets)
+
+
+def _one_of(known: Catalog, class_name: str, rng: np.random.Generator) -> str:
+    """Return the name of the object of a class, or of any of several."""
+    names = [name for name, _ in known.graspables[class_name].objects]
+    return names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]
 
 
 def _clear(world: World, items: list[str], targets: set[str]) -> None:

@@ -1,10 +1,12 @@
 """A simulation: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import HomeError, TaskError
 from chmarl_pb.homes.home import load_home
+from chmarl_pb.homes.lookalikes import among_lookalikes
 from chmarl_pb.navigation.check import limits
 from chmarl_pb.navigation.free_space import space_of
 from chmarl_pb.rendering.registry import RENDERERS
@@ -16,14 +18,19 @@ from chmarl_pb.robots.registry import TEAM, make_robot, team_of
 from chmarl_pb.robots.robot import Robot, introduce
 from chmarl_pb.sensing.scene_graph import SceneGraphs
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
+from chmarl_pb.tasks.lookalike_task import LookalikeTask, draw_lookalikes
 from chmarl_pb.tasks.order import TeamPlan, plan_team
 from chmarl_pb.tasks.planner import Oracle
 from chmarl_pb.tasks.pointing import Pointer
 from chmarl_pb.tasks.setting import Setting, draw_starts
 from chmarl_pb.tasks.splits import check_fixed
 from chmarl_pb.tasks.targets import target_of
+from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Uncopied, World
+
+_DRAWS = 100  # of lookalikes for a task until the planner solves it
+_KEPT = 2048  # tasks whose lookalikes are kept
 
 
 class Simulation(Uncopied):
@@ -47,6 +54,7 @@ class Simulation(Uncopied):
         renderer: str = "fast",
         known: Catalog = BENCHMARK,
         pointing: bool = False,
+        lookalikes: bool = False,
     ):
         """Load a home.
 
@@ -56,6 +64,7 @@ class Simulation(Uncopied):
             renderer: one of :data:`chmarl_pb.rendering.registry.RENDERERS`.
             known: the classes of things.
             pointing: whether Pick and Place name a cell, see :mod:`chmarl_pb.tasks.pointing`.
+            lookalikes: whether there are other objects of X's class, see :mod:`chmarl_pb.tasks.lookalike_task`.
 
         Raises:
             HomeError: the home cannot be used.
@@ -63,6 +72,10 @@ class Simulation(Uncopied):
         """
         self.home, self.models = load_home(home, known), team_of(TEAM) if models is None else models
         check_fixed(home, self.home)
+        if lookalikes:
+            self.home = among_lookalikes(self.home)
+        self._lookalikes = lookalikes
+        self._definite: dict[AnyTask, LookalikeTask] = {}  # task -> what it has become among lookalikes
         for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
@@ -108,14 +121,42 @@ class Simulation(Uncopied):
         meant = {name: self.pointer.meant(name, actions[name]) for name in graspers}
         return {name: goal for name, goal in meant.items() if goal is not None}
 
+    def definite(self, task: AnyTask, kind: TaskKind = REARRANGE) -> AnyTask:
+        """Return a task with all that its instruction names; among lookalikes it is drawn until the planner solves it.
+
+        Raises:
+            TaskError: the home cannot hold the task, or the planner does not solve any that it may become.
+        """
+        if not self._lookalikes or not isinstance(task, Task) or isinstance(task, LookalikeTask):
+            return task
+        if task not in self._definite:
+            if len(self._definite) == _KEPT:
+                del self._definite[next(iter(self._definite))]
+            self._definite[task] = self._draw_definite(task, kind)
+        return self._definite[task]
+
+    def _draw_definite(self, task: Task, kind: TaskKind) -> LookalikeTask:
+        reason = ""
+        for drawn in islice(draw_lookalikes(task, self.home), _DRAWS):
+            try:
+                goals = self.begin(drawn, kind).goals
+                if self.oracles:
+                    plan_team(self.oracles, goals)
+                return drawn
+            except TaskError as error:
+                reason = str(error)
+        raise TaskError(
+            f"task {task.id!r}: in none of {_DRAWS} draws of lookalikes can it be solved; the last: {reason}"
+        )
+
     def begin(self, task: AnyTask, kind: TaskKind = REARRANGE) -> Setting:
         """Lay out a task of a kind and put the robots at their starts.
 
         Raises:
             TaskError: the home cannot hold the task.
         """
-        setting = kind.set_up(self.world, self.space, task)
-        for robot, pose in zip(self.robots.values(), draw_starts(task.seed, self._lattices), strict=True):
+        setting = kind.set_up(self.world, self.space, self.definite(task, kind))
+        for robot, pose in zip(self.robots.values(), draw_starts(setting.task.seed, self._lattices), strict=True):
             robot.spawn(pose)
         return setting
 

@@ -27,7 +27,7 @@ def plan_overlay(recording: Recording, plan: PlanView, number: int) -> str:
         parts.append(f'<polygon class="field{"" if model.flies else " cone"} {own}" points="{field}"/>')
     for name in recording.targets:
         parts.append(_badge("Y", "y", plan.pixel(*recording.home.receptacles[name].centre)))
-    x, y, _ = moment.rest.objects[recording.task.item][0]
+    x, y, _ = moment.rest.objects[recording.item][0]
     parts.append(_badge("X", "x", plan.pixel(x, y)))
     for robot in reversed(places):
         parts.append(_robot(plan, *robot_mark(moment.rest, robot, recording.models[robot]), places[robot]))

@@ -37,7 +37,7 @@ class PlanMap:
     def __init__(self, recording: Recording, width: int, height: int):
         """Draw the empty home into a size in pixels, and mark every Y."""
         self.plan: PlanView = draw_plan(recording.home, width, height)
-        self._item = recording.task.item
+        self._item = recording.item
         self._item_badge = badge("X", ITEM, _BADGE)
         self._models, self._colours = recording.models, dict(zip(recording.models, ROBOTS, strict=False))
         self._trails: dict[str, deque[Point]] = {robot: deque() for robot in self._models}

@@ -70,6 +70,7 @@ class Recording:
         policy: name of the policy that drove the robots.
         observation: what the policy observed, "visual" or "scene_graph".
         rooms: rooms that have a message bit, in order.
+        item: name of the object X.
         targets: names of the receptacles Y.
         moments: the start and every step.
         success: whether X stands on Y at the end.
@@ -84,6 +85,7 @@ class Recording:
     policy: str
     observation: str
     rooms: tuple[str, ...]
+    item: str
     targets: tuple[str, ...]
     moments: tuple[Moment, ...]
     success: bool
@@ -158,7 +160,8 @@ def _recorded(
         episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
         return Recording(
             task, env.simulation.home, team_in(env.world, env.simulation.models), optimum(env), env.instruction, name,
-            env.options.observation_name, env.rooms, env.setting.goal.receptacles, _moments(env, episode, noted),
+            env.options.observation_name, env.rooms, env.setting.goal.item, env.setting.goal.receptacles,
+            _moments(env, episode, noted),
             episode.success, env.collisions,
         )  # fmt: skip
     finally:

@@ -80,21 +80,22 @@ def _plain_file(home: Home) -> Iterator[Path]:
 
 @contextmanager
 def loaded_graspables(client: int, known: Catalog = BENCHMARK) -> Iterator[dict[str, Graspable]]:
-    """Load one object of every graspable class, parked and frozen, and yield them by their names.
+    """Load the objects of every graspable class, parked and frozen, and yield them by their names.
 
     While the context lasts, their meshes are where PyBullet says.
 
     Raises:
         AssetError: a URDF is missing or is not one link with one collision shape.
     """
-    rows = known.graspables.values()
-    own = {name: content for row in rows for name, content in row.model}
+    models = [(name, row.name, files) for row in known.graspables.values() for name, files in row.objects]
+    own = {file: content for _, _, files in models for file, content in files}
     with plain_files(own) if own else nullcontext(Path()) as folder:
-        paths = [folder / row.model[0][0] if row.model else catalog.graspable_urdf(row.name) for row in rows]
         x, y, z = _PARKING
         yield {
-            f"{row.name}_1": _load_graspable(client, path, (x, y, z + 0.5 * place))
-            for place, (row, path) in enumerate(zip(rows, paths, strict=True))
+            name: _load_graspable(
+                client, folder / files[0][0] if files else catalog.graspable_urdf(kind), (x, y, z + 0.5 * place)
+            )
+            for place, (name, kind, files) in enumerate(models)
         }
 
 

@@ -43,7 +43,7 @@ class RobotBody:
 
 
 class Physics(Uncopied):
-    """One PyBullet client with a home, one object of every graspable class, and the robots.
+    """One PyBullet client with a home, the objects of every graspable class, and the robots.
 
     Attributes:
         client: PyBullet client id.

@@ -29,7 +29,7 @@ class World(Uncopied):
     """
 
     def __init__(self, home: Home):
-        """Load a home and one object of every graspable class.
+        """Load a home and the objects of every graspable class.
 
         Raises:
             HomeError: PyBullet cannot load the home.

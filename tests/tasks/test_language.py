@@ -11,7 +11,8 @@ from chmarl_pb.catalog import BENCHMARK, Name
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.language.choice import may_use_held_out
-from chmarl_pb.tasks.language.instructions import names_of, phrase
+from chmarl_pb.tasks.language.instructions import phrase
+from chmarl_pb.tasks.language.names import names_of
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
 from chmarl_pb.tasks.language.tokens import FILE
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, SPLIT_SIZES, load_tasks

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, Bits, Spots, Statistics, class_bits
+from chmarl_pb.policies.sights import OTHER
 
 #: What is left of a spot's probability after one view that should have shown the thing: no home is like another.
 MISSED = 0.3
@@ -96,7 +97,7 @@ class Knowledge:
             heading: of the robot, in steps of 30 degrees from +x.
         """
         for number, room in enumerate(self.statistics.rooms):
-            bits = class_bits([name for name, where in seen if where == room])
+            bits = class_bits([name.removeprefix(OTHER) for name, where in seen if where == room])
             self._compare(number, bits, station)
         if station is not None:
             self._headings[station.room] = heading - station.turn

@@ -17,6 +17,7 @@ from chmarl_pb.policies.belief.statistics import statistics
 from chmarl_pb.policies.code import SHARED, Bearing
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
+from chmarl_pb.policies.sights import messages_read
 from chmarl_pb.tasks.language import read_pairs
 
 _SPAN = 4.0  # metres that a robot that flies sees across at the height of things
@@ -43,7 +44,7 @@ class Scout:
         targets = {target for _, target in pairs}
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, expected, len(pairs) > 1)
-        self._scouts.hear(observation.get(SHARED, observation["messages"]) > 0)
+        self._scouts.hear(messages_read(observation, self.rooms, self._catalog, SHARED) > 0)
         self._scouts.decide((expected.objects_off(targets), expected.receptacles_of(targets)))
         return self.actions.index(self._scouts.actions[self.name])
 
@@ -51,9 +52,9 @@ class Scout:
         """Return the direction of a thing in view from the middle of its room; None unless it flies in that room."""
         place = None if self._scouts is None else self._scouts.place(self.name)
         nodes = nodes_of(observation, (name,), self._catalog)
-        if place is None or place[0] != room or not nodes.names:
+        if place is None or place[0] != room or name not in nodes.names:
             return None
-        (right, forward), (across, down, _) = place[1], nodes.views[0]
+        (right, forward), (across, down, _) = place[1], nodes.views[nodes.names.index(name)]
         x, y = right + (across - 0.5) * _SPAN, forward + (0.5 - down) * _SPAN
         return float(np.arctan2(y, x)) if np.hypot(x, y) > _ABOVE else None
 

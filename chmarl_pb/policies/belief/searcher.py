@@ -15,7 +15,7 @@ from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, s
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
 from chmarl_pb.policies.code import BEARINGS, SHARED, UNKNOWN
-from chmarl_pb.policies.sights import classes_in_view, places_in_view
+from chmarl_pb.policies.sights import classes_in_view, messages_read, places_in_view
 from chmarl_pb.policies.tidying import Pair, Tidying
 from chmarl_pb.robots.pointing import VERBS, verb_of
 from chmarl_pb.tasks.language import read_pairs
@@ -83,8 +83,8 @@ class Searcher:
         self._look(observation, info, done)
         tried = "" if self._hand.away else self._tried
         wanted = self._tidying.wanted(pairs, holding, seen, tried)
-        heard = observation["messages"] > 0
-        self._shared = observation.get(SHARED, observation["messages"]) > 0
+        heard = messages_read(observation, self.rooms, self._catalog) > 0
+        self._shared = messages_read(observation, self.rooms, self._catalog, SHARED) > 0
         self._bearings = observation.get(BEARINGS, np.full(heard.shape, UNKNOWN))
         beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from chmarl_pb import catalog
 from chmarl_pb.robots.pointing import verb_of
+from chmarl_pb.tasks.language.attributes import names_of_room
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,5 @@ def ways_to_say(action: str, held_out: bool) -> list[Verb]:
     """
     if not action.startswith("goto_"):
         return list(VERBS[verb_of(action)])
-    rooms = _rooms(action.removeprefix("goto_"), held_out)
+    rooms = names_of_room(action.removeprefix("goto_"), held_out)
     return [verb.applied(room) for room in rooms for verb in GOTO]
-
-
-def _rooms(room: str, held_out: bool) -> list[str]:
-    """Return the names of a room: ``livingroom`` -> the lounge, ``bedroom_2`` -> bedroom 2."""
-    kind = catalog.room_kind(room)
-    number = room.removeprefix(kind).strip("_")
-    names = [name.text for name in catalog.BENCHMARK.rooms[kind].names if held_out or not name.held_out]
-    return [f"{name} {number}" if number else f"the {name}" for name in names]

@@ -7,9 +7,9 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog, Name
 from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.tasks.language.actions import TRY, Verb, ways_to_say
+from chmarl_pb.tasks.language.attributes import name_x, name_y
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, sentence
-from chmarl_pb.tasks.language.instructions import names_of
 from chmarl_pb.tasks.language.templates import DETOUR, MISSED_PICK, MISSED_PLACE, Templates, revised
 from chmarl_pb.tasks.task import Task
 
@@ -44,8 +44,7 @@ def say(task: Task, step: int, advice: Advice, known: Catalog = BENCHMARK, templ
     rng = np.random.default_rng([task.seed, 2, step])
     held_out = may_use_held_out(task)
     template = revised(pick_from(templates_for(advice).pool(held_out), rng), templates)
-    x = pick_from(names_of(task.graspable, held_out, known), rng)
-    y = pick_from(names_of(task.target, held_out, known), rng)
+    x, y = name_x(task, rng, known), name_y(task, rng, known)
     done = pick_from(ways_to_say(advice.done, held_out), rng)
     better = pick_from(ways_to_say(advice.better, held_out), rng)
     return phrase(template, x, y, advice, done, better)

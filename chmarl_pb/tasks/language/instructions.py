@@ -1,17 +1,18 @@
 """Instructions: from a task to a sentence, and from a sentence back to what it asks for."""
 
 import re
-from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.catalog import BENCHMARK, Catalog, Name, ThingClass
+from chmarl_pb.catalog import BENCHMARK, Catalog, Name
+from chmarl_pb.tasks.language.attributes import name_x, name_y
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
+from chmarl_pb.tasks.language.names import named_in, spelled
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS, revised
-from chmarl_pb.tasks.language.tokens import vocabulary, words
+from chmarl_pb.tasks.language.tokens import words
 from chmarl_pb.tasks.task import Task
 
 
@@ -25,16 +26,9 @@ def instruction(task: Task, known: Catalog = BENCHMARK, templates: int = 1) -> s
         templates: revision of the sentences: 1, the benchmark's, or 2, mended.
     """
     rng = np.random.default_rng([task.seed, 1])
-    held_out = may_use_held_out(task)
-    template = revised(pick_from(INSTRUCTIONS.pool(held_out), rng), templates)
-    x = pick_from(names_of(task.graspable, held_out, known), rng)
-    y = pick_from(names_of(task.target, held_out, known), rng)
+    template = revised(pick_from(INSTRUCTIONS.pool(may_use_held_out(task)), rng), templates)
+    x, y = name_x(task, rng, known), name_y(task, rng, known)
     return phrase(template, x, y, *(bool(bit) for bit in rng.integers(2, size=2)))
-
-
-def names_of(class_name: str, held_out: bool, known: Catalog = BENCHMARK) -> list[Name]:
-    """Return the names of a class, with or without those held out of training."""
-    return [name for name in known.classes[class_name].names if held_out or not name.held_out]
 
 
 def phrase(template: str, x: Name, y: Name, the_x: bool, the_y: bool) -> str:
@@ -61,7 +55,7 @@ def parse_instruction(text: str, known: Catalog = BENCHMARK) -> tuple[str, str]:
         ValueError: it does not name exactly one graspable and one receptacle.
     """
     found: dict[str, set[str]] = {"graspable": set(), "receptacle": set()}
-    for row in _named(words(text), known):
+    for row, *_ in named_in(words(text), known):
         found[row.kind].add(row.name)
     for kind, classes in found.items():
         if len(classes) != 1:
@@ -93,31 +87,12 @@ def read_pairs(tokens: NDArray[np.int16], known: Catalog = BENCHMARK) -> tuple[t
 
 @lru_cache(maxsize=8192)
 def _pairs(tokens: bytes, known: Catalog) -> tuple[tuple[str, str], ...]:
-    spelling = {number: word for word, number in vocabulary(known).items()}
-    left = [spelling.get(number, "") for number in np.frombuffer(tokens, dtype=np.int16).tolist() if number]
+    left = spelled(tokens, known)
     pairs: list[dict[str, str]] = [{}]
-    for row in _named(left, known):
+    for row, *_ in named_in(left, known):
         if len(pairs[-1]) == 2 and row.name not in pairs[-1].values():
             pairs.append({})
         pairs[-1][row.kind] = row.name
     if any(len(pair) < 2 for pair in pairs):
         raise ValueError(f"{' '.join(left)!r} must name a known graspable and a known receptacle, one pair or several")
     return tuple((pair["graspable"], pair["receptacle"]) for pair in pairs)
-
-
-def _named(left: list[str], known: Catalog) -> Iterator[ThingClass]:
-    """Yield the classes that words name, in order: from left to right, the longest name that fits at each word."""
-    meanings = _meanings(known)
-    longest = max(map(len, meanings))
-    while left:
-        length = next((n for n in range(longest, 0, -1) if tuple(left[:n]) in meanings), 0)
-        if length:
-            yield meanings[tuple(left[:length])]
-        left = left[max(length, 1) :]
-
-
-@lru_cache(maxsize=64)
-def _meanings(known: Catalog) -> dict[tuple[str, ...], ThingClass]:
-    """Return words of a name -> the class that it names."""
-    rows = [*known.graspables.values(), *known.receptacles.values()]
-    return {tuple(words(name)): row for row in rows for name in row.synonyms}
