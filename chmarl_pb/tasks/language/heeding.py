@@ -35,7 +35,7 @@ def read_detour(tokens: NDArray[np.int16], actions: Sequence[str], known: Catalo
 
 @cache
 def _spelling(known: Catalog) -> dict[int, str]:
-    return {number: word for word, number in vocabulary(known).items()}
+    return {number: word for word, number in vocabulary(known, attributes=True).items()}
 
 
 @cache
