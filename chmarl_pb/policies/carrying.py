@@ -13,7 +13,7 @@ from chmarl_pb.policies.aiming import aimed
 from chmarl_pb.policies.narrow_views import SeeingView
 from chmarl_pb.robots.pointing import VERBS
 
-_ROUND = 11  # turns of 30 degrees after the first look
+_LOOKS = 4  # turns of 30 degrees until another room is more promising
 
 
 class Carrier:
@@ -70,9 +70,9 @@ class Carrier:
                     yield name
 
     def _look_on(self, wanted: tuple[str, ...]) -> str:
-        """Turn; after a whole round, go to another room."""
+        """Turn a little; then go to another room."""
         self._turns += 1
-        if self._turns <= _ROUND:
+        if self._turns <= _LOOKS:
             return self._move(self._side)
         self._order.append(self._order.pop(0))
         return self._move(f"goto_{(wanted or self._order)[0]}")
