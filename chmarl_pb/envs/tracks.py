@@ -22,7 +22,7 @@ TRACKS: dict[str, dict[str, Any]] = {
     },
     "grounded": {
         "split": "generated", "messages": "symbols", "feedback": False, "max_steps": GROUNDED_STEPS, "pointing": True,
-        "lookalikes": False, "templates": 2,
+        "lookalikes": True, "templates": 2,
     },
 }  # fmt: skip
 PAPER, GROUNDED = TRACKS

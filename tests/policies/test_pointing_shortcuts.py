@@ -1,6 +1,7 @@
 """Shortcut policies where Pick and Place point, and nobody tells whether they would work."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ def test_spots_are_measured_in_a_home(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("name", ["blind", "instruction-blind", "open-loop", "partner-blind"])
 @pytest.mark.parametrize("options", [{}, {"messages": True}], ids=["own words", "board"])
-def test_the_grounded_track_is_played(name: str, options: dict[str, bool]) -> None:
+def test_the_grounded_track_is_played(name: str, options: dict[str, Any]) -> None:
     grounded = HouseholdEnv(split="val-unseen", track="grounded", max_steps=12, **options)
     policy, task = make_policy(name, grounded), load_tasks("val-unseen")[0]
     played = [rollout(grounded, policy, seed=0, task=task).actions for _ in range(2)]
