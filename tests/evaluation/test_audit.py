@@ -10,11 +10,13 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.cli import main
+from chmarl_pb.cli.audit import table_of
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import audit as module
 from chmarl_pb.evaluation.audit import audit, rows_of, uses
-from chmarl_pb.evaluation.audit_file import Audit, load_audit
+from chmarl_pb.evaluation.audit_file import Audit, load_audit, published_audit
+from chmarl_pb.evaluation.gain import _comparable, best_blind, gain, points
 from chmarl_pb.evaluation.metrics import Figure, Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate
@@ -111,3 +113,33 @@ def test_the_command_prints_a_table_or_json(folder: Path, capsys: pytest.Capture
 
 def test_the_package_has_the_function() -> None:
     assert chmarl_pb.audit is audit
+
+
+@pytest.mark.parametrize("split", ["test-unseen", "val-unseen"])
+def test_the_docs_have_the_tables_that_come_with_the_package(split: str) -> None:
+    published = published_audit(split)
+    assert published is not None
+    text = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    assert "\n".join(table_of(published)) in text
+
+
+def test_a_gain_is_that_over_the_best_blind_policy() -> None:
+    best = best_blind("test-unseen")
+    assert best is not None and not best.eyes and best.plw.mean is not None
+    gained = gain([best.plw.mean + 0.02, best.plw.mean + 0.04], "test-unseen")
+    assert gained == pytest.approx(3) and points(gained) == "+3.0"
+    assert gain([], "test-unseen") is None and gain([0.5], "generated-val") is None and points(None) == ""
+
+
+def test_results_of_other_tasks_or_rules_have_no_gain() -> None:
+    published = published_audit("val-unseen")
+    assert published is not None
+    whole = Report({**published.settings, "policy": "x", "seeds": [0]}, {}, ())
+    assert _comparable(whole, published)
+    for change in ({"max_steps": 56}, {"pointing": True}):
+        other = {**whole.settings, "options": {**whole.settings["options"], **change}}
+        assert not _comparable(replace(whole, settings=other), published)
+    few = replace(whole, settings={**whole.settings, "tasks_sha256": "0"})
+    assert not _comparable(few, published)
+    quiet = {**whole.settings, "options": {**whole.settings["options"], "feedback": False}}
+    assert _comparable(replace(whole, settings=quiet), published)

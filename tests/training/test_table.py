@@ -17,6 +17,7 @@ from chmarl_pb.cli.sb3 import parse as parse_sb3
 from chmarl_pb.cli.train import parse as parse_train
 from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.gain import gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.learning.runs.logger import Logger
 from training import table
@@ -386,6 +387,8 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch: Launch) -> None:
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text
     assert "| QMIX | 25 | 0 | 25 | 50 |" in text
+    qmix = next(line for line in text.splitlines() if line.startswith("| QMIX | 2 of 3"))
+    assert qmix.endswith(f"| 30.0 ± 7.1 | {points(gain([0.3], SPLITS[-1]))} |")
 
 
 def test_page_tells_runs_of_different_settings(tmp_path: Path, launch: Launch) -> None:

@@ -175,7 +175,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
         scores = [_built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             lines.append(f"| *{policy}* | | {does} |" + "".join(f" | {100 * (score or 0):.1f} |" for score in scores))
-            lines[-1] += f" {points(gain([scores[-1] or 0.0], HEADLINE))} |" * gains
+            lines[-1] += " |" * gains
     return "\n".join(lines)
 
 
