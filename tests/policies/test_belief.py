@@ -9,7 +9,8 @@ import chmarl_pb
 from chmarl_pb.data.build_belief import HOMES, measure
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Find, Knowledge, Station
-from chmarl_pb.policies.belief.looks import GOTO, NEVER, densest, plans, soonest
+from chmarl_pb.policies.belief.lookahead import Prospects, best_look, prospects
+from chmarl_pb.policies.belief.looks import GOTO, NEVER, plans, soonest
 from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, statistics
@@ -89,40 +90,75 @@ def test_the_shortest_turn_is_chosen() -> None:
     assert soonest(plans(5), np.array([1]), sure) == (GOTO, 1)
     assert soonest(plans(None), np.array([1 << 2]), sure) == (GOTO, 3)
     assert soonest(plans(None), np.array([0]), sure).value == NEVER
-    masks, chance = np.array([1 << 1, 1 << 10, 1 << 11]), np.array([0.3, 0.4, 0.3])
-    assert densest(plans(0), masks, chance).action == "turn_right"
+
+
+def found(*spots: tuple[int, int, float, int]) -> Prospects:
+    """Return the prospects of spots: room, turn that shows it, its chance, and when others find it."""
+    room, turn, chance, due = zip(*spots, strict=True)
+    return prospects(np.array(room), 1 << np.array(turn), np.array(chance), np.array(due, dtype=float))
+
+
+def test_the_way_that_shows_most_soonest_is_chosen() -> None:
+    sides = found((0, 1, 0.3, 20), (0, 10, 0.4, 20), (0, 11, 0.3, 20))
+    assert best_look(4, Station(0, 0), sides).action == "turn_right"
+    assert best_look(4, Station(0, 0), found((1, 0, 0.6, 20), (0, 1, 0.4, 20))).action == f"{GOTO}1"
+    assert best_look(4, None, found((2, 3, 1.0, 20))) == (f"{GOTO}2", 16)
+
+
+def test_what_others_will_see_soon_is_left_to_them() -> None:
+    assert best_look(4, None, found((1, 0, 0.6, 2), (2, 0, 0.4, 9))).action == f"{GOTO}2"
+    assert best_look(4, None, found((1, 0, 0.6, 1))).value == 0
 
 
 def test_flyers_look_into_all_rooms_and_nowhere_twice() -> None:
-    scouts, places = Scouts(["drone"], STATISTICS), []
+    scouts, places = Scouts(["drone"], STATISTICS, ["desk"]), []
     for _ in range(10):
         scouts.hear(NOTHING)
-        scouts.decide(SPOTS)
+        scouts.decide()
         places.append(scouts._places["drone"])
     assert {place[0] for place in places[:6] if place} == {0, 1, 2, 3}, "the half that has not been seen comes first"
     assert len(set(places)) >= 8
 
 
+def test_flyers_go_on_in_the_largest_rooms_once_they_have_looked_into_all() -> None:
+    scouts, places = Scouts(["drone"], STATISTICS, ["desk"]), []
+    for _ in range(8):
+        scouts.hear(NOTHING)
+        scouts.decide()
+        places.append(scouts.place("drone"))
+    assert all(place and ROOMS[place[0]] == "livingroom" for place in places[4:8])
+
+
+def test_it_is_known_when_flyers_will_see_a_spot() -> None:
+    scouts, objects = Scouts(["drone"], STATISTICS, ["desk"]), STATISTICS.objects
+    scouts.hear(NOTHING)
+    scouts.decide()
+    steps, place = scouts.expected(0, 40.0), scouts.place("drone")
+    assert place is not None
+    now = (objects.room == place[0]) & (objects.above >> FLIGHTS.index(place[1]) & 1 == 1)
+    assert (steps[now] == 1).all() and (steps[~now] > 1).all() and steps.max() == 40
+
+
 def test_two_flyers_see_more_than_one() -> None:
-    scouts, places = Scouts(["drone_0", "drone_1"], STATISTICS), set()
+    scouts, places = Scouts(["drone_0", "drone_1"], STATISTICS, ["desk"]), set()
     for _ in range(5):
         scouts.hear(NOTHING)
-        scouts.decide(SPOTS)
+        scouts.decide()
         places |= set(scouts._places.values())
     assert len(places) >= 8
 
 
 def test_flyers_stay_once_both_are_found_and_turn_to_y_once_x_is() -> None:
-    scouts, heard = Scouts(["drone"], STATISTICS), NOTHING.copy()
+    scouts, heard = Scouts(["drone"], STATISTICS, ["desk"]), NOTHING.copy()
     scouts.hear(heard)
-    scouts.decide(SPOTS)
+    scouts.decide()
     heard[0, 1] = True
     scouts.hear(heard)
-    scouts.decide(SPOTS)
+    scouts.decide()
     assert scouts.actions["drone"] != "stay"
     heard[1, 1] = True
     scouts.hear(heard)
-    scouts.decide(SPOTS)
+    scouts.decide()
     assert scouts.actions["drone"] == "stay"
 
 

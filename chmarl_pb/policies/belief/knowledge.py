@@ -15,10 +15,8 @@ MISSED = 0.3
 #: The same after a view from above.
 OVERLOOKED = 0.15
 _BARE = 0.6  # ... after a view of a receptacle of the spot's class in that room without the thing
-_MISFIT, _ABSENT = (
-    0.5,
-    0.7,
-)  # log odds against a layout for each class that a view shows and it does not, or the reverse
+# Log odds against a layout for each class that a view shows and it does not, or the reverse, and that it does not hold.
+_MISFIT, _ABSENT = 0.4, 0.55
 _ELSEWHERE = 0.2  # ... of a spot that the view which found the thing from above does not show
 _AWRY = 0.3  # ... of a spot that is not in the direction in which a robot that flies found the thing
 _ASTRAY = 0.1  # ... of a spot that is not in the direction that was told
@@ -169,6 +167,6 @@ class Knowledge:
             return None
         return (round(angle * TURNS / (2 * np.pi)) - self._headings[room]) % TURNS
 
-    def ahead(self, find: Find | None) -> int:
-        """Return the turn to go on from where nothing has been seen all around."""
-        return 0 if find is None else self._bearing(find) or 0
+    def ahead(self, find: Find | None) -> int | None:
+        """Return the turn that looks where a robot flew to find a thing, if that is known."""
+        return None if find is None else self._bearing(find)

@@ -22,16 +22,14 @@ class Plans(NamedTuple):
     Attributes:
         first: the first action of each; ``GOTO`` is that of the room.
         steps: (plans, 2 ** TURNS) steps after which a thing is seen that is in view at the turns of a mask.
-        round: numbers of those that turn to one side all around.
     """
 
     first: tuple[str, ...]
     steps: NDArray[np.uint8]
-    round: Bits
 
 
 class Look(NamedTuple):
-    """The first action of a plan, and what the plan is worth: expected steps, or probability a step."""
+    """The first action of a plan, and what the plan is worth: expected steps, or steps that it saves."""
 
     action: str
     value: float
@@ -42,22 +40,21 @@ def plans(turn: int | None) -> Plans:
     """Return the plans of a robot that stands at a room's anchor after a turn, or elsewhere if None."""
     ways = list(_ways(turn))
     return Plans(
-        tuple(first for first, _, _ in ways), np.stack([_steps(views) for _, views, _ in ways]),
-        np.flatnonzero([around for *_, around in ways]),
+        tuple(first for first, _ in ways), np.stack([_steps(views) for _, views in ways])
     )  # fmt: skip
 
 
-def _ways(turn: int | None) -> Iterator[tuple[str, list[int], bool]]:
-    """Yield the first action, the turns in view after each step, and whether it turns to one side all around."""
+def _ways(turn: int | None) -> Iterator[tuple[str, list[int]]]:
+    """Yield the first action, and the turns in view after each step."""
     for side in _SIDES:
         for most in range(1, TURNS):
             there = [side * number for number in range(most + 1)]
             back = [-side * number for number in range(TURNS - most)]  # from the anchor's heading, by Goto
-            yield GOTO, there + back, most == TURNS - 1
+            yield GOTO, there + back
             if turn is not None:
                 there = [turn + side * number for number in range(1, most + 1)]
-                yield _SIDES[side], there + [-side * number for number in range(TURNS)], most == TURNS - 1
-                yield _SIDES[side], there + [turn + side * (most - number) for number in range(1, TURNS)], False
+                yield _SIDES[side], there + [-side * number for number in range(TURNS)]
+                yield _SIDES[side], there + [turn + side * (most - number) for number in range(1, TURNS)]
 
 
 def _steps(turns: list[int]) -> NDArray[np.uint8]:
@@ -79,14 +76,3 @@ def soonest(options: Plans, masks: Bits, chance: NDArray[np.float64]) -> Look:
     steps = options.steps[:, masks] @ chance
     best = int(steps.argmin())
     return Look(options.first[best], float(steps[best]))
-
-
-def densest(options: Plans, masks: Bits, chance: NDArray[np.float64]) -> Look:
-    """Return the plan that is most likely to show a thing for each step that it takes, to wherever it is cut."""
-    best = Look("", 0.0)
-    for number in options.round:
-        found = np.bincount(options.steps[number, masks], chance, minlength=NEVER + 1)[1:NEVER].cumsum()
-        value = float((found / np.arange(1, NEVER)).max())
-        if value > best.value:
-            best = Look(options.first[number], value)
-    return best

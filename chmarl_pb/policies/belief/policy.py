@@ -43,9 +43,9 @@ class Scout:
         pairs, expected = read_pairs(observation["instruction"], self._catalog), statistics(self.rooms)
         targets = {target for _, target in pairs}
         if self._scouts is None:
-            self._scouts = Scouts(self._flyers, expected, len(pairs) > 1)
+            self._scouts = Scouts(self._flyers, expected, targets, len(pairs) > 1)
         self._scouts.hear(messages_read(observation, self.rooms, self._catalog, SHARED) > 0)
-        self._scouts.decide((expected.objects_off(targets), expected.receptacles_of(targets)))
+        self._scouts.decide()
         return self.actions.index(self._scouts.actions[self.name])
 
     def bearing(self, observation: dict[str, np.ndarray], name: str, room: int) -> float | None:

@@ -3,29 +3,24 @@
 So every robot of the team knows where the others look, and what it means that no message came of it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.policies.belief.knowledge import OVERLOOKED, Find
-from chmarl_pb.policies.belief.statistics import FLIGHT_NUMBERS, FLIGHTS, REACH, Bits, Spots, Statistics
+from chmarl_pb.policies.belief.statistics import FLIGHT_NUMBERS, FLIGHTS, REACH, Bits, Statistics, statistics
 
 STAY = "stay"
 MOVES = {"move_forward": (0, 1), "move_backward": (0, -1), "move_right": (1, 0), "move_left": (-1, 0)}
 _SHARES = 1.0, 0.5  # what finding X and finding Y counts
-_DEPTH, _WIDTH = 4, 4  # steps of a plan, and plans that are tried further
+_DEPTH, _WIDTH = 5, 16  # steps of a plan, and plans that are tried further
+_AHEAD = 4  # steps that are always planned
 
 Place = tuple[int, tuple[int, int]]  # number of a room, and how far to the right and forward of its anchor
-
-
-class _Route(NamedTuple):
-    """A plan so far: what is left unseen, summed over its steps, the steps, and what is left after them."""
-
-    missed: float
-    steps: list[tuple[str, Place]]
-    left: NDArray[np.float64]
+Steps = tuple[tuple[str, Place], ...]
 
 
 class Scouts:
@@ -37,20 +32,23 @@ class Scouts:
         actions: robot -> name of the action that it takes now.
     """
 
-    def __init__(self, names: Sequence[str], statistics: Statistics, several: bool = False):
+    def __init__(
+        self, names: Sequence[str], expected: Statistics, targets: Collection[str], several: bool = False
+    ):  # fmt: skip
         """Begin an episode.
 
         Args:
             names: of the robots that fly.
-            statistics: what is expected of homes.
+            expected: what is expected of homes.
+            targets: the classes of Y.
             several: whether the instruction is of several objects, so that messages do not end the search.
         """
-        rooms = len(statistics.rooms)
-        self._rooms, self._several = statistics.rooms, several
+        rooms = len(expected.rooms)
+        self._rooms, self._targets, self._several = expected.rooms, frozenset(targets), several
         self.flown: Bits = np.zeros((2, rooms), dtype=np.int64)
         self.finds: list[Find | None] = [None, None]
         self.actions = dict.fromkeys(names, STAY)
-        self._looked: Bits = np.zeros((2, rooms), dtype=np.int64)
+        self._looked: Bits = np.zeros(rooms, dtype=np.int64)
         self._heard = np.zeros((2, rooms), dtype=bool)
         self._places: dict[str, Place | None] = dict.fromkeys(names)
         self._plans: dict[str, list[tuple[str, Place]]] = {name: [] for name in names}
@@ -65,7 +63,7 @@ class Scouts:
         for name, place in self._places.items():
             if place is not None and self.actions[name] != STAY:
                 room, flight = place[0], FLIGHT_NUMBERS[place[1]]
-                self._looked[:, room] |= 1 << flight
+                self._looked[room] |= 1 << flight
                 for row in (0, 1):
                     if new[row, room]:
                         self.finds[row] = Find(room, flight)
@@ -75,66 +73,127 @@ class Scouts:
             self._plans = {name: [] for name in self._plans}
         self._heard = heard.copy()
 
-    def decide(self, spots: tuple[Spots, Spots]) -> None:
-        """Choose the next actions; ``spots`` are where X and Y may be."""
-        if self._heard.any(axis=1).all() and not self._several:
+    def decide(self) -> None:
+        """Choose the next actions."""
+        open_rows = tuple(self._several or not row.any() for row in self._heard)
+        if not any(open_rows):
             self.actions = dict.fromkeys(self.actions, STAY)
             return
         for name, plan in self._plans.items():
-            if not plan:
-                views, chance = self._unseen(spots)
-                for place in self._others(name):
-                    chance = chance * (1 - views[_view(place)])
-                plan.extend(self._plan(self._places[name], views, chance))
+            if len(plan) <= _AHEAD:
+                start = plan[-1][1] if plan else self._places[name]
+                taken = tuple(sorted({_view(place) for place in self._taken(name)}))
+                looked = tuple(self._looked.tolist())
+                plan.extend(_plan(self._rooms, self._targets, open_rows, looked, taken, start))
             self.actions[name], self._places[name] = plan.pop(0)
 
-    def _others(self, name: str) -> Iterator[Place]:
-        """Yield where the others are, and where they are going to."""
+    def _taken(self, name: str) -> Iterator[Place]:
+        """Yield where all are going to, and where the others are."""
         for other, plan in self._plans.items():
-            if other != name:
-                yield from (place for place in (self._places[other], *(place for _, place in plan)) if place)
+            if other != name and (here := self._places[other]):
+                yield here
+            yield from (place for _, place in plan)
 
-    def _unseen(self, spots: tuple[Spots, Spots]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return what each view shows, (rooms * flights, n) of n sets of like spots, and what finding each counts."""
-        keys, weights = [], []
-        for row, (room, _, _, _, above, weight) in enumerate(spots):
-            if self._several or not self._heard[row].any():
-                looked = self._looked[row, room]
-                keys.append((room << len(FLIGHTS)) + (above & ~looked))
-                weights.append(_SHARES[row] * weight / weight.sum() * np.where(above & looked, OVERLOOKED, 1.0))
-        sets, which = np.unique(np.concatenate(keys), return_inverse=True)
-        shown = sets >> np.arange(len(FLIGHTS))[:, None] & 1
-        rooms = sets >> len(FLIGHTS) == np.arange(len(self._rooms))[:, None]
-        views = (rooms[:, None] * shown).reshape(-1, len(sets)).astype(np.float32)
-        return views, np.bincount(which, np.concatenate(weights)).astype(np.float64)
+    def expected(self, row: int, late: float) -> NDArray[np.float64]:
+        """Return the steps after which X, or Y, is seen at each of the spots; ``late`` if that is not planned."""
+        shows = _shows(self._rooms)
+        steps = np.full(shows.views.shape[1], late)
+        if self._several or not self._heard[row].any():
+            for name, plan in self._plans.items():
+                if self.actions[name] != STAY:
+                    places = [self._places[name], *(place for _, place in plan)]
+                    for step, place in reversed(list(enumerate(places, 1))):
+                        if place is not None:
+                            steps[shows.views[_view(place)] > 0] = step
+        return steps[shows.sets[row]]
 
-    def _plan(
-        self, start: Place | None, views: NDArray[np.float32], chance: NDArray[np.float64]
-    ) -> list[tuple[str, Place]]:
-        """Return the steps that leave least unseen, by a beam search."""
-        beam = [_Route(0.0, [], chance)]
-        for _ in range(_DEPTH):
-            routes: dict[tuple[float, Place], tuple[_Route, str]] = {}
-            for route in beam:
-                gains, total = views @ route.left, float(route.left.sum())
-                for action, place in self._steps(route.steps[-1][1] if route.steps else start):
-                    missed = round(route.missed + total - float(gains[_view(place)]), 9)
-                    routes.setdefault((missed, place), (route, action))
-            beam = [
-                _Route(missed, [*route.steps, (action, place)], route.left * (1 - views[_view(place)]))
-                for (missed, place), (route, action) in sorted(routes.items(), key=lambda item: item[0])[:_WIDTH]
-            ]
-        return beam[0].steps
 
-    def _steps(self, place: Place | None) -> Iterator[tuple[str, Place]]:
-        """Yield the actions of a robot that flies, and where they lead."""
-        for number, room in enumerate(self._rooms):
-            yield f"goto_{room}", (number, (0, 0))
-        if place is not None:
-            here, (right, forward) = place
-            for action, (x, y) in MOVES.items():
-                if max(abs(right + x), abs(forward + y)) <= REACH:
-                    yield action, (here, (right + x, forward + y))
+class _Shows(NamedTuple):
+    """What views from above show.
+
+    Attributes:
+        views: (rooms * flights, n) 1 where a view shows a set of like spots.
+        sets: of objects, and of receptacles: (spots,) number of the set.
+    """
+
+    views: NDArray[np.float32]
+    sets: tuple[Bits, Bits]
+
+
+@cache
+def _shows(rooms: tuple[str, ...]) -> _Shows:
+    """Return what views from above show in a home with these rooms."""
+    expected = statistics(rooms)
+    keys = [(spots.room << len(FLIGHTS)) + spots.above for spots in (expected.objects, expected.receptacles)]
+    sets, which = np.unique(np.concatenate(keys), return_inverse=True)
+    shown = sets >> np.arange(len(FLIGHTS))[:, None] & 1
+    there = sets >> len(FLIGHTS) == np.arange(len(rooms))[:, None]
+    views = (there[:, None] * shown).reshape(-1, len(sets)).astype(np.float32)
+    return _Shows(views, (which[: len(keys[0])], which[len(keys[0]) :]))
+
+
+@lru_cache(maxsize=1024)
+def _plan(
+    rooms: tuple[str, ...], targets: frozenset[str], open_rows: tuple[bool, ...], looked: tuple[int, ...],
+    taken: tuple[int, ...], start: Place | None,
+) -> Steps:  # fmt: skip
+    """Return the steps that leave least unseen, by a beam search.
+
+    Args:
+        rooms: names of the rooms.
+        targets: the classes of Y.
+        open_rows: whether X, and Y, is looked for.
+        looked: for each room, a bit for each of ``FLIGHTS`` from which robots have looked.
+        taken: views that are planned already.
+        start: where the robot is then.
+    """
+    shows = _shows(rooms)
+    done = [room * len(FLIGHTS) + flight for room, bits in enumerate(looked) for flight in _set_bits(bits)]
+    views, left = shows.views.copy(), _worth(rooms, targets, open_rows)
+    left = left * np.where(views[done].any(axis=0), OVERLOOKED, 1.0).astype(np.float32)
+    left[views[list(taken)].any(axis=0)] = 0
+    views[done] = 0
+    beam: list[tuple[float, Steps]] = [(0.0, ())]
+    remains = left[None]
+    for _ in range(_DEPTH):
+        gains = remains @ views.T
+        totals = remains.sum(axis=1)
+        ways: dict[tuple[float, Place], tuple[int, str]] = {}
+        for number, (missed, steps) in enumerate(beam):
+            for action, place in _steps(rooms, steps[-1][1] if steps else start):
+                value = missed + float(totals[number] - gains[number, _view(place)])
+                ways.setdefault((round(value, 6), place), (number, action))
+        chosen = sorted(ways.items(), key=lambda way: way[0])[:_WIDTH]
+        remains = np.stack([remains[number] * (1 - views[_view(place)]) for (_, place), (number, _) in chosen])
+        beam = [(missed, (*beam[number][1], (action, place))) for (missed, place), (number, action) in chosen]
+    return beam[0][1]
+
+
+@lru_cache(maxsize=64)
+def _worth(rooms: tuple[str, ...], targets: frozenset[str], open_rows: tuple[bool, ...]) -> NDArray[np.float32]:
+    """Return what finding X and Y in each set of spots counts."""
+    shows, expected = _shows(rooms), statistics(rooms)
+    total = np.zeros(shows.views.shape[1])
+    weights = expected.objects_off(targets).weight, np.where(expected.is_of(targets), expected.receptacles.weight, 0.0)
+    for is_open, share, sets, weight in zip(open_rows, _SHARES, shows.sets, weights, strict=True):
+        if is_open:
+            total += np.bincount(sets, share * weight / weight.sum(), minlength=len(total))
+    return total.astype(np.float32)
+
+
+def _set_bits(bits: int) -> Iterator[int]:
+    return (number for number in range(len(FLIGHTS)) if bits >> number & 1)
+
+
+def _steps(rooms: tuple[str, ...], place: Place | None) -> Iterator[tuple[str, Place]]:
+    """Yield the actions of a robot that flies, and where they lead."""
+    for number, room in enumerate(rooms):
+        yield f"goto_{room}", (number, (0, 0))
+    if place is not None:
+        here, (right, forward) = place
+        for action, (x, y) in MOVES.items():
+            if max(abs(right + x), abs(forward + y)) <= REACH:
+                yield action, (here, (right + x, forward + y))
 
 
 def _view(place: Place) -> int:

@@ -11,7 +11,8 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.belief.hand import Hand
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
-from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, densest, plans, soonest
+from chmarl_pb.policies.belief.lookahead import Prospects, best_look, joined, prospects
+from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
 from chmarl_pb.policies.code import BEARINGS, SHARED, UNKNOWN
@@ -20,13 +21,15 @@ from chmarl_pb.policies.tidying import Pair, Tidying
 from chmarl_pb.robots.pointing import VERBS, verb_of
 from chmarl_pb.tasks.language import read_pairs
 
-_Y_TOO = 0.4  # what seeing Y counts beside seeing X, while X is searched for
+_Y_TOO = 0.15  # what seeing Y counts beside seeing X, while X is searched for
 _KNOWN = 0.9  # from this probability on the room is known
+_LATE = 7.0  # steps after which others may find what they do not plan to find
 _LEAST = 1e-3  # probability a step for which a look is not worth it
 _OTHERS = 0.5  # what finding X counts in a room that another robot that grasps begins with
 _DOUBT = 0.3  # that messages are of the object in question, if there are several
-_PACES = 3
-_ASIDE = 5  # turns by which it goes on in another direction the next time
+_HIDDEN = 0.3  # share of what is left of a room's probability below which its anchor is no place to look from
+_BEHIND = TURNS // 2  # turns: what an anchor does not show is rather where it does not face
+_ASIDE = 0, 6, 9, 3  # turns by which it goes on in another direction the next times
 _ALL = (1 << TURNS) - 1
 
 
@@ -67,6 +70,7 @@ class Searcher:
         self._hand.reset()
         self._vain: dict[str, Bits] = defaultdict(lambda: np.zeros(len(self.rooms), dtype=np.int64))  # such views
         self._origin: Station | None = None  # where it began to do something with what was in view
+        self._goal = -1  # the likeliest room
         self._wandered = 0  # times that it went on into rooms
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
@@ -126,13 +130,14 @@ class Searcher:
     ) -> list[Belief]:
         """Keep account of the others, and return where what is wanted is; while X is, also where Y is."""
         several, targets = len(pairs) > 1, {target for _, target in pairs}
+        self._targets = wanted if holding else targets
         self._deaf |= bool(targets & set(seen)) and not heard[1].any()  # its own view would have been told
         spots = self.knowledge.statistics.objects_off(targets), self.knowledge.statistics.receptacles_of(targets)
         if self._scouts is None:
-            self._scouts = Scouts(self._flyers, self.knowledge.statistics, several)
+            self._scouts = Scouts(self._flyers, self.knowledge.statistics, targets, several)
         scouts = self._scouts
         scouts.hear(self._shared)
-        scouts.decide(spots)
+        scouts.decide()
         doubt = _DOUBT if several else 0.0
         evidence = [
             Evidence(np.zeros_like(flown) if self._deaf else flown, bits, find, doubt, bearings)
@@ -156,13 +161,15 @@ class Searcher:
         """
         in_rooms = beliefs[0].in_rooms(len(self.rooms))
         room = int(in_rooms.argmax())
+        if room != self._goal:
+            self._goal, self._queue = room, []
         looks = [*self._sighted(targets)]
         if in_rooms[room] >= _KNOWN:
-            looks += self._known(beliefs[0], room)
+            looks += self._known(beliefs[0], room) if not self._queue else []
             return min(looks, key=lambda look: look.value).action if looks else self._wander(room)
         if looks:
             return min(looks, key=lambda look: look.value).action
-        best = max((self._promise(beliefs, number) for number in range(len(self.rooms))), key=lambda look: look.value)
+        best = self._promise(beliefs)
         return best.action if best.value > _LEAST else self._wander(room)
 
     def _sighted(self, targets: Collection[str]) -> Iterator[Look]:
@@ -175,21 +182,46 @@ class Searcher:
     def _known(self, belief: Belief, room: int) -> Iterator[Look]:
         """Yield the best way to look for a thing in the room that it is in; none if all has been looked at."""
         masks, chance = self._unseen(belief, room)
-        if masks.any():
+        if chance[masks > 0].sum() > _HIDDEN * chance.sum():
             yield self._named(soonest(self._plans(room), masks, chance), room)
 
-    def _promise(self, beliefs: list[Belief], room: int) -> Look:
-        """Return the look in a room that promises most for each step."""
-        masks, chance = zip(*(self._unseen(belief, room) for belief in beliefs), strict=True)
-        shares = (self._share(beliefs[0], room), _Y_TOO)
-        weights = [share * part for share, part in zip(shares, chance, strict=False)]
-        return self._named(densest(self._plans(room), np.concatenate(masks), np.concatenate(weights)), room)
+    def _promise(self, beliefs: list[Belief]) -> Look:
+        """Return the first step of the way that promises most."""
+        rows = (1,) if self._held else (0, 1)
+        worths = (self._shares(beliefs[0]), np.full(len(self.rooms), _Y_TOO))
+        found = zip(rows, beliefs, worths, strict=False)
+        parts = [self._prospects(row, belief, worth) for row, belief, worth in found]
+        look = best_look(len(self.rooms), self._station, joined(parts))
+        if look.action.startswith(GOTO):
+            return self._named(look._replace(action=GOTO), int(look.action.removeprefix(GOTO)))
+        return look
 
-    def _share(self, belief: Belief, room: int) -> float:
-        """Return what finding X in a room counts: several robots that grasp begin with different rooms."""
+    def _prospects(self, row: int, belief: Belief, worth: NDArray[np.float64]) -> Prospects:
+        """Return what views bring for a thing, X or Y by the row; ``worth`` is what finding it counts in each room."""
+        room, chance = belief.spots.room, belief.chance * worth[belief.spots.room]
+        masks = belief.spots.near & (~self.knowledge.viewed[room] & _ALL)
+        assert self._scouts is not None
+        due = self._scouts.expected(row, _LATE)
+        due = due[self.knowledge.statistics.is_of(self._targets)] if row else due
+        return prospects(room, masks, chance, due + self._after(room, masks, chance))
+
+    def _after(self, room: Bits, masks: Bits, chance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (n,) the steps that it takes to see each spot once its room is known."""
+        options, after = plans(None), np.zeros(len(room))
+        for number in range(len(self.rooms)):
+            there = room == number
+            values = np.bincount(masks[there], chance[there], minlength=_ALL + 1)
+            some = np.flatnonzero(values)
+            if len(some):
+                best = int((options.steps[:, some] @ values[some]).argmin())
+                after[there] = options.steps[best, masks[there]]
+        return after
+
+    def _shares(self, belief: Belief) -> NDArray[np.float64]:
+        """Return what finding X counts in each room: several robots that grasp begin with different rooms."""
         number, count = self._part
-        order = np.argsort(-belief.in_rooms(len(self.rooms)), kind="stable").tolist()
-        return 1.0 if order.index(room) % count == number else _OTHERS
+        rank = np.argsort(np.argsort(-belief.in_rooms(len(self.rooms)), kind="stable"))
+        return np.where(rank % count == number, 1.0, _OTHERS)
 
     def _unseen(self, belief: Belief, room: int) -> tuple[Bits, NDArray[np.float64]]:
         """Return the turns in a room that show the spots of a belief and have not been seen, and their chances."""
@@ -204,17 +236,18 @@ class Searcher:
         return look._replace(action=f"goto_{self.rooms[room]}") if look.action == GOTO else look
 
     def _wander(self, room: int) -> str:
-        """Go on into a room that does not show the thing from its anchor, and look around there."""
+        """Look around a pace from the anchor of a room, from which the thing is not seen."""
         if not self._queue:
-            ahead = (self._ahead(room) + _ASIDE * self._wandered) % TURNS
-            turns = ["turn_left"] * ahead if ahead <= TURNS // 2 else ["turn_right"] * (TURNS - ahead)
-            around = ["turn_left"] * (TURNS - 1)
-            self._queue = [f"goto_{self.rooms[room]}", *turns, *["move_forward"] * _PACES, *around][::-1]
+            here = self._station if self._station is not None and self._station.room == room else None
+            away = (self._ahead(room) + _ASIDE[self._wandered % len(_ASIDE)] - (here.turn if here else 0)) % TURNS
+            turns = ["turn_left"] * away if away <= TURNS // 2 else ["turn_right"] * (TURNS - away)
+            start = [] if here else [f"goto_{self.rooms[room]}"]
+            self._queue = [*start, *turns, "move_forward", *["turn_left"] * (TURNS - 1)][::-1]
             self._wandered += 1
         return self._queue.pop()
 
     def _ahead(self, room: int) -> int:
         """Return the turn at a room's anchor in whose direction to go on."""
         told = float(self._bearings[int(self._held), room])
-        turn = self.knowledge.turn_to(room, told) if told >= 0 else None
-        return self.knowledge.ahead(self._find) if turn is None else turn
+        turn = self.knowledge.turn_to(room, told) if told >= 0 else self.knowledge.ahead(self._find)
+        return _BEHIND if turn is None else turn

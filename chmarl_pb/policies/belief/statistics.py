@@ -74,12 +74,15 @@ class Statistics(NamedTuple):
 
     def receptacles_of(self, targets: Collection[str]) -> Spots:
         """Return where receptacles of these classes may be; anywhere, if the statistics know none of them."""
+        room, layout, support, near, above, weight = self.receptacles
+        chosen = self.is_of(targets)
+        return Spots(room[chosen], layout[chosen], support[chosen], near[chosen], above[chosen], weight[chosen])
+
+    def is_of(self, targets: Collection[str]) -> NDArray[np.bool_]:
+        """Return which of the receptacles are of these classes; all, if they know none of them."""
         wanted = [_RECEPTACLES[name] for name in targets if name in _RECEPTACLES]
         chosen = np.isin(self.receptacles.support, wanted)
-        if not chosen.any():
-            return self.receptacles
-        room, layout, support, near, above, weight = self.receptacles
-        return Spots(room[chosen], layout[chosen], support[chosen], near[chosen], above[chosen], weight[chosen])
+        return chosen if chosen.any() else ~chosen
 
 
 def class_bits(names: Collection[str]) -> int:
