@@ -16,7 +16,8 @@ from chmarl_pb.policies.belief.statistics import FLIGHT_NUMBERS, FLIGHTS, REACH,
 STAY = "stay"
 MOVES = {"move_forward": (0, 1), "move_backward": (0, -1), "move_right": (1, 0), "move_left": (-1, 0)}
 _SHARES = 1.0, 0.5  # what finding X and finding Y counts
-_DEPTH, _WIDTH = 5, 16  # steps of a plan, and plans that are tried further
+_DEPTH, _WIDTH = 8, 16  # steps that are looked ahead, and plans that are tried further
+_FIRM = 4  # steps of them that become the plan: the last ones are taken for want of a further view
 _AHEAD = 4  # steps that are always planned
 
 Place = tuple[int, tuple[int, int]]  # number of a room, and how far to the right and forward of its anchor
@@ -80,7 +81,7 @@ class Scouts:
             self.actions = dict.fromkeys(self.actions, STAY)
             return
         for name, plan in self._plans.items():
-            if len(plan) <= _AHEAD:
+            while len(plan) <= _AHEAD:
                 start = plan[-1][1] if plan else self._places[name]
                 taken = tuple(sorted({_view(place) for place in self._taken(name)}))
                 looked = tuple(self._looked.tolist())
@@ -137,7 +138,7 @@ def _plan(
     rooms: tuple[str, ...], targets: frozenset[str], open_rows: tuple[bool, ...], looked: tuple[int, ...],
     taken: tuple[int, ...], start: Place | None,
 ) -> Steps:  # fmt: skip
-    """Return the steps that leave least unseen, by a beam search.
+    """Return the first steps of the way that leaves least unseen, by a beam search.
 
     Args:
         rooms: names of the rooms.
@@ -166,7 +167,7 @@ def _plan(
         chosen = sorted(ways.items(), key=lambda way: way[0])[:_WIDTH]
         remains = np.stack([remains[number] * (1 - views[_view(place)]) for (_, place), (number, _) in chosen])
         beam = [(missed, (*beam[number][1], (action, place))) for (missed, place), (number, action) in chosen]
-    return beam[0][1]
+    return beam[0][1][:_FIRM]
 
 
 @lru_cache(maxsize=64)
