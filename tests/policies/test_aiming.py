@@ -44,7 +44,7 @@ def nodes(*rows: tuple[str, float, float, float]) -> Nodes:
 
 def test_cells_name_what_has_most_pixels_there(env: HouseholdEnv) -> None:
     right: dict[str, list[bool]] = {verb: [] for verb, _ in KINDS}
-    for seen in looks(env, 4):
+    for seen in looks(env, 8):
         cells, pointer = cells_of(seen, BENCHMARK), env.simulation.pointer
         assert pointer is not None
         for verb, kinds in KINDS:
@@ -54,8 +54,8 @@ def test_cells_name_what_has_most_pixels_there(env: HouseholdEnv) -> None:
                 for name, cell in cells.items()
                 if name.removeprefix(OTHER) in kinds
             ]
-    assert min(map(len, right.values())) > 15
-    assert np.mean(right["pick"]) > 0.9 and np.mean(right["place"]) > 0.7
+    assert min(map(len, right.values())) > 20
+    assert np.mean(right["pick"]) > 0.8 and np.mean(right["place"]) > 0.7
 
 
 def test_a_small_thing_beside_a_large_one_is_aimed_at_where_it_stands_out() -> None:
