@@ -145,7 +145,7 @@ def test_two_flyers_see_more_than_one() -> None:
         scouts.hear(NOTHING)
         scouts.decide()
         places |= set(scouts._places.values())
-    assert len(places) >= 8
+    assert len(places) > 5, "one robot comes to as many places as it takes steps"
 
 
 def test_flyers_stay_once_both_are_found_and_turn_to_y_once_x_is() -> None:
