@@ -31,6 +31,7 @@ class Carrier:
         self._last, self._aim, self._item = "", "", ""  # action, class that it pointed at, class in the hand
         self._holding, self._turns = False, 0
         self._vain: set[str] = set()  # classes at which it has pointed in vain from here
+        self._colors: dict[str, frozenset[int]] = {}  # in which each class has been seen: X alone has lookalikes
         self._side = str(rng.choice(["turn_left", "turn_right"]))
 
     def choose(self, view: SeeingView) -> str:
@@ -58,12 +59,15 @@ class Carrier:
                 self._item = self._aim
             else:
                 self._tried.add((self._item, self._aim))
+        for name, colors in view.colors.items():
+            self._colors[name] = self._colors.get(name, frozenset()) | colors
         for item, support in view.supports.items():
             self._tried.add((item, support))
 
     def _aims(self, view: SeeingView) -> Iterator[str]:
         """Yield the classes in view that are worth a try, the best first."""
-        kinds = self._kinds[view.holding]
+        twins = frozenset(name for name, colors in self._colors.items() if len(colors) > 1)
+        kinds = twins if twins and not view.holding else self._kinds[view.holding]
         for name in view.cells or sorted(view.classes):
             if name in kinds and name not in self._vain:
                 if not view.holding or (self._item, name) not in self._tried:

@@ -13,7 +13,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
-from chmarl_pb.policies.sights import classes_in_view, messages_read, supports_in_view
+from chmarl_pb.policies.sights import classes_in_view, colors_in_view, messages_read, supports_in_view
 from chmarl_pb.robots.pointing import Cell
 from chmarl_pb.tasks.language import read_pairs
 
@@ -46,11 +46,13 @@ class SeeingView(BlindView):
         classes: of the things in its view.
         cells: class -> the cell at which it is pointed; empty where actions do not point, or pictures are seen.
         supports: class of an object -> class of the receptacle that it stands on, where a graph shows both.
+        colors: class of an object -> ids of the colours in which it is in view; empty without lookalikes.
     """
 
     classes: frozenset[str]
     cells: Mapping[str, Cell]
     supports: Mapping[str, str]
+    colors: Mapping[str, frozenset[int]]
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
 def _seeing(observation: Observation, info: Info, known: Catalog) -> dict[str, Any]:
     return {
         "classes": classes_in_view(observation, info, known), "cells": cells_of(observation, known),
-        "supports": supports_in_view(observation, known),
+        "supports": supports_in_view(observation, known), "colors": colors_in_view(observation, known),
     }  # fmt: skip
 
 

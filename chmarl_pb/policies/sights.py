@@ -55,6 +55,17 @@ def supports_in_view(observation: Observation, known: Catalog) -> dict[str, str]
     return {known.rows[ids[item] - 1].name: known.rows[ids[support] - 1].name for item, support in pairs}
 
 
+def colors_in_view(observation: Observation, known: Catalog) -> dict[str, frozenset[int]]:
+    """Return the class of each object in view -> ids of the colours in which it is; empty where graphs tell none."""
+    found: dict[str, frozenset[int]] = {}
+    if "node_color" in observation:
+        for number, color in zip(observation["node_class"].tolist(), observation["node_color"].tolist(), strict=True):
+            if color:
+                name = known.rows[number - 1].name
+                found[name] = found.get(name, frozenset()) | {color}
+    return found
+
+
 def own_room(observation: Observation, rooms: tuple[str, ...]) -> str:
     """Return the room that a robot is in, "" if it is none of these."""
     number = int(np.argmax(observation["self"][: len(rooms) + 1]))

@@ -20,8 +20,11 @@ from chmarl_pb.tasks.splits import load_tasks
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 
 
-def seen(holding: bool, cells: dict[str, tuple[int, int]], supports: dict[str, str]) -> SeeingView:
-    return SeeingView(((), ()), False, "kitchen", holding, frozenset(cells), cells, supports)
+def seen(
+    holding: bool, cells: dict[str, tuple[int, int]], supports: dict[str, str],
+    colors: dict[str, frozenset[int]] | None = None,
+) -> SeeingView:  # fmt: skip
+    return SeeingView(((), ()), False, "kitchen", holding, frozenset(cells), cells, supports, colors or {})
 
 
 def test_who_carries_tries_each_pair_once() -> None:
@@ -34,6 +37,13 @@ def test_who_carries_tries_each_pair_once() -> None:
     ]  # fmt: skip
     assert chosen[:3] == ["pick_1_1", "place_2_2", "pick_1_1"]
     assert chosen[3].startswith("turn_")  # it has been on the desk and on the bed
+
+
+def test_who_carries_prefers_what_has_lookalikes() -> None:
+    carrier = Carrier(ROOMS, BENCHMARK)
+    carrier.reset(np.random.default_rng(0))
+    colors = {"mug": frozenset({3, 5}), "book": frozenset({3})}
+    assert carrier.choose(seen(False, {"book": (0, 0), "mug": (1, 1)}, {}, colors)) == "pick_1_1"
 
 
 def test_what_is_in_vain_is_not_tried_again_from_there() -> None:
