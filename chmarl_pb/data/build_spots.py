@@ -28,7 +28,7 @@ from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.simulations import Simulations
 from chmarl_pb.tasks.task import Task
 
-_TASKS, _DRAW = 300, 7  # of the endless split, in 30 homes
+_TASKS, _DRAW = 200, 7  # of the endless split, in 20 homes
 _ROOMS = catalog.ROOM_KINDS
 _TURNS = tuple(range(-HEADINGS // 2 + 1, HEADINGS // 2 + 1))  # to the left
 _RECEPTACLES = list(catalog.BENCHMARK.receptacles)

@@ -10,12 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.tasks.sampling import sample_seed
+from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
 
 _STREAM = 5  # of a task's seed; places, words, starts and states have others
+_DECOYS = 3  # classes besides X's of which there are several: else the only such class would be X's
 
 
 @dataclass(frozen=True)
@@ -26,11 +29,13 @@ class LookalikeTask(Task):
         colour: of X.
         others: colours of the other objects of X's class.
         room: that Y is in; any if empty.
+        decoys: names of objects of other classes, of each of which there are several, too.
     """
 
     colour: str = ""
     others: tuple[str, ...] = ()
     room: str = ""
+    decoys: tuple[str, ...] = ()
 
     @property
     def item(self) -> str:
@@ -54,16 +59,28 @@ def draw_lookalikes(task: Task, home: Home) -> Iterator[LookalikeTask]:
         TaskError: the home lacks a class.
     """
     task.check(home.catalog)
-    colours = [colour for colour, _ in home.catalog.graspables[task.graspable].looks]
     rooms, rng = _rooms(home, task.target), np.random.default_rng([task.seed, _STREAM])
+    classes = [name for name in (BENCHMARK if split_of(task.id) else home.catalog).graspables if name != task.graspable]
     seed = task.seed
     while True:
-        colour, *others = rng.permutation(colours)[: 2 + int(rng.integers(len(colours) - 1))].tolist()
+        colour, *others = _some_colours(home, task.graspable, rng)
         room = rooms[int(rng.integers(len(rooms)))]
+        decoys = tuple(
+            catalog.object_name(name, own)
+            for name in rng.permutation(classes)[:_DECOYS].tolist()
+            for own in _some_colours(home, name, rng)
+        )
         yield LookalikeTask(
-            task.id, task.home, task.graspable, task.source, task.target, seed, 0, colour, tuple(others), room
+            task.id, task.home, task.graspable, task.source, task.target, seed, 0, colour, tuple(others), room, decoys
         )
         seed = sample_seed(rng)
+
+
+def _some_colours(home: Home, class_name: str, rng: np.random.Generator) -> list[str]:
+    """Return two or more colours of a class."""
+    colours = [colour for colour, _ in home.catalog.graspables[class_name].looks]
+    drawn: list[str] = rng.permutation(colours)[: 2 + int(rng.integers(len(colours) - 1))].tolist()
+    return drawn
 
 
 def _rooms(home: Home, target: str) -> list[str]:

@@ -170,21 +170,24 @@ def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: n
     return False
 
 
-def _add_lookalikes(world: World, space: Space, task: LookalikeTask, rng: np.random.Generator) -> tuple[str, ...]:
-    """Put the other objects of X's class on receptacles drawn uniformly, and return their names.
+def _add_lookalikes(world: World, space: Space, task: LookalikeTask, rng: np.random.Generator) -> list[str]:
+    """Put lookalikes of X, and decoys, on receptacles drawn uniformly; return their names.
 
     Raises:
-        TaskError: there is no place for one.
+        TaskError: there is no place for a lookalike of X.
     """
     receptacles, known = list(space.home.receptacles), space.home.catalog
-    for item in task.lookalikes:
+    placed = []
+    for item in (*task.lookalikes, *task.decoys):
         order = [
             name for name in rng.permutation(receptacles).tolist()
-            if may_stand(known, task.graspable, catalog.class_of(name))
+            if may_stand(known, catalog.class_of(item), catalog.class_of(name))
         ]  # fmt: skip
-        if not any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order):
+        if any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order):
+            placed.append(item)
+        elif item in task.lookalikes:
             raise TaskError(f"task {task.id!r}: no receptacle of {space.home.name} has a reachable place for {item}")
-    return task.lookalikes
+    return placed
 
 
 def _dress(

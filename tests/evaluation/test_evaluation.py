@@ -266,10 +266,10 @@ def test_other_robots_have_an_optimum_of_their_own(tmp_path: Path) -> None:
 
 
 def test_the_benchmarks_robots_keep_their_rows(tmp_path: Path) -> None:
-    """Rows and settings are those of results from before there was a choice of robots."""
+    """Rows and settings name no robots, as in results from before there was a choice."""
     report = evaluate("planner", workers=1, tasks=TASKS[:1], out=tmp_path / "own.json")
     (row,) = json.loads((tmp_path / "own.json").read_text())["episodes"]
-    assert set(row) == {"task", "seed", "steps", "success", "potential", "actions"}
+    assert set(row) == {"task", "seed", "steps", "success", "potential", "actions", "instruction"}
     assert "robots" not in report.settings["options"]
 
 
