@@ -102,7 +102,6 @@ def test_the_way_that_shows_most_soonest_is_chosen() -> None:
     sides = found((0, 1, 0.3, 20), (0, 10, 0.4, 20), (0, 11, 0.3, 20))
     assert best_look(4, Station(0, 0), sides).action == "turn_right"
     assert best_look(4, Station(0, 0), found((1, 0, 0.6, 20), (0, 4, 0.4, 20))).action == f"{GOTO}1"
-    assert best_look(4, None, found((2, 3, 1.0, 20))) == (f"{GOTO}2", 16)
 
 
 def test_what_others_will_see_soon_is_left_to_them() -> None:

@@ -61,17 +61,14 @@ def best_look(rooms: int, here: Station | None, ahead: Prospects) -> Look:
     left, due = ahead.worth[None].astype(np.float32), ahead.due.astype(np.float32)
     beam = [(0.0, -1 if here is None else here.room * TURNS + here.turn, "")]  # what it saves, the view, how it begins
     for step in range(1, _DEPTH + 1):
-        saved = (left * np.maximum(due - step, 0)) @ shown.T
-        gains, hopes = saved.tolist(), saved.reshape(len(beam), rooms, TURNS).max(axis=2).tolist()
-        ways: dict[tuple[float, float, int], tuple[int, str]] = {}
+        gains = ((left * np.maximum(due - step, 0)) @ shown.T).tolist()
+        ways: dict[tuple[float, int], tuple[int, str]] = {}
         for number, (value, place, first) in enumerate(beam):
             for view, action in _steps(rooms, place):
-                hope = hopes[number][view // TURNS]  # of ways that save the same, those into a room that may save more
-                way = -round(value + gains[number][view], 6), -round(hope, 6), view
-                ways.setdefault(way, (number, first or action))
+                ways.setdefault((-round(value + gains[number][view], 6), view), (number, first or action))
         chosen = sorted(ways.items(), key=lambda way: way[0])[:_WIDTH]
-        beam = [(-loss, view, first) for (loss, _, view), (_, first) in chosen]
-        left = np.stack([left[number] * (1 - shown[view]) for (_, _, view), (number, _) in chosen])
+        beam = [(-loss, view, first) for (loss, view), (_, first) in chosen]
+        left = np.stack([left[number] * (1 - shown[view]) for (_, view), (number, _) in chosen])
     return Look(beam[0][2], beam[0][0])
 
 
