@@ -18,7 +18,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import load_result
 from chmarl_pb.evaluation.tables import title_of
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.language import parse_instruction
@@ -112,6 +112,8 @@ def test_other_values_are_refused() -> None:
 class Seeing:
     """Picks and places what the goal says is in view; cannot do without it."""
 
+    centralized = True
+
     def __init__(self, env: HouseholdEnv):
         self.names = env.action_names
 
@@ -124,16 +126,12 @@ class Seeing:
         return {"humanoid": self.names["humanoid"].index(chosen), "drone": self.names["drone"].index("stay")}
 
 
-def seeing(env: HouseholdEnv) -> Policy:
-    return Seeing(env)
-
-
 def test_evaluation_gives_and_records_it(tmp_path: Path) -> None:
     given: dict[str, Any] = {"split": "val-unseen", "seeds": (0,), "workers": 1, "tasks": TASKS[:2], "max_steps": 4}
-    report = evaluate(seeing, goal=True, **given)
+    report = evaluate(Seeing, goal=True, **given)
     assert report.settings["options"]["goal"] is True and "goal observed" in title_of(report)
     with pytest.raises(KeyError):
-        evaluate(seeing, **given)
+        evaluate(Seeing, **given)
     plain = evaluate("random", **given)
     assert set(plain.settings["options"]) == {"messages", "feedback", "max_steps", "image_size"}  # as it has been
     assert "goal" not in title_of(plain)
@@ -141,7 +139,7 @@ def test_evaluation_gives_and_records_it(tmp_path: Path) -> None:
 
 def test_command_gives_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    given = ["--policy", "test_goal:seeing", "--goal"]
+    given = ["--policy", "test_goal:Seeing", "--goal"]
     out = tmp_path / "result.json"
     split = ["--split", "val-unseen", "--task", TASKS[0], "--seeds", "1", "--workers", "1", "--max-steps", "4"]
     assert main(["evaluate", *given, *split, "--out", str(out)]) == 0
