@@ -142,7 +142,7 @@ def _of_split(report: Report) -> dict[str, Any]:
         "summary": asdict(report.summary),
         "per_wording": {name: asdict(summary) for name, summary in report.per_wording.items()},
         "ends": {str(phi): count for phi, count in sorted(Counter(one.potential for one in report.episodes).items())},
-        "plw_search": None if gain is None else gain.plw_search,
+        "plw_pair": None if gain is None else gain.plw_pair,
         "cooperation_share": None if gain is None else gain.share,
     }
 

@@ -10,14 +10,14 @@ from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add
 from chmarl_pb.envs.options import SENSORS
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.errors import OptionError
-from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores
+from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.gain import gain_of, points
 from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
-from chmarl_pb.policies.registry import BUILT_IN, SHORTCUTS
+from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.progress import LateProgress
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -155,7 +155,7 @@ def _print_notes(console: Console, report: Report) -> None:
         console.print("cooperation: no reference lengths for these tasks, this max_steps and this environment")
         return
     share = "-" if gain.share is None else f"{100 * gain.share:.0f} %"
-    pair = "-" if gain.share_search is None else f"{100 * gain.share_search:.0f} %"
+    pair = "-" if gain.share_pair is None else f"{100 * gain.share_pair:.0f} %"
     console.print(
         f"cooperation: {share} of the possible gain in PLW over the lone humanoid (search pair: {pair}); "
         f"{gain.steps_saved:.1f} of {gain.steps_possible:.1f} steps saved a task"
@@ -163,12 +163,12 @@ def _print_notes(console: Console, report: Report) -> None:
 
 
 def _beside(report: Report) -> str:
-    """Return what the policies score that do without most of what a robot is given, and the search policy."""
+    """Return what the policies score that do without most of what a robot is given, and those that search with all."""
     if report.changed:
         return ""
     tasks = {episode.task for episode in report.episodes}
     scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)
-    names = [name for name in (*SHORTCUTS, SEARCH) if name in scores]
+    names = [name for name in (*SHORTCUTS, *SEARCHES) if name in scores]
     return ", ".join(f"{name} {100 * scores[name].success_rate:.1f} / {100 * scores[name].plw:.1f}" for name in names)
 
 

@@ -1,6 +1,6 @@
 """What a score is worth: cooperation accounting, and what the built-in policies score on the same tasks.
 
-The references are fixed: for each task the lengths that the built-in policies reach, among them the search policy with
+The references are fixed: for each task the lengths that the built-in policies reach, among them the belief search with
 the drone, without hearing it, and by the humanoid alone. `chmarl-pb baselines --references` measures them.
 """
 
@@ -20,8 +20,8 @@ from chmarl_pb.tasks.language import WORDINGS, wording_of_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 FOLDER = Path(__file__).parent / "references"
-ALONE, SILENT, SEARCH = "search-alone", "search-silent", "search"
-VARIANTS = (ALONE, SILENT, SEARCH)
+ALONE, SILENT, PAIR = "belief-alone", "belief-silent", "belief"
+VARIANTS = (ALONE, SILENT, PAIR)
 
 
 class Score(NamedTuple):
@@ -55,10 +55,10 @@ class Cooperation:
         tasks: number of tasks.
         plw_alone: PLW of the humanoid that searches alone: no gain.
         plw_silent: PLW of the search pair whose messages nobody hears.
-        plw_search: PLW of the search pair.
+        plw_pair: PLW of the search pair.
         plw: of the policy.
         share: (PLW - PLW alone) / (1 - PLW alone), where 1 is the PLW of the planner, which knows everything.
-        share_search: the same of the search pair.
+        share_pair: the same of the search pair.
         steps_saved: joint steps fewer than the lone humanoid takes, mean over tasks; a failure counts
             ``max_steps``.
         steps_possible: the same of the planner.
@@ -68,10 +68,10 @@ class Cooperation:
     tasks: int
     plw_alone: float
     plw_silent: float
-    plw_search: float
+    plw_pair: float
     plw: float
     share: float | None
-    share_search: float | None
+    share_pair: float | None
     steps_saved: float
     steps_possible: float
     faster: float
@@ -95,8 +95,8 @@ def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Coope
     saved = [_steps(known[task][ALONE], max_steps) - _steps(own[task], max_steps) for task in own]
     possible = [_steps(known[task][ALONE], max_steps) - task.optimal_steps for task in own]
     return Cooperation(
-        len(own), plw[ALONE], plw[SILENT], plw[SEARCH], plw_own,
-        gain_share(plw_own, plw[ALONE]), gain_share(plw[SEARCH], plw[ALONE]),
+        len(own), plw[ALONE], plw[SILENT], plw[PAIR], plw_own,
+        gain_share(plw_own, plw[ALONE]), gain_share(plw[PAIR], plw[ALONE]),
         fmean(saved), fmean(possible), fmean(steps > 0 for steps in saved),
     )  # fmt: skip
 

@@ -7,14 +7,14 @@ from statistics import fmean
 import numpy as np
 
 from chmarl_pb.envs.options import MAX_STEPS, Options
-from chmarl_pb.evaluation.cooperation import SEARCH, Score, reference_scores, reference_scores_by_wording
+from chmarl_pb.evaluation.cooperation import Score, reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import gain_of, points
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
-from chmarl_pb.policies.registry import SHORTCUTS
+from chmarl_pb.policies.registry import SEARCHES, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 
 _NONE = "-"
@@ -79,10 +79,10 @@ def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
     given = {title_of(report) for report in reports if report.settings["observation"] == observation}
     scores = {split: reference_scores(split, MAX_STEPS) for split in SPLITS}
     rows = []
-    for name in (*SHORTCUTS, SEARCH):
+    for name, what in {**SHORTCUTS, **SEARCHES}.items():
         if name not in given and all(name in of_split for of_split in scores.values()):
             cells = "".join(_reference_cell(split, name, metric) for metric in Score._fields for split in SPLITS)
-            note = f"<br><small>{SHORTCUTS.get(name, 'looks for X and Y by rule')}</small>"
+            note = f"<br><small>{what}</small>"
             rows.append(f'<tr class="built-in"><th>{name}{note}</th><td class="whose">built in</td>{cells}</tr>')
     return rows
 

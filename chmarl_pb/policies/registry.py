@@ -23,6 +23,9 @@ SHORTCUTS = {
     "instruction-blind": "sees, ignores the instruction",
 }
 
+#: Policies that search with all that robots are given -> how.
+SEARCHES = {"search": "looks for X and Y by rule", "belief": "looks where X and Y most likely are"}
+
 
 def _talking(env: PolicyEnv, policy: Policy) -> Policy:
     """Return a policy made for a board, which says what would stand there where robots have words of their own."""

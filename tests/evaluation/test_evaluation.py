@@ -457,9 +457,9 @@ def of_split(split: str, steps: Callable[[Task], int | None]) -> Sequence[Played
 def test_cooperation_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     split = "val-unseen"
     lengths: dict[str, Callable[[Task], int | None]] = {
-        "search-alone": lambda task: 4 * task.optimal_steps,
-        "search-silent": lambda task: None,
-        "search": lambda task: 2 * task.optimal_steps,
+        "belief-alone": lambda task: 4 * task.optimal_steps,
+        "belief-silent": lambda task: None,
+        "belief": lambda task: 2 * task.optimal_steps,
     }
     text = reference_json(split, 50, {name: of_split(split, lengths[name]) for name in VARIANTS})
     (tmp_path / f"{split}.json").write_text(text)
@@ -467,15 +467,15 @@ def test_cooperation_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     read_reference.cache_clear()
     gain = cooperation(of_split(split, lambda task: task.optimal_steps), split, 50)
     assert gain is not None
-    assert (gain.plw_alone, gain.plw_silent, gain.plw_search, gain.plw) == pytest.approx((0.25, 0, 0.5, 1))
-    assert (gain.share, gain.share_search, gain.faster) == pytest.approx((1, 1 / 3, 1))
+    assert (gain.plw_alone, gain.plw_silent, gain.plw_pair, gain.plw) == pytest.approx((0.25, 0, 0.5, 1))
+    assert (gain.share, gain.share_pair, gain.faster) == pytest.approx((1, 1 / 3, 1))
     assert gain.steps_saved == pytest.approx(gain.steps_possible)
-    alone = cooperation(of_split(split, lengths["search-alone"]), split, 50)
+    alone = cooperation(of_split(split, lengths["belief-alone"]), split, 50)
     assert alone is not None and (alone.share, alone.steps_saved, alone.faster) == pytest.approx((0, 0, 0))
     assert cooperation([], split, 50) is None
-    assert cooperation(of_split(split, lengths["search"]), split, 60) is None  # cut later than the references
+    assert cooperation(of_split(split, lengths["belief"]), split, 60) is None  # cut later than the references
     cut = cooperation(of_split(split, lambda task: task.optimal_steps), split, 1)
-    assert cut is not None and (cut.plw_alone, cut.plw_search) == (0, 0)  # no reference is as short as one step
+    assert cut is not None and (cut.plw_alone, cut.plw_pair) == (0, 0)  # no reference is as short as one step
     (tmp_path / f"{split}.json").write_text(text.replace('"tasks": "', '"tasks": "0'))
     read_reference.cache_clear()
     assert read_reference(split) is None  # of other tasks

@@ -8,12 +8,12 @@ from statistics import fmean, stdev
 
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.cooperation import SEARCH, reference_scores, reference_scores_by_wording
+from chmarl_pb.evaluation.cooperation import reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.learning.config import FROZEN
-from chmarl_pb.policies.registry import SHORTCUTS
+from chmarl_pb.policies.registry import SEARCHES, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.tables.curves import draw_curves
@@ -27,7 +27,8 @@ METRICS = {"PLW": "plw", "Success rate": "success_rate"}
 NOT_RUN = "not run yet"
 HEADLINE = SPLITS[-1]
 #: Built-in policies below the learners -> what they do.
-BUILT_IN = {**SHORTCUTS, SEARCH: "looks for X and Y by rule"}
+BUILT_IN = {**SHORTCUTS, **SEARCHES}
+TEACHER = "search"  # of ours
 POOL = "mean"  # of graphs, in runs from before this was a setting
 
 INTRO = f"""# Results of the learners
@@ -120,8 +121,8 @@ def _headlines(records: Records) -> list[str]:
             lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({beside}).")
             continue
         plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
-        search = _built_in(SEARCH, "plw", HEADLINE)
-        share = f", {fmean(plw) / search:.0%} of the PLW of {SEARCH}" if search else ""
+        search = _built_in(TEACHER, "plw", HEADLINE)
+        share = f", {fmean(plw) / search:.0%} of the PLW of {TEACHER}" if search else ""
         whose = "best on validation" if best.published else "ours, best on validation"
         lines.append(
             f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
@@ -207,7 +208,7 @@ def _made_with(row: Row, same: Sequence[Record]) -> str:
     config = checkpoint.get("config", {})
     graphs = f"{config.get('graph_pool', POOL)} pool"
     encoder = graphs if same[0]["observation"] == "scene_graph" else config.get("image_encoder", "")
-    imitated = SEARCH if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
+    imitated = TEACHER if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
     teacher = f"teacher: {imitated}" if imitated else ""
