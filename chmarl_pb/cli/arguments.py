@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.catalog import Catalog
-from chmarl_pb.envs.options import SYMBOLS, Options
+from chmarl_pb.envs.options import SENSORS, SYMBOLS, Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
@@ -83,6 +83,18 @@ def rules_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment that ``add_rules`` has added."""
     names = ("track", "messages", "feedback", "pointing", "lookalikes", "templates", "max_steps")
     return {name: getattr(options, name) for name in names}
+
+
+def add_played(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what is played, how often and by how many processes."""
+    parser.add_argument(
+        "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
+    )
+    parser.add_argument(
+        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
+    )
+    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_rules, output_file, rules_of
+from chmarl_pb.cli.arguments import add_played, add_rules, output_file, rules_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
-from chmarl_pb.envs.options import SENSORS
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
@@ -20,14 +19,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run_audit)
     add_rules(parser)
-    parser.add_argument(
-        "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
-    )
-    parser.add_argument(
-        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
-    )
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    add_played(parser)
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(

@@ -19,13 +19,12 @@ from chmarl_pb.cli.arguments import (
     verbs,
 )
 from chmarl_pb.cli.demo import show_episode
-from chmarl_pb.envs.options import checked_seed
-from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.options import Options, checked_seed
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
-from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.evaluation.play import Player, Setup, episode_seed, policy_seed
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import find_task
 
@@ -61,22 +60,25 @@ def save(options: argparse.Namespace) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
     if (options.task is None) == (options.home is None):
         raise OptionError("give either --task, which names its home, or --home, for which a task is drawn")
-    source, seed = find_policy(options.policy), checked_seed(options.seed)
+    seed = checked_seed(options.seed)
     if options.task:
         task = find_task(options.task)
     else:
         (task,) = draw_tasks(
             options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
         )
-    env = HouseholdEnv(
+    rules = Options(
         options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog,
         track=options.track, lookalikes=options.lookalikes,
     )  # fmt: skip
+    player = Player(Setup(options.policy, rules))
     try:
-        file = record_episode(env, source.make(env), source.name, episode_seed(task, seed), task)
-        shortest = optimal_steps(env, task)
+        own = policy_seed(player.env.instruction_of(task), seed)
+        name, seed = find_policy(options.policy).name, episode_seed(task, seed)
+        file = record_episode(player.env, player.policy, name, seed, task, policy_seed=own)
+        shortest = optimal_steps(player.env, task)
     finally:
-        env.close()
+        player.close()
     save_episode(file, options.out)
     print(f"{options.out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")
     return 0

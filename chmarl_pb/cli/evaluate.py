@@ -6,8 +6,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_rules, output_file, rules_of
-from chmarl_pb.envs.options import SENSORS
+from chmarl_pb.cli.arguments import (
+    GOAL,
+    add_catalog,
+    add_home,
+    add_played,
+    add_robots,
+    add_rules,
+    output_file,
+    rules_of,
+)
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
@@ -30,14 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
     )
     add_rules(parser)
-    parser.add_argument(
-        "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
-    )
-    parser.add_argument(
-        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
-    )
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    add_played(parser)
     parser.add_argument("--goal", action="store_true", help=GOAL)
     add_robots(parser)
     add_home(parser, "--draw tasks are drawn for it, the same every time")

@@ -25,6 +25,7 @@ _DEFAULTS: dict[str, Any] = {
     "catalog": None,
     "pointing": False,
     "lookalikes": False,
+    "templates": 1,
 }  # options that are there if they are others
 
 
@@ -35,9 +36,9 @@ class EpisodeFile:
     Attributes:
         task: the task.
         policy: name of the policy that played it.
-        seed: of the policy.
+        seed: of the episode.
         options: of the environment: observation, messages, feedback, max_steps, image_size, execution; robots,
-            task, catalog, pointing and lookalikes where they are not the benchmark's.
+            task, catalog, pointing, lookalikes and templates where they are not the benchmark's.
         actions: T times the number of each robot's action.
         rewards: T shared rewards.
         states: T + 1 state hashes, the first after the reset.
@@ -69,6 +70,7 @@ def record_episode(
     seed: int | None,
     task: AnyTask | str,
     on_step: OnStep = lambda env: None,
+    policy_seed: int | None = None,
 ) -> EpisodeFile:
     """Play an episode and return its file.
 
@@ -76,9 +78,10 @@ def record_episode(
         env: to play in.
         policy: drives the robots.
         name: of the policy, for the file.
-        seed: of the policy.
+        seed: of the episode.
         task: the task to play, or its id.
         on_step: watches, see :func:`chmarl_pb.envs.rollout.rollout`.
+        policy_seed: of the policy, if it is not to get that of the episode.
 
     Raises:
         OptionError: the environment was given objects.
@@ -90,7 +93,7 @@ def record_episode(
         states.append(state_hash(env))
         on_step(env)
 
-    episode = rollout(env, policy, seed, task, note)
+    episode = rollout(env, policy, seed, task, note, policy_seed)
     actions = tuple(tuple(chosen[robot] for robot in env.possible_agents) for chosen in episode.actions)
     home = home_hash(episode.task.home)
     rewards = tuple(episode.rewards.tolist())

@@ -1,7 +1,8 @@
 """A humanoid that points, sees, and is not told what to bring where: it carries what it sees to what it sees.
 
 Each thing that it puts down somewhere is one try of a pair of X and Y. So it takes the tries that come soonest: it
-picks what is in view, puts it on another receptacle that is in view, and goes on from there.
+picks what is in view, puts it on another receptacle that is in view, and goes on from there. Classes that it has seen
+in several colours come first: among lookalikes X's is one of them.
 """
 
 from collections.abc import Iterator
@@ -31,7 +32,7 @@ class Carrier:
         self._last, self._aim, self._item = "", "", ""  # action, class that it pointed at, class in the hand
         self._holding, self._turns = False, 0
         self._vain: set[str] = set()  # classes at which it has pointed in vain from here
-        self._colors: dict[str, frozenset[int]] = {}  # in which each class has been seen: X alone has lookalikes
+        self._colors: dict[str, frozenset[int]] = {}  # in which each class has been seen
         self._side = str(rng.choice(["turn_left", "turn_right"]))
 
     def choose(self, view: SeeingView) -> str:

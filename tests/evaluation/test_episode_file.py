@@ -10,6 +10,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.episode_file import EpisodeFile, load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.record import record_file
@@ -165,3 +166,20 @@ def test_what_a_file_does_not_say_is_not_shown(brief: EpisodeFile, change: dict[
         change = {"success": not brief.success}
     with pytest.raises(ResultError, match=words):
         record_file(replace(brief, **change))
+
+
+@pytest.mark.parametrize("policy", ["random", "search"])
+def test_the_command_saves_what_an_evaluation_plays(tmp_path: Path, policy: str) -> None:
+    report = evaluate(policy, "test-unseen", seeds=[2], tasks=[TASK], workers=1)
+    given = ["--policy", policy, "--task", TASK.id, "--seed", "2", "--out", str(tmp_path / "episode.json")]
+    assert main(["episode", "save", *given]) == 0
+    assert load_episode(tmp_path / "episode.json").actions == tuple(map(tuple, report.episodes[0].actions))
+
+
+def test_sentences_of_the_grounded_track_are_said_again() -> None:
+    env = HouseholdEnv(split="val-unseen", track="grounded", max_steps=2)
+    try:
+        file = record_episode(env, make_policy("random", env), "random", 0, "val-unseen-000")
+    finally:
+        env.close()
+    assert file.options["templates"] == 2 and replay_episode(file) is None
