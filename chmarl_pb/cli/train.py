@@ -99,9 +99,9 @@ class Play:
 
 @dataclass(frozen=True)
 class DaggerMappo(Play):
-    """Imitate the search policy, then learn by MAPPO from there on.
+    """Imitate a search, then learn by MAPPO from there on.
 
-    The search policy knows no more than the robots see; to imitate it gives a learner that looks around and goes on,
+    The search knows no more than the robots see; to imitate it gives a learner that looks around and goes on,
     which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by the reward.
 
     Attributes:
@@ -205,8 +205,7 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
         env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
         robots=listed(env.robots), split=env.split, home=env.home, catalog=env.catalog,
     )  # fmt: skip
-    expert = ALGORITHMS[algorithm].expert
-    imitated = partial(make_policy, expert) if expert else None
+    imitated = partial(make_policy, config.expert) if isinstance(config, DAggerConfig) else None
     validate = _validation(env)
     train(env_fn, algorithm, config, folder, validate, setting, False, imitated, place.threads, place.device)
 

@@ -30,11 +30,12 @@ class DAggerConfig(RunConfig):
     >>> from chmarl_pb.learning import train
     >>> config = DAggerConfig(episodes=2, horizon=3, envs=2, batch_size=2, features=8, hidden=8)
     >>> env_fn = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3)
-    >>> result = train(env_fn, "imitation", config, expert=partial(chmarl_pb.make_policy, "search"))
+    >>> result = train(env_fn, "imitation", config, expert=partial(chmarl_pb.make_policy, "belief"))
     >>> config.expert_share(0), config.expert_share(1)
     (1.0, 0.0)
 
     Attributes:
+        expert: built-in policy that is imitated on the benchmark: "belief" or "search"; ``train`` is given one itself.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
     """
@@ -42,6 +43,7 @@ class DAggerConfig(RunConfig):
     episodes: int = count(3_000)
     learning_rate: float = amount(1e-3)
     graph_pool: str = "gated"
+    expert: str = "belief"
     gradient_steps: int = natural(4)
     beta: float = share(1.0)
 

@@ -24,13 +24,13 @@ class Algorithm:
     Attributes:
         learner: makes its learner from its name, the interface of the environment, and its settings.
         config: class of its settings.
-        expert: the built-in policy that it imitates on the benchmark; "" if it imitates nobody.
+        imitates: whether it needs an expert to imitate.
         logits: whether its agents' values are logits of a policy, so that another such learner can begin with them.
     """
 
     learner: Callable[[str, Interface, Any], Learner]
     config: type[RunConfig]
-    expert: str = ""
+    imitates: bool = False
     logits: bool = False
 
 
@@ -39,7 +39,7 @@ ALGORITHMS: dict[str, Algorithm] = {
     "vdn": Algorithm(ValueLearner, Config),
     "qmix": Algorithm(ValueLearner, Config),
     "qtran": Algorithm(Qtran, Config),
-    "imitation": Algorithm(DAgger, DAggerConfig, expert="search", logits=True),
+    "imitation": Algorithm(DAgger, DAggerConfig, imitates=True, logits=True),
     "mappo": Algorithm(Mappo, MappoConfig, logits=True),
 }
 

@@ -27,6 +27,8 @@ RENAMED = {
 }  # fmt: skip
 #: The same of the parts of a checkpoint.
 RENAMED_PARTS = {"minds": "actors", "pupil": "model"}
+#: Algorithm -> what it did before it had these settings.
+BEFORE: dict[str, dict[str, Any]] = {"imitation": {"expert": "search"}}
 
 
 class CheckpointError(ChmarlError, ValueError):
@@ -72,7 +74,8 @@ def _with_present_names(content: dict[str, Any]) -> dict[str, Any]:
     """Return what an earlier version may have written, by the names of today."""
     content = {RENAMED_PARTS.get(name, name): part for name, part in content.items()}
     if content["kind"] in ("value", "run") and isinstance(content.get("config"), dict):
-        content["config"] = {RENAMED.get(name, name): value for name, value in content["config"].items()}
+        known = {RENAMED.get(name, name): value for name, value in content["config"].items()}
+        content["config"] = BEFORE.get(str(content.get("algorithm")), {}) | known
     return content
 
 

@@ -94,8 +94,8 @@ def train(
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     row = find_algorithm(algorithm)
-    if row.expert and expert is None:
-        raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, {row.expert!r})")
+    if row.imitates and expert is None:
+        raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, 'belief')")
     config = config or row.config()
     check_first_weights(config, setting or {})
     where = find_device(device)

@@ -7,7 +7,7 @@ import numpy as np
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import SURE, Aim, Nodes, aimed, aims_at, held_class, nodes_of, turned
-from chmarl_pb.robots.pointing import VERBS, Cell
+from chmarl_pb.robots.pointing import VERBS, Cell, verb_of
 
 _RISKY = 0.1  # part of a cell at which it is pointed where nothing better is to be had
 _MOVES = 4  # turns and paces for a better view of one thing
@@ -40,11 +40,14 @@ class Hand:
         self._moves = 0
         self._paced: _View | None = None  # the view before a pace
         self.away = False  # whether it has just put down what was picked by mistake
+        self._view: _View = VERBS[0], (), b""
+        self._chosen: str | None = None
+        self._wrong = False  # whether it holds what was picked by mistake
 
     def choose(
         self, observation: Observation, wanted: Collection[str], items: Collection[str], seen: Collection[str]
     ) -> str | None:
-        """Return the name of an action, or None if nothing in view is worth one.
+        """Return the name of an action, or None if nothing in view is worth one; nothing is done before it is noted.
 
         Args:
             observation: of the robot.
@@ -58,11 +61,25 @@ class Hand:
         view = verb, nodes.names, np.round(nodes.views[:, :2] * _ROUGH).astype(np.int8).tobytes()
         wrong = holding and held_class(observation, self._catalog) not in (None, *items)
         self._judge(verb, wrong)
+        self._wrong = wrong and "node_view" in observation
+        self._view = view if "node_view" in observation else (verb, (), b"")
         if "node_view" not in observation:
-            return self._plainly(verb, bool(set(wanted) & set(seen)))
-        if wrong:
-            return self._put_away(nodes, view, self._where(observation, items))
-        return self._at(nodes, view, wanted)
+            self._chosen = self._plainly(verb, bool(set(wanted) & set(seen)))
+        elif wrong:
+            self._chosen = self._put_away(nodes, view, self._where(observation, items))
+        else:
+            self._chosen = self._at(nodes, view, wanted)
+        return self._chosen
+
+    def note(self, action: str) -> bool:
+        """Go on from the action that was taken; return whether it is the one that was chosen."""
+        if verb_of(action) == self._view[0]:
+            self._last = _Try(self._view, action)
+            self.away |= self._wrong
+        elif action == self._chosen and not self._wrong:  # for a better view
+            self._moves += 1
+            self._paced = self._view if action == "move_forward" else self._paced
+        return action == self._chosen
 
     def _judge(self, verb: str, wrong: bool) -> None:
         """Learn from the last Pick or Place, if there was one: this goes on, so no Place was the last."""
@@ -79,12 +96,9 @@ class Hand:
 
     def _plainly(self, verb: str, there: bool) -> str | None:
         """Return the verb where it takes no cell, unless it has just failed."""
-        view: _View = verb, (), b""
-        failed = _Try(view, verb) in self._vain
+        failed = _Try(self._view, verb) in self._vain
         self._vain.clear()
-        if not there or failed:
-            return None
-        return self._do(view, verb)
+        return verb if there and not failed else None
 
     def _at(self, nodes: Nodes, view: _View, wanted: Collection[str]) -> str | None:
         """Return a Pick or Place at what is wanted, or a move by which it has a cell of its own."""
@@ -92,15 +106,11 @@ class Hand:
             return None
         aims = [aim for aim in aims_at(nodes, wanted) if _Try(view, aimed(view[0], aim.cell)) not in self._vain]
         if aims and aims[0].part > SURE:
-            return self._do(view, aimed(view[0], aims[0].cell))
-        if self._moves < _MOVES:
-            move = self._closer(nodes, view, wanted)
-            if move is not None:
-                self._moves += 1
-                return move
-        if aims and aims[0].part > _RISKY:
-            return self._do(view, aimed(view[0], aims[0].cell))
-        return None
+            return aimed(view[0], aims[0].cell)
+        move = self._closer(nodes, view, wanted) if self._moves < _MOVES else None
+        if move is None and aims and aims[0].part > _RISKY:
+            return aimed(view[0], aims[0].cell)
+        return move
 
     def _closer(self, nodes: Nodes, view: _View, wanted: Collection[str]) -> str | None:
         """Return a turn after which something wanted has most of a cell, else a pace towards it."""
@@ -116,7 +126,6 @@ class Hand:
         if self._paced == view:  # the last one was blocked
             self._moves = _MOVES
             return None
-        self._paced = view
         return "move_forward"
 
     def _put_away(self, nodes: Nodes, view: _View, x: np.ndarray | None) -> str:
@@ -128,9 +137,7 @@ class Hand:
         if not left:
             return _SIDES[1]
         best, _ = max(left, key=lambda found: (found[0].part > SURE, found[1], found[0].part))
-        action = self._do(view, aimed(view[0], best.cell))
-        self.away = True
-        return action
+        return aimed(view[0], best.cell)
 
     def _where(self, observation: Observation, wanted: Collection[str]) -> np.ndarray | None:
         """Return where X is in the picture."""
@@ -140,10 +147,6 @@ class Hand:
 
     def _distance(self, cell: Cell, x: np.ndarray | None) -> float:
         return 0.0 if x is None else float(abs((np.array(cell)[::-1] + 0.5) / 3 - x).max())
-
-    def _do(self, view: _View, action: str) -> str:
-        self._last = _Try(view, action)
-        return action
 
 
 def _best(aims: list[Aim]) -> float:

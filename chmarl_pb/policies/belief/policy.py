@@ -40,6 +40,12 @@ class Scout:
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now."""
         pairs, expected = read_pairs(observation["instruction"], self._catalog), statistics(self.rooms)
         targets = {target for _, target in pairs}
         if self._scouts is None:
@@ -47,6 +53,11 @@ class Scout:
         self._scouts.hear(messages_read(observation, self.rooms, self._catalog, SHARED) > 0)
         self._scouts.decide()
         return self.actions.index(self._scouts.actions[self.name])
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        if self._scouts is not None:
+            self._scouts.note(self.name, self.actions[action])
 
     def bearing(self, observation: dict[str, np.ndarray], name: str, room: int) -> float | None:
         """Return the direction of a thing in view from the middle of its room; None unless it flies in that room."""
@@ -64,9 +75,17 @@ class _Part(Protocol):
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int: ...
 
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int: ...
+
+    def note(self, action: int) -> None: ...
+
 
 class BeliefPolicy:
     """All robots, each by an object of its own that gets its own observation and info alone.
+
+    As a policy it does what it proposes. A teacher's proposals are followed or not: each robot's object goes on from
+    what that robot did. What the others do it takes from the common plan still, as its robot cannot know better, so
+    that a proposal follows from what the robot itself has observed and done.
 
     Attributes:
         parts: robot -> what drives it; one that neither grasps nor flies searches as in the search policy.
@@ -106,3 +125,12 @@ class BeliefPolicy:
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own observation and info alone."""
         return {name: self.parts[name].act(seen, infos[name]) for name, seen in observations.items()}
+
+    def propose(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what all would do now; to be followed by :meth:`note`."""
+        return {name: self.parts[name].propose(seen, infos[name]) for name, seen in observations.items()}
+
+    def note(self, actions: Actions) -> None:
+        """Go on from what the robots have done."""
+        for name, action in actions.items():
+            self.parts[name].note(action)

@@ -52,6 +52,7 @@ class Scouts:
         self._looked: Bits = np.zeros(rooms, dtype=np.int64)
         self._heard = np.zeros((2, rooms), dtype=bool)
         self._places: dict[str, Place | None] = dict.fromkeys(names)
+        self._before = dict(self._places)  # where they were before their present actions
         self._plans: dict[str, list[tuple[str, Place]]] = {name: [] for name in names}
 
     def place(self, name: str) -> Place | None:
@@ -76,6 +77,7 @@ class Scouts:
 
     def decide(self) -> None:
         """Choose the next actions."""
+        self._before = dict(self._places)
         open_rows = tuple(self._several or not row.any() for row in self._heard)
         if not any(open_rows):
             self.actions = dict.fromkeys(self.actions, STAY)
@@ -87,6 +89,13 @@ class Scouts:
                 looked = tuple(self._looked.tolist())
                 plan.extend(_plan(self._rooms, self._targets, open_rows, looked, taken, start))
             self.actions[name], self._places[name] = plan.pop(0)
+
+    def note(self, name: str, action: str) -> None:
+        """Go on from what a robot has done, if that was something else than the plan."""
+        if action != self.actions[name]:
+            before = self._before[name]
+            self.actions[name], self._plans[name] = action, []
+            self._places[name] = before if action == STAY else dict(_steps(self._rooms, before)).get(action)
 
     def _taken(self, name: str) -> Iterator[Place]:
         """Yield where all are going to, and where the others are."""

@@ -65,7 +65,9 @@ class Searcher:
         self._zero = 0  # heading at the anchor where it stands
         self._tidying = Tidying()
         self._tried = ""
-        self._queue: list[str] = []
+        self._queue: list[str] = []  # the rest of a look around from elsewhere, backwards
+        self._way: list[str] = []  # the same from the proposed action on
+        self._proposed = ""
         self._held = self._deaf = False
         self._hand.reset()
         self._vain: dict[str, Bits] = defaultdict(lambda: np.zeros(len(self.rooms), dtype=np.int64))  # such views
@@ -75,9 +77,28 @@ class Searcher:
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
-        chosen = self._choose(observation, info)
-        self._tried = verb_of(chosen)
-        return number_of(self.actions, chosen)
+        action = self.propose(observation, info)
+        self.note(action)
+        return action
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
+        self._way = []
+        self._proposed = self._choose(observation, info)
+        return number_of(self.actions, self._proposed)
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+        done = self.actions[action]
+        followed = action == number_of(self.actions, self._proposed)
+        self._tried = verb_of(done)
+        if self._hand.note(self._proposed if followed else done):
+            self._origin = self._origin or self._station
+        if not followed:
+            self._queue = []
+        elif self._way:
+            self._wandered += not self._queue
+            self._queue = self._way[:-1]
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
         pairs, holding = read_pairs(observation["instruction"], self._catalog), bool(observation["self"][-1])
@@ -93,10 +114,10 @@ class Searcher:
         beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
         if action is not None:
-            self._queue, self._origin = [], self._origin or self._station
+            self._queue = []
             return action
         self._give_up(wanted, seen)
-        return self._search(beliefs, wanted if holding else frozenset())
+        return self._search(beliefs, wanted)
 
     def _give_up(self, wanted: Collection[str], seen: Collection[str]) -> None:
         """Do not come back to what is in view here, nor to the view from which it led to nothing."""
@@ -152,18 +173,18 @@ class Searcher:
         )
         return y if holding else [self.knowledge.belief(spots[0], evidence[0], True), *y]
 
-    def _search(self, beliefs: list[Belief], targets: Collection[str]) -> str:
+    def _search(self, beliefs: list[Belief], wanted: Collection[str]) -> str:
         """Return the action by which what is wanted is likely to be seen soon.
 
         Args:
             beliefs: where it is, and where Y is, which it is good to see, too.
-            targets: the classes of Y, if Y is wanted.
+            wanted: the classes of what is wanted; what has been in view is gone back to.
         """
         in_rooms = beliefs[0].in_rooms(len(self.rooms))
         room = int(in_rooms.argmax())
         if room != self._goal:
             self._goal, self._queue = room, []
-        looks = [*self._sighted(targets)]
+        looks = [*self._sighted(wanted)]
         if in_rooms[room] >= _KNOWN:
             looks += self._known(beliefs[0], room) if not self._queue else []
             return min(looks, key=lambda look: look.value).action if looks else self._wander(room)
@@ -172,9 +193,9 @@ class Searcher:
         best = self._promise(beliefs)
         return best.action if best.value > _LEAST else self._wander(room)
 
-    def _sighted(self, targets: Collection[str]) -> Iterator[Look]:
+    def _sighted(self, wanted: Collection[str]) -> Iterator[Look]:
         """Yield the ways back to views that showed what is wanted."""
-        for name in targets & self.knowledge.sighted.keys():
+        for name in self.knowledge.sighted.keys() & set(wanted):
             views = self.knowledge.sighted[name] & ~self._vain[name]
             for room in np.flatnonzero(views).tolist():
                 yield self._named(soonest(self._plans(room), views[[room]], np.ones(1)), room)
@@ -237,14 +258,14 @@ class Searcher:
 
     def _wander(self, room: int) -> str:
         """Look around a pace from the anchor of a room, from which the thing is not seen."""
+        self._way = self._queue
         if not self._queue:
             here = self._station if self._station is not None and self._station.room == room else None
             away = (self._ahead(room) + _ASIDE[self._wandered % len(_ASIDE)] - (here.turn if here else 0)) % TURNS
             turns = ["turn_left"] * away if away <= TURNS // 2 else ["turn_right"] * (TURNS - away)
             start = [] if here else [f"goto_{self.rooms[room]}"]
-            self._queue = [*start, *turns, "move_forward", *["turn_left"] * (TURNS - 1)][::-1]
-            self._wandered += 1
-        return self._queue.pop()
+            self._way = [*start, *turns, "move_forward", *["turn_left"] * (TURNS - 1)][::-1]
+        return self._way[-1]
 
     def _ahead(self, room: int) -> int:
         """Return the turn at a room's anchor in whose direction to go on."""
