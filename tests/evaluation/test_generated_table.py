@@ -1,9 +1,10 @@
-"""The table of generated-val in docs/benchmark.md holds what the committed lengths of episodes say."""
+"""The table of the generated splits in docs/benchmark.md holds what the committed lengths of episodes say."""
 
 import json
 import re
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import pytest
 
@@ -13,28 +14,38 @@ from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.tasks.splits import fixed_homes, load_tasks
 
 ROOT = Path(__file__).parents[2]
-DATA = json.loads((ROOT / "results" / "generated-val.json").read_text(encoding="utf-8"))
-TASKS = load_tasks("generated-val")
-POLICIES = list(DATA["lengths"][TASKS[0].id])
+SPLITS = ("generated-val", "generated-test")
 
 
-def test_the_lengths_are_of_these_tasks_and_homes() -> None:
-    assert DATA["tasks"] == tasks_hash(TASKS) and DATA["homes"].items() <= fixed_homes().items()
-    assert len(DATA["lengths"]) == len(TASKS) and len(DATA["homes"]) == 50
+def lengths_of(split: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads((ROOT / "results" / f"{split}.json").read_text(encoding="utf-8"))
+    return data
 
 
-@pytest.mark.parametrize("policy", POLICIES)
-def test_a_row_of_the_table(policy: str) -> None:
+ROWS = [(split, policy) for split in SPLITS for policy in next(iter(lengths_of(split)["lengths"].values()))]
+
+
+@pytest.mark.parametrize(("split", "homes"), [("generated-val", 50), ("generated-test", 100)])
+def test_the_lengths_are_of_these_tasks_and_homes(split: str, homes: int) -> None:
+    data, tasks = lengths_of(split), load_tasks(split)
+    assert data["tasks"] == tasks_hash(tasks) and data["homes"].items() <= fixed_homes().items()
+    assert len(data["lengths"]) == len(tasks) and len(data["homes"]) == homes
+
+
+@pytest.mark.parametrize(("split", "policy"), ROWS)
+def test_a_row_of_the_table(split: str, policy: str) -> None:
     text = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
-    table = text.split("## Splits in generated homes")[1].split("## Report")[0]
+    table = text.split("## Splits in generated homes")[1].split("## The grounded track")[0]
     found = re.search(rf"^\| {policy} \|(.*)\|$", table, re.MULTILINE)
     assert found, "it has no row"
+    data = lengths_of(split)
     episodes = [
-        Played(task, seed, steps or DATA["max_steps"], steps is not None, 0.0)
-        for task in TASKS
-        for seed, steps in enumerate(DATA["lengths"][task.id][policy])
+        Played(task, seed, steps or data["max_steps"], steps is not None, 0.0)
+        for task in load_tasks(split)
+        for seed, steps in enumerate(data["lengths"][task.id][policy])
     ]
     summary = summarize(episodes)
+    shares = [f"{percent(share)} [{interval(share)}]" for share in (summary.success_rate, summary.plw)]
     steps = fmean(episode.steps for episode in episodes if episode.success)
-    cells = [percent(summary.success_rate), interval(summary.success_rate), percent(summary.plw), interval(summary.plw)]
-    assert [cell.strip() for cell in found[1].split("|")] == [*cells, f"{steps:.1f}"]
+    first = 3 * SPLITS.index(split)
+    assert [cell.strip() for cell in found[1].split("|")][first : first + 3] == [*shares, f"{steps:.1f}"]
