@@ -113,7 +113,8 @@ class DaggerMappo(Play):
 
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
-        same = ("seed", "horizon", "features", "hidden", "encoder", "image_encoder", "graph_pool", "word_vectors")
+        network = ("features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors")
+        same = ("seed", "horizon", *network)
         imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})
         _play("imitation", imitation, self.env, self.place, folder / IMITATION)
         mappo = replace(self.config, start=str(folder / IMITATION / BEST))

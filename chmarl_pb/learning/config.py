@@ -72,6 +72,7 @@ class RunConfig:
         reward_scale: factor of the rewards that are learned from.
         features: numbers that an observation is encoded to.
         hidden: units of each agent's GRU.
+        layer_norm: whether an agent's features, and what its GRU gives, are normalised.
         encoder: of observations: a name in ``networks.encoders.ENCODERS``, or ``module:name``.
         image_encoder: of pictures: "cnn" learns; all others are frozen, see ``networks.frozen``.
         graph_pool: of scene graphs: "mean" (the paper's), or "gated" by the instruction.
@@ -94,6 +95,7 @@ class RunConfig:
     reward_scale: float = amount(1.0)
     features: int = count(128)
     hidden: int = count(128)
+    layer_norm: bool = False
     encoder: str = "household"
     image_encoder: str = "cnn"
     graph_pool: str = "mean"

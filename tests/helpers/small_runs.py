@@ -5,6 +5,7 @@ from typing import Any
 
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.pqn import PqnConfig
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.config import RunConfig
 
@@ -15,8 +16,11 @@ SIZES: dict[str, Any] = {
 }  # fmt: skip
 IMITATION = DAggerConfig(episodes=48, buffer_size=20, gradient_steps=2, **SIZES)
 MAPPO = MappoConfig(episodes=48, buffer_size=8, critic_starts=8, **SIZES)
+PQN = PqnConfig(episodes=48, buffer_size=8, **SIZES)
 SMALL = Config(episodes=48, buffer_size=20, gradient_steps=2, target_update_interval=3, **SIZES)
-CONFIGS: dict[str, RunConfig] = {**dict.fromkeys(VALUE, SMALL), "imitation": IMITATION, "mappo": MAPPO}
+CONFIGS: dict[str, RunConfig] = {
+    **dict.fromkeys(VALUE, SMALL), "pqn": PQN, "imitation": IMITATION, "mappo": MAPPO,
+}  # fmt: skip
 
 
 class Constant:

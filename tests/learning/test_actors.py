@@ -115,7 +115,7 @@ def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int
 def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
     learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
     batch = random_batch([3], np.random.default_rng(0))
-    values = learner.critic(batch.states).detach()[0, :, 0]
+    values = learner.value(batch.states)[0]
     wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
     torch.testing.assert_close(learner.compute_gae(batch).returns[0], wanted)
 
@@ -124,7 +124,7 @@ def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_s
     learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
     ended = random_batch([2, 3], np.random.default_rng(0))
     cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
-    last = [float(learner.critic(cut.states).detach()[row, steps, 0]) for row, steps in ((0, 2), (1, 3))]
+    last = [float(learner.value(cut.states)[row, steps]) for row, steps in ((0, 2), (1, 3))]
     more = learner.compute_gae(cut).returns - learner.compute_gae(ended).returns
     assert more[0, :2].tolist() == pytest.approx([0.25 * last[0], 0.5 * last[0]], abs=1e-6)
     assert more[1].tolist() == pytest.approx([0.125 * last[1], 0.25 * last[1], 0.5 * last[1]], abs=1e-6)
@@ -158,7 +158,7 @@ def test_the_critic_learns_what_an_endless_task_is_worth() -> None:
     )  # fmt: skip
     learner = train(partial(Endless, MATRIX_GAMES["additive"]), "mappo", config).learner
     assert isinstance(learner, Mappo)
-    assert learner.critic(torch.ones(1)).item() == pytest.approx(2.0, abs=0.1)  # 1 + 1/2 + 1/4 + ...; 1.25 without
+    assert learner.value(torch.ones(1)).item() == pytest.approx(2.0, abs=0.1)  # 1 + 1/2 + 1/4 + ...; 1.25 without
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
 
 def test_wrong_algorithms_and_settings_are_refused() -> None:
     interface = interface_of(TwoStepGame())
-    with pytest.raises(ValueError, match="use one of: iql, vdn, qmix, qtran, imitation, mappo"):
+    with pytest.raises(ValueError, match="use one of: iql, vdn, qmix, qtran, pqn, imitation, mappo"):
         make_learner("sarsa", interface, Config())
     with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):
         make_learner("mappo", interface, Config())

@@ -2,6 +2,9 @@
 
 https://arxiv.org/abs/1011.0686. Cloning from stored episodes knows only states that the expert comes to; here the
 expert says what it would do while the learner acts more and more by itself, so it learns to get out of its own errors.
+
+Unlike Ross et al., a few gradient steps on the newest ``buffer_size`` episodes follow each rollout, in the place of a
+new learner of all data so far, and the expert's share falls linearly.
 """
 
 from collections.abc import Iterator

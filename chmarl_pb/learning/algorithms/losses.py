@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.mixers import Mixer
+from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.networks.agents import NO_ACTION
 from chmarl_pb.learning.spaces import Tree, tree_map
 
@@ -109,25 +110,88 @@ def chosen(values: dict[str, Tensor], actions: dict[str, Tensor]) -> Tensor:
     return torch.cat(picked, dim=-1)
 
 
+@dataclass(frozen=True)
+class Aim:
+    """How the values that are learned are made of rewards and later values.
+
+    Attributes:
+        gamma: discount of one step.
+        td_lambda: 0 looks one step ahead, 1 to the end of the episode.
+        scale: of values: networks give normal ones; None: they give values as they are.
+    """
+
+    gamma: float
+    td_lambda: float = 0.0
+    scale: Normalizer | None = None
+
+    def real(self, values: Tensor) -> Tensor:
+        """Return values (B, T, M) in units of the rewards from what networks give."""
+        return values if self.scale is None else self.scale.denormalize(values)
+
+    def normal(self, targets: Tensor, mask: Tensor) -> Tensor:
+        """Return what networks should give for targets (B, T, M) in units of the rewards, which are taken in."""
+        if self.scale is None:
+            return targets
+        self.scale.update(targets, mask)
+        return self.scale.normalize(targets)
+
+
 def td_loss(
-    online: Unrolled, target: Unrolled, mixer: Mixer, target_mixer: Mixer, batch: Batch, gamma: float
+    online: Unrolled, target: Unrolled, mixer: Mixer, target_mixer: Mixer, batch: Batch, aim: Aim
 ) -> dict[str, Tensor]:
-    """Return the loss of IQL, VDN or QMIX: the mean squared error of Q against y (Rashid et al. 2018, section 4).
+    """Return the loss of IQL, VDN or QMIX: the mean squared error of Q against y, see :func:`td_targets`."""
+    y, mask = td_targets(online, target, target_mixer, batch, aim)
+    return q_loss(online, mixer, batch, aim.normal(y, mask), mask)
+
+
+def q_loss(online: Unrolled, mixer: Mixer, batch: Batch, y: Tensor, mask: Tensor) -> dict[str, Tensor]:
+    """Return the mean squared error of the mixed values of what was done against targets; both (B, T, M)."""
+    q_taken = chosen(before(online.values), batch.actions) * batch.acted
+    q = mixer(q_taken, batch.states[:, :-1])
+    return {"loss": mean_square(q - y, mask), "q": mean(q.detach(), mask)}
+
+
+@torch.no_grad()
+def td_targets(
+    online: Unrolled, target: Unrolled, target_mixer: Mixer, batch: Batch, aim: Aim
+) -> tuple[Tensor, Tensor]:
+    """Return what Q should be, in units of the rewards, and what counts (Rashid et al. 2018, section 4).
 
         y = r + gamma Q^-(tau', argmax_u Q(tau', u)),
 
     where Q is mixed, and Q^- comes from the target networks (double Q, van Hasselt et al. 2016). IQL has a Q and an r
-    for each agent, VDN and QMIX have them for the team.
+    for each agent (M = N), VDN and QMIX have them for the team (M = 1). With a lambda, y looks further ahead, see
+    :func:`lambda_returns`.
     """
     best = {name: action[:, 1:] for name, action in greedy(online.values, batch).items()}
-    q_taken = chosen(before(online.values), batch.actions) * batch.acted
-    q = mixer(q_taken, batch.states[:, :-1])
-    with torch.no_grad():
-        next_mask = batch.not_done if mixer.per_agent else batch.next_mask
-        q_next = target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:])
-        reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if mixer.per_agent else batch.team()
-        y = reward + gamma * not_done * q_next
-    return {"loss": mean_square(q - y, mask), "q": mean(q.detach(), mask)}
+    per_agent = target_mixer.per_agent
+    next_mask = batch.not_done if per_agent else batch.next_mask
+    q_next = aim.real(target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
+    reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if per_agent else batch.team()
+    return lambda_returns(reward, not_done, q_next, mask, aim.gamma, aim.td_lambda), mask
+
+
+def lambda_returns(
+    reward: Tensor, not_done: Tensor, following: Tensor, mask: Tensor, gamma: float, td_lambda: float
+) -> Tensor:
+    """Return the lambda-return of each step: y = r + gamma ((1 - lambda) v' + lambda y'), by v' alone after the last.
+
+    Of greedy values v' this is Peng's Q(lambda) (Peng and Williams 1994), which does not correct for exploration.
+
+    Args:
+        reward: (B, T, M).
+        not_done: (B, T, M) bool, whether there is a value after the step.
+        following: (B, T, M) value v' after each step.
+        mask: (B, T, M) bool, which steps were taken.
+        gamma: discount of one step.
+        td_lambda: weight of what lies further ahead.
+    """
+    ahead = following.clone()
+    for step in reversed(range(reward.shape[1] - 1 if td_lambda else 0)):
+        later = reward[:, step + 1] + gamma * not_done[:, step + 1] * ahead[:, step + 1]
+        mixed = (1 - td_lambda) * following[:, step] + td_lambda * later
+        ahead[:, step] = torch.where(mask[:, step + 1], mixed, following[:, step])
+    return reward + gamma * not_done * ahead
 
 
 def mean_square(error: Tensor, mask: Tensor) -> Tensor:

@@ -4,13 +4,14 @@ Each agent acts on its own history; the critic, which is needed in training alon
 the team's. An episode that was cut off is worth, beyond its end, what the critic says of its last state; one that has
 ended is worth nothing there.
 
-Unlike Yu et al., there is no value normalisation, no clipping of values and no Huber loss; the critic sees the global
-state alone and has no memory; agents share no weights; advantages are normalised over all episodes that are learned
-from at once; and the learning rates fall linearly.
+Of what Yu et al. advise, there are value normalisation (PopArt), a Huber loss, few epochs, and large batches. Unlike
+theirs, values are not clipped; the critic sees the global state alone, standardized, and has no memory; agents share no
+weights; whole episodes are learned from, from their starts on, and not chunks of 10 steps; there is no orthogonal
+initialisation and no layer norm; and the learning rates fall linearly.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,9 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
-from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.algorithms.losses import Batch, lambda_returns, unroll
+from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
+from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -52,6 +55,9 @@ class MappoConfig(RunConfig):
         ent_coef: weight of the policy's entropy.
         critic_units: units of the critic's layers.
         critic_learning_rate: of Adam for the critic; both rates fall linearly, to 0 after the last gradient step.
+        normalize_values: whether the critic gives values with mean 0 and deviation 1 (PopArt).
+        huber_delta: error of a value from which on the loss is linear; 0: it is the square everywhere.
+        standardize_state: whether the critic sees the state with mean 0 and deviation 1.
     """
 
     episodes: int = count(12_000)
@@ -70,11 +76,14 @@ class MappoConfig(RunConfig):
     ent_coef: float = amount(0.01)
     critic_units: int = count(128)
     critic_learning_rate: float = amount(1e-3)
+    normalize_values: bool = True
+    huber_delta: float = amount(10.0)
+    standardize_state: bool = True
 
     @property
     def kept(self) -> int:
         """Most episodes that are learned from at once: whole rollouts, from ``buffer_size`` on."""
-        return -(-max(self.buffer_size, self.learning_starts) // self.envs) * self.envs
+        return most_new(self)
 
     @property
     def on_policy(self) -> bool:
@@ -94,7 +103,7 @@ class Rollout:
     Attributes:
         log_probabilities: (B, T, N) of the actions that were taken, when they were taken.
         advantages: (B, T), with mean 0 and deviation 1 over the real steps, if there are several.
-        returns: (B, T) what the critic should say.
+        returns: (B, T) what the critic should say, in units of the rewards until they are normalized.
     """
 
     log_probabilities: Tensor
@@ -107,7 +116,7 @@ class Mappo:
 
     Attributes:
         agents: agent -> its network; its values are logits of the actions.
-        critic: state -> value.
+        critic: state, standardized -> value, normal; see :meth:`value`.
         updates: gradient steps that were taken.
     """
 
@@ -119,11 +128,15 @@ class Mappo:
             torch.manual_seed(config.seed)
             self.agents = make_agents(interface.observations, interface.actions, config)
             units = config.critic_units
+            self._head = nn.Linear(units, 1)
             self.critic = nn.Sequential(
-                nn.Linear(interface.state_size, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
-                nn.Linear(units, 1),
+                nn.Linear(interface.state_size, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(), self._head
             )  # fmt: skip
         self._networks = nn.ModuleDict({"agents": self.agents, "critic": self.critic})
+        self._states = Normalizer(interface.state_size) if config.standardize_state else None
+        self._values = Normalizer(1) if config.normalize_values else None
+        scales = {"of_states": self._states, "of_values": self._values}
+        self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
         self._rates = config.learning_rate, config.critic_learning_rate
         groups = [{"params": list(part.parameters())} for part in (self.agents, self.critic)]
         self._optimizer = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -131,6 +144,7 @@ class Mappo:
     def to(self, device: torch.device) -> None:
         """Move the networks to a device, before the first gradient step."""
         self._networks.to(device)
+        self._scales.to(device)
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act: by the networks' probabilities."""
@@ -138,48 +152,62 @@ class Mappo:
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that are due once there are enough new episodes, and at the end of the run."""
-        new = replay.added - self._learned
-        if not new or (new < self.config.buffer_size and replay.added < self.config.episodes):
+        new = new_episodes(self.config, replay, self._learned)
+        if not new:
             return
         self._anneal_learning_rate(self._learned)
         self._learned = replay.added
         batch = replay.sample(new, rng, newest=new)
+        if self._states is not None:
+            self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
         rollout = self.compute_gae(batch)
+        rollout = replace(rollout, returns=self._normal(rollout.returns, batch))
         actors = not self.config.start or replay.added > self.config.critic_starts
-        for _ in range(self.config.n_epochs):
-            order = torch.from_numpy(rng.permutation(len(batch.states)))
-            for rows in order.split(self.config.batch_size):
-                part = batch.rows(rows)
-                chosen = Rollout(rollout.log_probabilities[rows], rollout.advantages[rows], rollout.returns[rows])
-                yield part, self.update(part, chosen, actors)
+        for rows in minibatches(self.config, len(batch.states), rng):
+            part = batch.rows(rows)
+            chosen = Rollout(rollout.log_probabilities[rows], rollout.advantages[rows], rollout.returns[rows])
+            yield part, self.update(part, chosen, actors)
 
     def _anneal_learning_rate(self, episodes: int) -> None:
         """Let the learning rates fall linearly with the episodes that were learned from before."""
-        left = max(1 - episodes / self.config.episodes, 0.0)
-        for group, rate in zip(self._optimizer.param_groups, self._rates, strict=True):
-            group["lr"] = rate * left
+        set_learning_rates(self._optimizer, self._rates, 1 - episodes / self.config.episodes)
+
+    @torch.no_grad()
+    def value(self, states: Tensor) -> Tensor:
+        """Return what the critic says of states (..., S), (...), in units of the rewards."""
+        normal = self._criticise(states)
+        return normal if self._values is None else self._values.denormalize(normal.unsqueeze(-1)).squeeze(-1)
+
+    def _criticise(self, states: Tensor) -> Tensor:
+        seen = states if self._states is None else self._states.normalize(states)
+        normal: Tensor = self.critic(seen).squeeze(-1)
+        return normal
+
+    def _normal(self, returns: Tensor, batch: Batch) -> Tensor:
+        """Return what the critic should give for returns (B, T), which are taken in."""
+        if self._values is None:
+            return returns
+        column = returns.unsqueeze(-1)
+        update_and_preserve(self._values, self._head, column, batch.acted.any(dim=-1, keepdim=True))
+        return self._values.normalize(column).squeeze(-1)
 
     @torch.no_grad()
     def compute_gae(self, batch: Batch) -> Rollout:
         """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
-        reward, not_done, mask = (part.squeeze(-1) for part in batch.team())
-        values = self.critic(batch.states).squeeze(-1)
-        values, following = values[:, :-1] * mask, values[:, 1:] * not_done
-        advantages, ahead = torch.zeros_like(values), values.new_zeros(len(values))
-        for step in reversed(range(values.shape[1])):
-            error = reward[:, step] + self.config.gamma * following[:, step] - values[:, step]
-            ahead = (error + self.config.gamma * self.config.gae_lambda * ahead) * mask[:, step]
-            advantages[:, step] = ahead
+        reward, not_done, counts = batch.team()
+        mask, values = counts.squeeze(-1), self.value(batch.states)
+        following, config = values[:, 1:].unsqueeze(-1), self.config
+        returns = lambda_returns(reward, not_done, following, counts, config.gamma, config.gae_lambda).squeeze(-1)
+        advantages = (returns - values[:, :-1]) * mask
         real = advantages[mask]
         # One step has nothing to be compared with.
         normal = (advantages - real.mean()) / (real.std() + 1e-6) if len(real) > 1 else advantages
-        return Rollout(self._log_probabilities(batch)[0], normal, advantages + values)
+        return Rollout(self._log_probabilities(batch)[0], normal, returns * mask)
 
     def update(self, batch: Batch, rollout: Rollout, actors: bool) -> dict[str, float]:
         """Take one gradient step, of the critic alone if ``actors`` is false, and return what goes with it."""
         counts = batch.acted.any(dim=-1)
-        error = self.critic(batch.states[:, :-1]).squeeze(-1) - rollout.returns
-        value_loss = error[counts].square().mean()
+        value_loss = self._value_loss(self._criticise(batch.states[:, :-1])[counts], rollout.returns[counts])
         metrics = {"value_loss": value_loss}
         if actors:
             log_probabilities, entropy = self._log_probabilities(batch)
@@ -203,6 +231,12 @@ class Mappo:
             name: float(value.detach()) for name, value in metrics.items()
         }
 
+    def _value_loss(self, values: Tensor, wanted: Tensor) -> Tensor:
+        delta = self.config.huber_delta
+        if not delta:
+            return (values - wanted).square().mean()
+        return nn.functional.huber_loss(values, wanted, delta=delta)
+
     def _log_probabilities(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Return the log-probabilities of the actions that were taken, and the entropies, both (B, T, N)."""
         taken, entropies = [], []
@@ -217,7 +251,7 @@ class Mappo:
         """Return all that the learner needs to go on."""
         return {
             "networks": self._networks.state_dict(), "optimizer": self._optimizer.state_dict(),
-            "updates": self.updates, "learned": self._learned,
+            "updates": self.updates, "learned": self._learned, "scales": self._scales.state_dict(),
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
@@ -228,4 +262,5 @@ class Mappo:
         """
         fill(self._networks, state["networks"], path)
         fill_optimizer(self._optimizer, state["optimizer"], path)
+        fill(self._scales, state.get("scales", {}), path)  # older checkpoints have none
         self.updates, self._learned = state["updates"], state["learned"]

@@ -58,6 +58,8 @@ class Sum(Mixer):
 class QMixer(Mixer):
     """QMIX (Rashid et al. 2018, https://arxiv.org/abs/1803.11485): Q_tot is a function with dQ_tot / dQ_i >= 0.
 
+    **Class**: some monotonic functions, the supermodular ones.
+
     So the joint argmax is that of each agent by itself. A mixing network of two layers,
 
         Q_tot = |W2(s)|^T elu(|W1(s)|^T Q + b1(s)) + b2(s),
@@ -88,5 +90,45 @@ class QMixer(Mixer):
         return q_total
 
 
+class DeepQMixer(Mixer):
+    """A monotonic mixing network of two hidden layers, half of whose units are convex and half concave.
+
+    **Class**: all continuous monotonic functions of two agents' values, as units grow; of more agents at least sums of
+    such functions of weighted sums, an AND and an OR of all of them included (Runje and Shankaranarayana 2023,
+    https://arxiv.org/abs/2205.11775, prove universality with as many layers as there are inputs). A value that is not
+    monotonic in each agent's remains beyond it, as beyond any mixer by which agents find the joint argmax alone.
+
+    More layers of a convex ELU alone would be no gain: a convex rising function of supermodular ones is supermodular.
+    Not of the paper: a unit is elu(x) or -elu(-x), and Q_tot = |W3|^T g(|W2|^T g(|W1|^T Q + b1) + b2) + b3, where all
+    weights and biases come from hypernetworks of the state, as in QMIX, those of W2 divided by the units.
+    """
+
+    def __init__(self, agents: int, state_size: int, units: int = 32):
+        """Make the hypernetworks."""
+        super().__init__()
+        self.agents, self.units = agents, units
+        sizes = (agents * units, units * units, units)
+        self.weights = nn.ModuleList(nn.Linear(state_size, size) for size in sizes)
+        self.biases = nn.ModuleList(nn.Linear(state_size, units) for _ in range(2))
+        self.last_bias = nn.Sequential(nn.Linear(state_size, units), nn.ReLU(), nn.Linear(units, 1))
+
+    def forward(self, values: Tensor, state: Tensor) -> Tensor:
+        """Return the team's value (B, T, 1) from the agents' (B, T, N) and the state (B, T, S)."""
+        shapes = ((self.agents, self.units), (self.units, self.units), (self.units, 1))
+        first, second, third = (
+            make(state).abs().unflatten(-1, shape) for make, shape in zip(self.weights, shapes, strict=True)
+        )
+        hidden = _bent(torch.einsum("...n,...ne->...e", values, first) + self.biases[0](state))
+        hidden = _bent(torch.einsum("...n,...ne->...e", hidden, second / self.units) + self.biases[1](state))
+        q_total: Tensor = torch.einsum("...n,...ne->...e", hidden, third) + self.last_bias(state)
+        return q_total
+
+
+def _bent(numbers: Tensor) -> Tensor:
+    """Return numbers (..., E) bent upwards in the first half of the units, and downwards in the second."""
+    convex, concave = numbers.chunk(2, dim=-1)
+    return torch.cat([nn.functional.elu(convex), -nn.functional.elu(-concave)], dim=-1)
+
+
 #: Name, that of the algorithm whose default it is -> mixer.
-MIXERS: dict[str, type[Mixer]] = {"iql": Independent, "vdn": Sum, "qmix": QMixer}
+MIXERS: dict[str, type[Mixer]] = {"iql": Independent, "vdn": Sum, "qmix": QMixer, "qmix-deep": DeepQMixer}

@@ -2,12 +2,24 @@
 
 QTRAN does not mix: it learns the team's value freely and then makes the sum of the agents' values agree with it where
 it matters.
+
+Unlike Son et al., agents share no weights and are recurrent, and the three losses have equal weights.
 """
 
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, before, chosen, greedy, mean, mean_square
+from chmarl_pb.learning.algorithms.losses import (
+    Aim,
+    Batch,
+    Unrolled,
+    before,
+    chosen,
+    greedy,
+    lambda_returns,
+    mean,
+    mean_square,
+)
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.spaces import Interface
 
@@ -53,7 +65,7 @@ class Qtran(ValueLearner):
         self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch
     ) -> dict[str, Tensor]:
         """Return the three losses of QTRAN, see :func:`qtran_loss`."""
-        return qtran_loss(online, target, mixer, target_mixer, batch, self.config.gamma)  # type: ignore[arg-type]
+        return qtran_loss(online, target, mixer, target_mixer, batch, self.aim)  # type: ignore[arg-type]
 
 
 def qtran_loss(
@@ -62,7 +74,7 @@ def qtran_loss(
     networks: QtranNetworks,
     target_networks: QtranNetworks,
     batch: Batch,
-    gamma: float,
+    aim: Aim,
 ) -> dict[str, Tensor]:
     """Return the loss of QTRAN-base (Son et al. 2019, section 3): L_td + L_opt + L_nopt.
 
@@ -77,7 +89,8 @@ def qtran_loss(
         L_opt  = (Q'(tau, u*) - Q_jt(tau, u*) + V_jt(tau))^2               with Q_jt held fixed
         L_nopt = min(Q'(tau, u) - Q_jt(tau, u) + V_jt(tau), 0)^2           with Q_jt held fixed
 
-    An agent that does not act has no action (zeros instead of a one-hot) in Q_jt, and none of its values in Q'.
+    With a lambda, y looks further ahead. An agent that does not act has no action (zeros instead of a one-hot) in
+    Q_jt, and none of its values in Q'.
     """
     reward, not_done, mask = batch.team()
     best = greedy(online.values, batch)
@@ -89,7 +102,7 @@ def qtran_loss(
     with torch.no_grad():
         after = _listed(target.hidden_states, slice(1, None))
         q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.next_mask), batch.states[:, 1:])
-        y = reward + gamma * not_done * q_next
+        y = aim.normal(lambda_returns(reward, not_done, aim.real(q_next), mask, aim.gamma, aim.td_lambda), mask)
         q_joint_best = networks.q_joint(hidden, _one_hot(online, best_now, batch.acted), state)
     v_joint = networks.v_joint(hidden, state)
 

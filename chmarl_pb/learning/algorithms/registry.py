@@ -10,6 +10,7 @@ from torch import Tensor
 from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
+from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.config import RunConfig
@@ -39,6 +40,7 @@ ALGORITHMS: dict[str, Algorithm] = {
     "vdn": Algorithm(ValueLearner, Config),
     "qmix": Algorithm(ValueLearner, Config),
     "qtran": Algorithm(Qtran, Config),
+    "pqn": Algorithm(Pqn, PqnConfig),
     "imitation": Algorithm(DAgger, DAggerConfig, imitates=True, logits=True),
     "mappo": Algorithm(Mappo, MappoConfig, logits=True),
 }

@@ -1,8 +1,13 @@
-"""Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step."""
+"""Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step.
+
+Unlike the papers and PyMARL, agents share no weights, the optimizer is Adam and not RMSprop, several episodes are
+played side by side, and epsilon falls with the episodes. With the defaults targets look one step ahead and are copied
+now and then, states and values are as they are, all as in the papers.
+"""
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +15,21 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, Unrolled, td_loss, unroll
+from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS
+from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
-from chmarl_pb.learning.runs.collect import Choose, epsilon_greedy
+from chmarl_pb.learning.runs.collect import Choose, epsilon_after, epsilon_greedy
 from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
 
 
 @dataclass(frozen=True)
 class Config(RunConfig):
-    """Value factorisation.
+    """Value factorisation; the defaults are the papers' settings, see ``docs/training.md`` for stronger ones.
 
     >>> config = Config(mixer="vdn", gamma=0.95, episodes=500)
     >>> config.episodes
@@ -39,7 +45,11 @@ class Config(RunConfig):
         exploration_initial_eps: share of random actions at first.
         exploration_final_eps: share of random actions in the end.
         exploration_fraction: share of the episodes over which epsilon falls linearly.
-        target_update_interval: gradient steps after which the target networks are copied anew.
+        td_lambda: how far targets look ahead: 0 one step, 1 to the end of the episode (Peng's Q(lambda)).
+        target_update_interval: gradient steps after which the target networks are brought up to date.
+        tau: share of the way that the target networks then go: 1 copies them.
+        standardize_state: whether mixers see the state with mean 0 and deviation 1.
+        normalize_values: whether networks give values with mean 0 and deviation 1, which a running scale makes real.
         embedding: hidden units of the mixer.
         joint_units: units of the joint networks of QTRAN.
     """
@@ -47,17 +57,16 @@ class Config(RunConfig):
     mixer: str = ""
     gradient_steps: int = natural(4)
     gamma: float = share(0.97)
+    td_lambda: float = share(0.0)
     exploration_initial_eps: float = share(1.0)
     exploration_final_eps: float = share(0.05)
     exploration_fraction: float = share(0.4)
     target_update_interval: int = count(200)
+    tau: float = share(1.0)
+    standardize_state: bool = False
+    normalize_values: bool = False
     embedding: int = count(32)
     joint_units: int = count(64)
-
-    def epsilon(self, episodes: int) -> float:
-        """Return the share of random actions after a number of episodes."""
-        progress = min(episodes / max(self.exploration_fraction * self.episodes, 1), 1.0)
-        return self.exploration_initial_eps + progress * (self.exploration_final_eps - self.exploration_initial_eps)
 
 
 class ValueLearner:
@@ -81,6 +90,11 @@ class ValueLearner:
             self.agents = make_agents(interface.observations, interface.actions, config)
             self.mixer = self.make_mixer(interface)
         self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
+        numbers = len(interface.agents) if getattr(self.mixer, "per_agent", False) else 1
+        self._states = Normalizer(interface.state_size) if config.standardize_state else None
+        self.aim = Aim(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
+        scales = {"of_states": self._states, "of_values": self.aim.scale}
+        self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False)
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
         self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
@@ -93,12 +107,12 @@ class ValueLearner:
 
     def to(self, device: torch.device) -> None:
         """Move the networks to a device, before the first gradient step."""
-        self.networks.to(device)
-        self._targets.to(device)
+        for part in (self.networks, self._targets, self._scales):
+            part.to(device)
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
-        return epsilon_greedy(self.config.epsilon(episodes))
+        return epsilon_greedy(epsilon_after(episodes, self.config))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes, and yield each batch with its figures."""
@@ -115,11 +129,19 @@ class ValueLearner:
         self._optimizer.step()
         self.updates += 1
         if self.updates % self.config.target_update_interval == 0:
-            self._targets.load_state_dict(self.networks.state_dict())
+            self._update_targets()
         return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norm)}
+
+    @torch.no_grad()
+    def _update_targets(self) -> None:
+        for target, weight in zip(self._targets.parameters(), self.networks.parameters(), strict=True):
+            target.lerp_(weight, self.config.tau)
 
     def loss(self, batch: Batch) -> dict[str, Tensor]:
         """Return the algorithm's loss of a batch, with what goes with it."""
+        if self._states is not None:
+            self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
+            batch = replace(batch, states=self._states.normalize(batch.states))
         online = unroll(self.agents, batch)
         with torch.no_grad():
             target = unroll(self._targets["agents"], batch)  # type: ignore[arg-type]
@@ -129,13 +151,14 @@ class ValueLearner:
         self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch
     ) -> dict[str, Tensor]:
         """Return the loss from what the networks and their targets make of a batch."""
-        return td_loss(online, target, mixer, target_mixer, batch, self.config.gamma)  # type: ignore[arg-type]
+        return td_loss(online, target, mixer, target_mixer, batch, self.aim)  # type: ignore[arg-type]
 
     def state(self) -> dict[str, Any]:
         """Return all that a learner needs to go on."""
         return {
             "networks": self.networks.state_dict(),
             "targets": self._targets.state_dict(),
+            "scales": self._scales.state_dict(),
             "optimizer": self._optimizer.state_dict(),
             "updates": self.updates,
         }
@@ -152,5 +175,6 @@ class ValueLearner:
         """
         fill(self.networks, state["networks"], path)
         fill(self._targets, state["targets"], path)
+        fill(self._scales, state.get("scales", {}), path)  # older checkpoints have none
         fill_optimizer(self._optimizer, state["optimizer"], path)
         self.updates = state["updates"]

@@ -26,6 +26,8 @@ class Agent(nn.Module):
         self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **options)
         self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden, actions)
+        sizes = (config.features, config.hidden) if config.layer_norm else ()
+        self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
     def forward(
         self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None
@@ -38,9 +40,10 @@ class Agent(nn.Module):
             hidden: (1, B, H), the GRU's state before; zeros if None.
         """
         features = self.encoder(observation).unflatten(0, last_action.shape)
+        features = self.norms[0](features) if self.norms else features
         acted = nn.functional.one_hot(last_action + 1, self.actions + 1)[..., 1:]
         histories, hidden = self.memory(torch.cat([features, acted.to(features.dtype)], dim=-1), hidden)
-        return self.head(histories), histories, hidden
+        return self.head(self.norms[1](histories) if self.norms else histories), histories, hidden
 
 
 def make_agents(

@@ -28,7 +28,10 @@ RENAMED = {
 #: The same of the parts of a checkpoint.
 RENAMED_PARTS = {"minds": "actors", "pupil": "model"}
 #: Algorithm -> what it did before it had these settings.
-BEFORE: dict[str, dict[str, Any]] = {"imitation": {"expert": "search"}}
+BEFORE: dict[str, dict[str, Any]] = {
+    "imitation": {"expert": "search"},
+    "mappo": {"normalize_values": False, "huber_delta": 0.0, "standardize_state": False},
+}
 
 
 class CheckpointError(ChmarlError, ValueError):

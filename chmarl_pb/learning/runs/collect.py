@@ -64,6 +64,32 @@ def as_expert(policy: Any) -> Expert:
     return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)
 
 
+class Exploring(Protocol):
+    """Settings of a share of random actions that falls linearly."""
+
+    @property
+    def episodes(self) -> int:
+        """To play in all."""
+
+    @property
+    def exploration_initial_eps(self) -> float:
+        """The share at first."""
+
+    @property
+    def exploration_final_eps(self) -> float:
+        """The share in the end."""
+
+    @property
+    def exploration_fraction(self) -> float:
+        """The share of the episodes over which it falls."""
+
+
+def epsilon_after(episodes: int, config: Exploring) -> float:
+    """Return the share of random actions after a number of episodes."""
+    progress = min(episodes / max(config.exploration_fraction * config.episodes, 1), 1.0)
+    return config.exploration_initial_eps + progress * (config.exploration_final_eps - config.exploration_initial_eps)
+
+
 def epsilon_greedy(epsilon: float) -> Choose:
     """Return the best allowed actions, but for a share of random ones."""
 

@@ -1,0 +1,163 @@
+"""What value learners aim at: lambda-returns, normal values, soft targets; PQN; a mixer of all monotonic functions."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.losses import lambda_returns
+from chmarl_pb.learning.algorithms.mappo import Mappo
+from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
+from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
+from chmarl_pb.learning.algorithms.pqn import Pqn
+from chmarl_pb.learning.algorithms.registry import make_learner
+from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.runs.validation import play_greedily
+from chmarl_pb.learning.spaces import interface_of
+from tests.helpers.small_runs import MAPPO, PQN, SMALL
+from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
+
+torch.set_num_threads(1)  # these networks are too small for more
+NO_FILES = {"validation_interval": 10**6, "log_interval": 10**6, "checkpoint_interval": 10**6}
+
+
+@pytest.mark.parametrize("cut", [True, False])
+@pytest.mark.parametrize("td_lambda", [0.0, 0.6, 1.0])
+def test_a_lambda_return_is_the_weighted_sum_of_n_step_returns(td_lambda: float, cut: bool) -> None:
+    rng, gamma, steps = np.random.default_rng(0), 0.9, 4
+    reward, following = rng.normal(size=(2, steps))
+    following[-1] *= cut  # an episode that has ended is worth nothing further
+
+    def n_step(start: int, count: int) -> float:
+        rewards = sum(gamma**k * reward[start + k] for k in range(count))
+        return float(rewards + gamma**count * following[start + count - 1])
+
+    wanted = []
+    for start in range(steps):
+        most = steps - start
+        weights = [(1 - td_lambda) * td_lambda ** (n - 1) for n in range(1, most)] + [td_lambda ** (most - 1)]
+        wanted.append(sum(weight * n_step(start, n) for n, weight in enumerate(weights, 1)))
+
+    def padded(row: list[float]) -> torch.Tensor:
+        return torch.tensor([[*row, 7.0, 7.0]]).unsqueeze(-1)
+
+    mask = torch.arange(steps + 2).view(1, -1, 1) < steps
+    not_done = mask.clone()
+    not_done[0, steps - 1] = cut
+    found = lambda_returns(padded(reward.tolist()), not_done, padded(following.tolist()), mask, gamma, td_lambda)
+    assert found[0, :steps, 0].tolist() == pytest.approx(wanted, abs=1e-5)
+
+
+def test_a_normalizer_knows_mean_and_deviation_of_what_counts() -> None:
+    rng, normalizer = np.random.default_rng(0), Normalizer(2)
+    values = torch.from_numpy(rng.normal([5.0, -200.0], [2.0, 30.0], (400, 10, 2)).astype(np.float32))
+    mask = torch.ones(10, 2, dtype=torch.bool)
+    mask[5:, 1] = False
+    for part in values:
+        normalizer.update(part.where(mask, torch.tensor(1e6)), mask)
+    assert normalizer.mean.tolist() == pytest.approx([5.0, -200.0], rel=0.05)
+    assert normalizer.deviation.tolist() == pytest.approx([2.0, 30.0], rel=0.1)
+    before = normalizer.mean.clone()
+    normalizer.update(values[0], torch.zeros(10, 1, dtype=torch.bool))
+    assert torch.equal(normalizer.mean, before), "nothing counted"
+    torch.testing.assert_close(normalizer.denormalize(normalizer.normalize(values)), values)
+
+
+def test_popart_changes_the_scale_and_not_the_values() -> None:
+    torch.manual_seed(0)
+    head, normalizer, inputs = nn.Linear(3, 1), Normalizer(1), torch.randn(20, 3)
+    for shift in (-200.0, 3.0, 50.0):
+        before = normalizer.denormalize(head(inputs))
+        update_and_preserve(normalizer, head, torch.randn(30, 1) + shift, torch.ones(30, 1))
+        torch.testing.assert_close(normalizer.denormalize(head(inputs)), before, rtol=1e-4, atol=1e-3)
+
+
+def test_the_critic_of_mappo_says_the_same_after_new_returns_were_taken_in() -> None:
+    learner = Mappo("mappo", interface_of(TwoStepGame()), MAPPO)
+    assert learner._values is not None
+    states = torch.eye(3)
+    before = learner.value(states)
+    update_and_preserve(learner._values, learner._head, torch.full((8, 1), -90.0), torch.ones(8, 1))
+    torch.testing.assert_close(learner.value(states), before, rtol=1e-4, atol=1e-3)
+
+
+def test_soft_targets_go_a_share_of_the_way() -> None:
+    learner = make_learner("qmix", interface_of(TwoStepGame()), replace(SMALL, tau=0.25))
+    assert isinstance(learner, ValueLearner)
+    before = [weight.clone() for weight in learner._targets.parameters()]
+    with torch.no_grad():
+        for weight in learner.networks.parameters():
+            weight += 1.0
+    learner._update_targets()
+    for old, new in zip(before, learner._targets.parameters(), strict=True):
+        torch.testing.assert_close(new, old + 0.25)
+
+
+def fitted(mixer: Mixer, table: np.ndarray) -> np.ndarray:
+    """Return the table that a mixer holds after it was fitted to one, the agents' values with it."""
+    torch.manual_seed(0)
+    own = nn.Parameter(torch.tensor([[0.0, 1.0], [0.0, 1.0]]))
+    wanted, state = torch.tensor(table, dtype=torch.float32).flatten(), torch.ones(4, 1)
+    optimizer = torch.optim.Adam([own, *mixer.parameters()], lr=0.02)
+    pairs = torch.cartesian_prod(torch.arange(2), torch.arange(2))
+    for _ in range(500):
+        held = mixer(torch.stack([own[0, pairs[:, 0]], own[1, pairs[:, 1]]], dim=-1), state).flatten()
+        optimizer.zero_grad()
+        (held - wanted).square().mean().backward()
+        optimizer.step()
+    return held.detach().view(2, 2).numpy()
+
+
+def test_the_deep_mixer_holds_an_or_which_is_beyond_qmix() -> None:
+    for name, error in (("qmix", 2.0), ("qmix-deep", 0.0)):
+        torch.manual_seed(1)
+        held = fitted(MIXERS[name](2, 1, 16), MATRIX_GAMES["or"])
+        assert np.abs(held - MATRIX_GAMES["or"]).max() == pytest.approx(error, abs=0.3), name
+
+
+@pytest.mark.parametrize("name", ["qmix", "qmix-deep"])
+def test_monotonic_mixers_rise_with_every_agents_value(name: str) -> None:
+    torch.manual_seed(0)
+    mixer = MIXERS[name](3, 5, 8)
+    values = (20 * torch.randn(50, 3)).requires_grad_()
+    mixer(values, torch.randn(50, 5)).sum().backward()
+    assert values.grad is not None and (values.grad >= 0).all()
+
+
+def test_qmix_learns_of_values_far_below_zero_once_they_are_normal() -> None:
+    """Sums of values far below 0 are where ELU is flat, so that agents hear nothing of the loss."""
+    game = partial(MatrixGame, MATRIX_GAMES["additive"] - 200)
+    config = replace(
+        SMALL, episodes=400, envs=8, buffer_size=400, batch_size=32, gradient_steps=4, learning_rate=5e-3,
+        exploration_final_eps=1.0, normalize_values=True, standardize_state=True, **NO_FILES,
+    )  # fmt: skip
+    agents = train(game, "qmix", config).agents
+    assert play_greedily(Collector(game, 1), agents, [0])[0].episode_return == -194
+
+
+def test_pqn_learns_a_game_of_one_step_from_new_episodes_alone() -> None:
+    game = partial(MatrixGame, MATRIX_GAMES["additive"])
+    config = replace(
+        PQN, episodes=400, envs=8, buffer_size=16, batch_size=16, learning_rate=0.01, exploration_final_eps=1.0,
+        **NO_FILES,
+    )  # fmt: skip
+    learner = train(game, "pqn", config).learner
+    assert isinstance(learner, Pqn) and learner.agents["first"].norms
+    assert play_greedily(Collector(game, 1), learner.agents, [0])[0].episode_return == 6
+    assert learner.updates == 25 * config.n_epochs
+
+
+def test_scales_are_kept_in_checkpoints() -> None:
+    config = replace(SMALL, normalize_values=True, standardize_state=True, tau=0.1, td_lambda=0.7, episodes=32)
+    for algorithm in ("iql", "qtran"):
+        learner = train(TwoStepGame, algorithm, config).learner
+        again = make_learner(algorithm, interface_of(TwoStepGame()), config)
+        again.restore(learner.state(), Path("last.pt"))
+        for name, part in learner.state()["scales"].items():
+            assert torch.equal(part, again.state()["scales"][name]) and torch.isfinite(part).all()
