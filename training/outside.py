@@ -69,8 +69,9 @@ class Foraging(ParallelEnv):  # type: ignore[misc]
         import gymnasium
         import lbforaging  # noqa: F401  # registers its games
 
-        self._env = gymnasium.make(LBF, disable_env_checker=True)
-        self.possible_agents = [f"agent_{number}" for number in range(len(self._env.action_space))]  # type: ignore[arg-type]
+        self._env: Any = gymnasium.make(LBF, disable_env_checker=True)
+        players: Any = self._env.action_space
+        self.possible_agents = [f"agent_{number}" for number in range(len(players))]
         self.agents: list[str] = []
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -92,7 +93,7 @@ class Foraging(ParallelEnv):  # type: ignore[misc]
         names = self.possible_agents
         seen, rewards, ended, cut, _ = self._env.step(tuple(int(actions[name]) for name in names))
         self.agents = [] if ended or cut else list(names)
-        total = float(np.sum(rewards))  # type: ignore[arg-type]
+        total = float(np.sum(rewards))
         return (
             self._named(seen), dict.fromkeys(names, total), dict.fromkeys(names, bool(ended)),
             dict.fromkeys(names, bool(cut)), {name: {} for name in names},

@@ -73,7 +73,7 @@ GAMES = {
 def config_of(algorithm: str, game: str, steps: int, seed: int) -> RunConfig:
     """Return the settings of a run of so many joint steps."""
     kind, horizon = find_algorithm(algorithm).config, GAMES[game].horizon
-    own = {"reward_scale": GAMES[game].scale} if algorithm == "pqn" else {}
+    own: dict[str, Any] = {"reward_scale": GAMES[game].scale} if algorithm == "pqn" else {}
     episodes = max(steps // horizon, 16)
     every = max(episodes // 20, 1)
     return kind(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from tests.helpers.small_runs import MAPPO, PQN, SMALL
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
 
 torch.set_num_threads(1)  # these networks are too small for more
-NO_FILES = {"validation_interval": 10**6, "log_interval": 10**6, "checkpoint_interval": 10**6}
+NO_FILES: dict[str, Any] = {"validation_interval": 10**6, "log_interval": 10**6, "checkpoint_interval": 10**6}
 
 
 @pytest.mark.parametrize("cut", [True, False])
@@ -93,7 +94,7 @@ def test_soft_targets_go_a_share_of_the_way() -> None:
     before = [weight.clone() for weight in learner._targets.parameters()]
     with torch.no_grad():
         for weight in learner.networks.parameters():
-            weight += 1.0
+            weight.add_(1.0)
     learner._update_targets()
     for old, new in zip(before, learner._targets.parameters(), strict=True):
         torch.testing.assert_close(new, old + 0.25)
@@ -111,7 +112,8 @@ def fitted(mixer: Mixer, table: np.ndarray) -> np.ndarray:
         optimizer.zero_grad()
         (held - wanted).square().mean().backward()
         optimizer.step()
-    return held.detach().view(2, 2).numpy()
+    table_held: np.ndarray = held.detach().view(2, 2).numpy()
+    return table_held
 
 
 def test_the_deep_mixer_holds_an_or_which_is_beyond_qmix() -> None:

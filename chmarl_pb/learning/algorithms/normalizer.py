@@ -1,7 +1,5 @@
 """Running means and deviations, by which states and values are brought to the same scale whatever the environment."""
 
-from typing import cast
-
 import torch
 from torch import Tensor, nn
 
@@ -53,7 +51,7 @@ class Normalizer(nn.Module):
 
     def denormalize(self, normal: Tensor) -> Tensor:
         """Return what ``normalize`` has made values (..., D) of."""
-        return cast(Tensor, normal * self.deviation + self.mean)
+        return normal * self.deviation + self.mean
 
 
 @torch.no_grad()
