@@ -3,7 +3,7 @@
 With R rooms, symbol 1 + r says "X is in room r", symbol 1 + R + r "a Y is in room r", and 0 nothing; so 1 + 2 R symbols
 are in use, and with fewer the last rooms of Y cannot be told. The symbols that are left, seven of 16 with four rooms,
 say in which direction from the room's middle the thing is that was named last. Each robot tells each fact that it has
-found out itself, new ones first, ``REPEATS`` times; what it has heard it does not pass on.
+found out itself, those of X first, and again with the direction once it sees that, each ``REPEATS`` times.
 """
 
 from collections.abc import Callable
@@ -25,6 +25,7 @@ _LEAST_DIRECTIONS = 3
 
 Observation = dict[str, NDArray[Any]]
 Fact = tuple[int, int]  # 0 for X, 1 for Y; the number of a room
+Sentence = tuple[int, ...]  # the symbol of a fact, then that of its direction, if it is known
 
 #: Tells the direction of a thing of a class in view from the middle of a room, radians from +x; None if unknown.
 Bearing = Callable[[Observation, str, int], float | None]
@@ -36,7 +37,7 @@ class RoomCode:
     Attributes:
         board: (2, rooms) int8 rooms in which X (row 0) and Y (row 1) have been seen, as far as the robot knows.
         shared: (2, rooms) int8 the same as far as all know that nothing was lost; it has been said and heard.
-        bearings: (2, rooms) the direction in which it is there, radians from 0 on, or ``UNKNOWN``.
+        bearings: (2, rooms) the direction in which it is there, radians from 0 on, or ``UNKNOWN``; said or heard, too.
     """
 
     def __init__(
@@ -60,34 +61,40 @@ class RoomCode:
         self.board: NDArray[np.int8] = np.zeros((2, len(self.rooms)), np.int8)
         self.shared = self.board.copy()
         self.bearings = np.full((2, len(self.rooms)), UNKNOWN)
-        self._fresh, self._repeats = list[int](), list[int]()  # symbols that are still to be said
+        self._fresh, self._repeats = list[Sentence](), list[Sentence]()  # what is still to be said
+        self._saying: Sentence = ()  # what is left of a sentence
         self._said = SILENT
+        self._told: Fact | None = None  # the fact that it said last
+        self._pointed = set[Fact]()  # facts whose direction it has found out
         self._named: dict[int, Fact] = {}  # robot that is heard -> the fact that it told last
 
     def listen(self, observation: Observation, info: dict[str, Any]) -> Observation:
         """Take in what is heard and seen; return the observation with the board in place of the symbols.
 
-        It also gets what all robots know, and directions.
+        It also gets what all robots know, and directions where there are symbols for them.
         """
-        self._share(self.fact_of(self._said))
+        self._told = self._take_in(self._said, self._told, self.shared)
         for number, row in enumerate(observation["messages"]):
-            self._hear(number, int(row.argmax()) if row.any() else SILENT)
+            symbol = int(row.argmax()) if row.any() else SILENT
+            named = self._take_in(symbol, self._named.get(number), self.shared, self.board)
+            if named is not None:
+                self._named[number] = named
         for name, fact in self._seen(observation, info):
-            if not self.board[fact]:
-                self.board[fact] = 1
-                self._fresh.append(self.symbol_of(fact))
-                self._point(observation, name, fact)
-        return {
-            **observation, "messages": self.board.copy(), SHARED: self.shared.copy(), BEARINGS: self.bearings.copy()
-        }  # fmt: skip
+            self._note(observation, name, fact)
+        told = {BEARINGS: self.bearings.copy()} if self._directions else {}
+        return {**observation, "messages": self.board.copy(), SHARED: self.shared.copy(), **told}
 
     def speak(self) -> int:
-        """Return the symbol that is to be said now: something new, else what is to be repeated."""
-        if self._fresh:
-            self._said = self._fresh.pop(0)
-            self._repeats += [self._said] * (REPEATS - 1)
-        else:
-            self._said = self._repeats.pop(0) if self._repeats else SILENT
+        """Return the symbol that is to be said now: something new, of X first, else what is to be repeated."""
+        if not self._saying and self._fresh:
+            self._fresh.sort(key=lambda sentence: sentence[0])
+            whole = self._fresh.pop(0)
+            self._repeats += [whole] * (REPEATS - 1)
+            known = len(whole) > 1 and self.fact_of(whole[0]) == self._told
+            self._saying = whole[1:] if known else whole  # it has just named it
+        elif not self._saying and self._repeats:
+            self._saying = self._repeats.pop(0)
+        self._said, self._saying = (self._saying[0], self._saying[1:]) if self._saying else (SILENT, ())
         return self._said
 
     def symbol_of(self, fact: Fact) -> int:
@@ -102,27 +109,32 @@ class RoomCode:
         row, room = divmod(symbol - 1, len(self.rooms))
         return row, room
 
-    def _hear(self, robot: int, symbol: int) -> None:
-        """Take in a symbol that a robot has said."""
+    def _take_in(self, symbol: int, named: Fact | None, *boards: NDArray[np.int8]) -> Fact | None:
+        """Write what a robot has said on boards, or its direction; return the fact that it has named last."""
         fact = self.fact_of(symbol)
         if fact is not None:
-            self._named[robot] = fact
-            self.board[fact] = 1
-            self._share(fact)
-        elif symbol > 2 * len(self.rooms) and robot in self._named:
-            sector = symbol - 1 - 2 * len(self.rooms)
-            self.bearings[self._named[robot]] = (sector + 0.5) * 2 * np.pi / self._directions
+            for board in boards:
+                board[fact] = 1
+            return fact
+        if self._directions and symbol > 2 * len(self.rooms) and named is not None:
+            self.bearings[named] = (symbol - 0.5 - 2 * len(self.rooms)) * 2 * np.pi / self._directions
+        return named
 
-    def _share(self, fact: Fact | None) -> None:
-        if fact is not None:
-            self.shared[fact] = 1
-
-    def _point(self, observation: Observation, name: str, fact: Fact) -> None:
-        """Tell after a new fact in which direction the thing is, if that is known."""
-        angle = self._bearing(observation, name, fact[1]) if self._bearing and self._directions else None
+    def _note(self, observation: Observation, name: str, fact: Fact) -> None:
+        """Tell what is in view if it is new, or if the direction is."""
+        angle = None
+        if self._bearing and self._directions and fact not in self._pointed and self.bearings[fact] == UNKNOWN:
+            angle = self._bearing(observation, name, fact[1])
+        if self.board[fact] and angle is None:
+            return
+        self.board[fact] = 1
+        sentence: Sentence = (self.symbol_of(fact),)
         if angle is not None:
+            self._pointed.add(fact)
             sector = int(angle % (2 * np.pi) / (2 * np.pi) * self._directions) % self._directions
-            self._fresh.append(1 + 2 * len(self.rooms) + sector)
+            sentence += (1 + 2 * len(self.rooms) + sector,)
+        if sentence[0] != SILENT:
+            self._fresh.append(sentence)
 
     def _seen(self, observation: Observation, info: dict[str, Any]) -> list[tuple[str, Fact]]:
         """Return the classes and the facts that a robot sees for itself; of what is held it tells nothing."""

@@ -280,6 +280,29 @@ def test_code_tells_directions_by_what_is_left_of_the_symbols(env: HouseholdEnv)
     assert RoomCode(env.rooms, 10, bearing=lambda *_: 1.0)._directions == 0, "too few symbols are left"
 
 
+def test_x_is_told_first_and_its_direction_as_soon_as_it_is_known(env: HouseholdEnv) -> None:
+    observations, infos = env.reset(options={"task": TASKS[0]})
+    angle: list[float | None] = [None]
+    code = RoomCode(env.rooms, 16, bearing=lambda *_: angle[0])
+    code._seen = lambda *_: [("desk", (1, 0)), ("mug", (0, 2))]  # type: ignore[method-assign]
+    seen, said = {**observations["drone"], "messages": np.zeros((1, 16), np.int8)}, []
+    for step in range(6):
+        angle[0] = 1.0 if step > 2 else None
+        code.listen(seen, infos["drone"])
+        said.append(code.speak())
+    direction = 9 + int(1.0 / (2 * np.pi) * 7)
+    assert said == [3, 5, 3, direction, 5, direction], "what it names last is not named again before its direction"
+
+
+def test_what_is_heard_beyond_the_code_does_no_harm(env: HouseholdEnv) -> None:
+    observations, infos = env.reset(options={"task": TASKS[0]})
+    code = RoomCode(env.rooms, 10)
+    for symbol in (1, 9):
+        heard = {**observations["drone"], "messages": np.eye(10, dtype=np.int8)[[symbol]]}
+        found = code.listen(heard, infos["drone"])
+    assert "bearings" not in found, "there are no symbols for directions"
+
+
 def test_search_talks_and_its_partner_understands(env: HouseholdEnv) -> None:
     """By the code the pair is nearly as good as by the board, and better than where nothing is heard."""
     episodes: dict[str, list[Episode]] = {}

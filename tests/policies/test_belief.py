@@ -13,7 +13,9 @@ from chmarl_pb.policies.belief.lookahead import Prospects, best_look, prospects
 from chmarl_pb.policies.belief.looks import GOTO, NEVER, plans, soonest
 from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.belief.scouts import Scouts
+from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, statistics
+from chmarl_pb.policies.code import UNKNOWN
 from chmarl_pb.tasks.splits import homes_of
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
@@ -159,6 +161,38 @@ def test_flyers_stay_once_both_are_found_and_turn_to_y_once_x_is() -> None:
     scouts.hear(heard)
     scouts.decide()
     assert scouts.actions["drone"] == "stay"
+
+
+def test_flyers_look_where_a_thing_is_in_a_known_room_and_no_direction_was_told() -> None:
+    heard, bearings = NOTHING.copy(), np.full((2, len(ROOMS)), UNKNOWN)
+    scouts, actions = Scouts(["drone"], STATISTICS, ["desk"]), []
+    for step in range(6):
+        heard[0, 1] = heard[1, 2] = step > 0  # X is in the bedroom, Y in the bathroom
+        bearings[1, 2] = 0.5
+        scouts.hear(heard, bearings)
+        scouts.decide()
+        actions.append(scouts.actions["drone"])
+    assert actions.count("goto_bedroom") == 1 and actions[3:] == ["stay"] * 3, actions
+    silent = Scouts(["drone"], STATISTICS, ["desk"])
+    silent.hear(heard)
+    silent.decide()
+    assert silent.actions["drone"] == "stay", "a board tells no directions"
+
+
+def test_it_goes_on_in_the_direction_that_was_told_and_not_where_it_is_blocked(env: HouseholdEnv) -> None:
+    observations, _ = env.reset(seed=3)
+    seen = {**observations["humanoid"], "messages": np.zeros((2, 4), np.int8)}
+    seen["messages"][0, 0] = 1
+    part = BeliefPolicy(env.action_names, env.rooms, env.catalog).parts["humanoid"]
+    assert isinstance(part, Searcher)
+    actions = []
+    for _ in range(6):
+        seen["bearings"] = np.full((2, 4), UNKNOWN)
+        seen["bearings"][0, 0] = float(np.arctan2(*observations["humanoid"]["self"][-2:-4:-1]))
+        number = part.act(seen, {})
+        actions.append(env.action_names["humanoid"][number])
+    assert actions[:2] == ["goto_kitchen", "move_forward"], "nothing is to be seen there"
+    assert "move_forward" not in actions[2:4], "the view has not changed, so something is in the way"
 
 
 def test_episodes_are_the_same_for_every_seed(env: HouseholdEnv) -> None:

@@ -14,7 +14,7 @@ from chmarl_pb.policies.aiming import nodes_of
 from chmarl_pb.policies.belief.scouts import MOVES, Scouts
 from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import statistics
-from chmarl_pb.policies.code import SHARED, Bearing
+from chmarl_pb.policies.code import BEARINGS, SHARED, Bearing
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.policies.sights import messages_read
@@ -50,7 +50,7 @@ class Scout:
         targets = {target for _, target in pairs}
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, expected, targets, len(pairs) > 1)
-        self._scouts.hear(messages_read(observation, self.rooms, self._catalog, SHARED) > 0)
+        self._scouts.hear(messages_read(observation, self.rooms, self._catalog, SHARED) > 0, observation.get(BEARINGS))
         self._scouts.decide()
         return self.actions.index(self._scouts.actions[self.name])
 

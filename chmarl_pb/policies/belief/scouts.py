@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.policies.belief.knowledge import OVERLOOKED, Find
 from chmarl_pb.policies.belief.statistics import FLIGHT_NUMBERS, FLIGHTS, REACH, Bits, Statistics, statistics
+from chmarl_pb.policies.code import UNKNOWN
 
 STAY = "stay"
 MOVES = {"move_forward": (0, 1), "move_backward": (0, -1), "move_right": (1, 0), "move_left": (-1, 0)}
@@ -19,6 +20,7 @@ _SHARES = 1.0, 0.5  # what finding X and finding Y counts
 _DEPTH, _WIDTH = 8, 16  # steps that are looked ahead, and plans that are tried further
 _FIRM = 4  # steps of them that become the plan: the last ones are taken for want of a further view
 _AHEAD = 4  # steps that are always planned
+_SOON = 2  # steps in which a direction follows a room, if it is known
 
 Place = tuple[int, tuple[int, int]]  # number of a room, and how far to the right and forward of its anchor
 Steps = tuple[tuple[str, Place], ...]
@@ -49,8 +51,10 @@ class Scouts:
         self.flown: Bits = np.zeros((2, rooms), dtype=np.int64)
         self.finds: list[Find | None] = [None, None]
         self.actions = dict.fromkeys(names, STAY)
+        self._visited: set[tuple[int, int]] = set()  # 0 for X, 1 for Y, and a room that it has looked into for it
         self._looked: Bits = np.zeros(rooms, dtype=np.int64)
         self._heard = np.zeros((2, rooms), dtype=bool)
+        self._undirected = np.zeros((2, rooms), dtype=np.int64)  # steps for which a room has been known, no direction
         self._places: dict[str, Place | None] = dict.fromkeys(names)
         self._before = dict(self._places)  # where they were before their present actions
         self._plans: dict[str, list[tuple[str, Place]]] = {name: [] for name in names}
@@ -59,8 +63,15 @@ class Scouts:
         """Return where a robot is, as far as its own actions tell."""
         return self._places[name]
 
-    def hear(self, heard: NDArray[np.bool_]) -> None:
-        """Note what messages say after a step: (2, rooms) whether X, and Y, has been seen there."""
+    def hear(self, heard: NDArray[np.bool_], bearings: NDArray[np.float64] | None = None) -> None:
+        """Note what messages say after a step.
+
+        Args:
+            heard: (2, rooms) whether X, and Y, has been seen there.
+            bearings: (2, rooms) in which direction, ``UNKNOWN`` if that has not been told; None if it never is.
+        """
+        if bearings is not None:
+            self._undirected = np.where(heard & (bearings == UNKNOWN), self._undirected + 1, 0)
         new = heard & ~self._heard
         for name, place in self._places.items():
             if place is not None and self.actions[name] != STAY:
@@ -79,16 +90,35 @@ class Scouts:
         """Choose the next actions."""
         self._before = dict(self._places)
         open_rows = tuple(self._several or not row.any() for row in self._heard)
-        if not any(open_rows):
-            self.actions = dict.fromkeys(self.actions, STAY)
-            return
+        room = self._to_point(open_rows)
         for name, plan in self._plans.items():
-            while len(plan) <= _AHEAD:
-                start = plan[-1][1] if plan else self._places[name]
-                taken = tuple(sorted({_view(place) for place in self._taken(name)}))
-                looked = tuple(self._looked.tolist())
-                plan.extend(_plan(self._rooms, self._targets, open_rows, looked, taken, start))
-            self.actions[name], self._places[name] = plan.pop(0)
+            if room is not None:
+                self.actions[name], self._places[name], room = f"goto_{self._rooms[room]}", (room, (0, 0)), None
+                plan.clear()
+            elif any(open_rows):
+                self._extend(name, plan, open_rows)
+                self.actions[name], self._places[name] = plan.pop(0)
+            else:
+                self.actions[name] = STAY
+
+    def _to_point(self, open_rows: tuple[bool, ...]) -> int | None:
+        """Return the room to look into, once, as it is not known in which direction X or Y is there: X comes first."""
+        for row in (0, 1):
+            waiting = np.flatnonzero(self._undirected[row] >= _SOON).tolist()
+            if open_rows[0] or (row and open_rows[1]):
+                return None
+            for room in waiting:
+                if (row, room) not in self._visited:
+                    self._visited.add((row, room))
+                    return int(room)
+        return None
+
+    def _extend(self, name: str, plan: list[tuple[str, Place]], open_rows: tuple[bool, ...]) -> None:
+        """Plan on for a robot."""
+        while len(plan) <= _AHEAD:
+            start = plan[-1][1] if plan else self._places[name]
+            taken = tuple(sorted({_view(place) for place in self._taken(name)}))
+            plan.extend(_plan(self._rooms, self._targets, open_rows, tuple(self._looked.tolist()), taken, start))
 
     def note(self, name: str, action: str) -> None:
         """Go on from what a robot has done, if that was something else than the plan."""

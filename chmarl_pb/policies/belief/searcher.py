@@ -1,6 +1,6 @@
 """The robot that grasps, by its belief: it looks where X or Y is likeliest for the steps that it takes to look."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
@@ -30,6 +30,13 @@ _DOUBT = 0.3  # that messages are of the object in question, if there are severa
 _HIDDEN = 0.3  # share of what is left of a room's probability below which its anchor is no place to look from
 _BEHIND = TURNS // 2  # turns: what an anchor does not show is rather where it does not face
 _ASIDE = 0, 6, 9, 3  # turns by which it goes on in another direction the next times
+_AROUND = ("move_forward", *["turn_left"] * (TURNS - 1))
+# Turns aside of the direction that was told, and ways from there: towards the thing, then past what may hide it.
+_TOWARDS = (
+    (0, (*["move_forward"] * 3, "turn_left", "turn_right", "turn_right")),
+    (2, (*["move_forward"] * 2, *["turn_right"] * 3)),
+    (-2, (*["move_forward"] * 2, *["turn_left"] * 3)),
+)
 _ALL = (1 << TURNS) - 1
 
 
@@ -72,8 +79,9 @@ class Searcher:
         self._hand.reset()
         self._vain: dict[str, Bits] = defaultdict(lambda: np.zeros(len(self.rooms), dtype=np.int64))  # such views
         self._origin: Station | None = None  # where it began to do something with what was in view
-        self._goal = -1  # the likeliest room
-        self._wandered = 0  # times that it went on into rooms
+        self._goal: tuple[int, int | None] = -1, None  # the likeliest room, and the turn there that was told
+        self._wandered: Counter[tuple[bool, int]] = Counter()  # times that it went on into rooms, for X and for Y
+        self._seen = np.empty(0)  # what tells that a pace has led nowhere
 
     def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the next action."""
@@ -97,7 +105,7 @@ class Searcher:
         if not followed:
             self._queue = []
         elif self._way:
-            self._wandered += not self._queue
+            self._wandered[self._held, self._goal[0]] += not self._queue
             self._queue = self._way[:-1]
 
     def _choose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> str:
@@ -105,12 +113,14 @@ class Searcher:
         seen, done = classes_in_view(observation, info, self._catalog), holding != self._held
         self._held = holding
         self._origin = None if done else self._origin
+        self._blocked(observation)
         self._look(observation, info, done)
         tried = "" if self._hand.away else self._tried
         wanted = self._tidying.wanted(pairs, holding, seen, tried)
         heard = messages_read(observation, self.rooms, self._catalog) > 0
         self._shared = messages_read(observation, self.rooms, self._catalog, SHARED) > 0
-        self._bearings = observation.get(BEARINGS, np.full(heard.shape, UNKNOWN))
+        self._told = observation.get(BEARINGS)
+        self._bearings = np.full(heard.shape, UNKNOWN) if self._told is None else self._told
         beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
         if action is not None:
@@ -157,7 +167,7 @@ class Searcher:
         if self._scouts is None:
             self._scouts = Scouts(self._flyers, self.knowledge.statistics, targets, several)
         scouts = self._scouts
-        scouts.hear(self._shared)
+        scouts.hear(self._shared, self._told)
         scouts.decide()
         doubt = _DOUBT if several else 0.0
         evidence = [
@@ -182,8 +192,9 @@ class Searcher:
         """
         in_rooms = beliefs[0].in_rooms(len(self.rooms))
         room = int(in_rooms.argmax())
-        if room != self._goal:
-            self._goal, self._queue = room, []
+        goal = room, self._told_turn(room)
+        if goal != self._goal:
+            self._goal, self._queue = goal, []
         looks = [*self._sighted(wanted)]
         if in_rooms[room] >= _KNOWN:
             looks += self._known(beliefs[0], room) if not self._queue else []
@@ -202,6 +213,9 @@ class Searcher:
 
     def _known(self, belief: Belief, room: int) -> Iterator[Look]:
         """Yield the best way to look for a thing in the room that it is in; none if all has been looked at."""
+        told = self._told_turn(room)
+        if told is not None and self.knowledge.viewed[room] >> told % TURNS & 1:
+            return
         masks, chance = self._unseen(belief, room)
         if chance[masks > 0].sum() > _HIDDEN * chance.sum():
             yield self._named(soonest(self._plans(room), masks, chance), room)
@@ -256,19 +270,36 @@ class Searcher:
     def _named(self, look: Look, room: int) -> Look:
         return look._replace(action=f"goto_{self.rooms[room]}") if look.action == GOTO else look
 
+    def _told_turn(self, room: int) -> int | None:
+        """Return the turn at a room's anchor that looks in the direction that was told; None if none was."""
+        told = float(self._bearings[int(self._held), room])
+        return self.knowledge.turn_to(room, told) if told >= 0 else None
+
     def _wander(self, room: int) -> str:
-        """Look around a pace from the anchor of a room, from which the thing is not seen."""
+        """Go on from the anchor of a room, from which the thing is not seen."""
         self._way = self._queue
         if not self._queue:
             here = self._station if self._station is not None and self._station.room == room else None
-            away = (self._ahead(room) + _ASIDE[self._wandered % len(_ASIDE)] - (here.turn if here else 0)) % TURNS
+            aside, way = self._onward(room)
+            away = (aside - (here.turn if here else 0)) % TURNS
             turns = ["turn_left"] * away if away <= TURNS // 2 else ["turn_right"] * (TURNS - away)
             start = [] if here else [f"goto_{self.rooms[room]}"]
-            self._way = [*start, *turns, "move_forward", *["turn_left"] * (TURNS - 1)][::-1]
+            self._way = [*start, *turns, *way][::-1]
         return self._way[-1]
 
-    def _ahead(self, room: int) -> int:
-        """Return the turn at a room's anchor in whose direction to go on."""
-        told = float(self._bearings[int(self._held), room])
-        turn = self.knowledge.turn_to(room, told) if told >= 0 else self.knowledge.ahead(self._find)
-        return _BEHIND if turn is None else turn
+    def _onward(self, room: int) -> tuple[int, tuple[str, ...]]:
+        """Return the turn at which it leaves a room's anchor now, and its actions from there."""
+        told, count = self._told_turn(room), self._wandered[self._held, room]
+        if told is not None and count < len(_TOWARDS):
+            aside, way = _TOWARDS[count]
+            return told + aside, way
+        ahead = self.knowledge.ahead(self._find) if told is None else told
+        return (_BEHIND if ahead is None else ahead) + _ASIDE[count % len(_ASIDE)], _AROUND
+
+    def _blocked(self, observation: dict[str, np.ndarray]) -> None:
+        """Leave out further paces where the last one has led nowhere."""
+        view = observation.get("node_view", observation.get("node_class", np.empty(0)))
+        if self._tried == "move_forward" and view.size and np.array_equal(view, self._seen):
+            while self._queue and self._queue[-1] == "move_forward":
+                self._queue.pop()
+        self._seen = view
