@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import chmarl_pb
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.data.build_belief import HOMES, measure
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Find, Knowledge, Station
@@ -14,7 +15,7 @@ from chmarl_pb.policies.belief.looks import GOTO, NEVER, plans, soonest
 from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.searcher import Searcher
-from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, statistics
+from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, class_bits, statistics
 from chmarl_pb.policies.code import UNKNOWN
 from chmarl_pb.tasks.splits import homes_of
 
@@ -83,6 +84,30 @@ def test_what_a_view_shows_tells_which_layouts_fit() -> None:
     knowledge.view([("desk", "bedroom")], None)
     after = knowledge.belief(SPOTS[1], Evidence(np.zeros(4, dtype=int), NOTHING[0]), False).in_rooms(4)
     assert after[1] > before[1]
+
+
+def test_a_home_of_training_is_known_by_one_room_and_others_are_not_taken_for_it() -> None:
+    def chance(knowledge: Knowledge, home: int) -> list[float]:
+        fit = knowledge._fit()
+        there = [(STATISTICS.layouts == room) & (STATISTICS.homes == home) for room in range(len(ROOMS))]
+        return [float(fit[mine].sum() / (STATISTICS.layouts == room).sum()) for room, mine in enumerate(there)]
+
+    of = np.flatnonzero((STATISTICS.layouts == 3) & (STATISTICS.homes == 2))[0]
+    knowledge, before = Knowledge(STATISTICS), chance(Knowledge(STATISTICS), 2)
+    for turn in range(TURNS // 2):
+        shown = [name for name in BENCHMARK.receptacles if class_bits([name]) & int(STATISTICS.shown[of, turn])]
+        knowledge.view([(name, "livingroom") for name in shown], Station(3, turn), turn)
+    assert before == pytest.approx([before[0]] * 4) and min(chance(knowledge, 2)) > 0.9
+    strange = Knowledge(STATISTICS)
+    strange.view([(name, "livingroom") for name in ("stove", "bed", "towel_rack")], Station(3, 0), 0)
+    assert all(sum(chance(strange, home)[room] for home in range(1, 6)) < 0.2 for room in range(4))
+
+
+def test_only_views_that_show_a_thing_still_are_known_to() -> None:
+    knowledge = Knowledge(STATISTICS)
+    for seen in ([("mug", "")], [("mug", ""), ("book", "")], [("book", "")]):
+        knowledge.view(seen, Station(1, 4), 4)
+    assert not knowledge.sighted["mug"].any() and knowledge.sighted["book"][1] == 1 << 4
 
 
 def test_the_shortest_turn_is_chosen() -> None:

@@ -17,6 +17,8 @@ OVERLOOKED = 0.15
 _BARE = 0.6  # ... after a view of a receptacle of the spot's class in that room without the thing
 # Log odds against a layout for each class that a view shows and it does not, or the reverse, and that it does not hold.
 _MISFIT, _ABSENT = 0.4, 0.55
+_TRAINED = 0.5  # probability, before anything is seen, that this is one of the homes of training
+_EXACT = 2.5  # how much more their misfits count: they have the same views
 _ELSEWHERE = 0.2  # ... of a spot that the view which found the thing from above does not show
 _AWRY = 0.3  # ... of a spot that is not in the direction in which a robot that flies found the thing
 _ASTRAY = 0.1  # ... of a spot that is not in the direction that was told
@@ -72,7 +74,7 @@ class Knowledge:
     Attributes:
         statistics: what it expects of homes.
         viewed: (rooms,) bit for each turn at the anchor after which it has looked.
-        sighted: class -> (rooms,) bit for each of these views that showed such a thing, in whatever room that stands.
+        sighted: class -> (rooms,) bit for each of these views that showed such a thing at last, wherever that stands.
     """
 
     def __init__(self, statistics: Statistics):
@@ -100,6 +102,8 @@ class Knowledge:
         if station is not None:
             self._headings[station.room] = heading - station.turn
             self.viewed[station.room] |= 1 << station.turn
+            for name in self.sighted:
+                self.sighted[name][station.room] &= ~(1 << station.turn)
             for name, _ in seen:
                 self.sighted[name][station.room] |= 1 << station.turn
 
@@ -140,9 +144,18 @@ class Knowledge:
             self._bare[room] += [bits >> number & 1 for number in range(16)]
 
     def _fit(self) -> NDArray[np.float64]:
-        """Return how well each layout fits, 1 on average in each room."""
-        layouts, fit = self.statistics.layouts, np.exp(-self._misfit)
-        fitting: NDArray[np.float64] = fit * (np.bincount(layouts) / np.bincount(layouts, fit))[layouts]
+        """Return how probable each layout is, 1 on average in each room.
+
+        This is one of the homes of training, of which all rooms tell, or another, of which each room tells by itself.
+        """
+        layouts, homes = self.statistics.layouts, self.statistics.homes
+        rooms, count = len(self.statistics.rooms), int(homes.max()) + 1
+        fit, keys = np.exp(-self._misfit), homes * rooms + layouts
+        sums, counts = (np.bincount(keys, weights, count * rooms) for weights in (fit, None))
+        odds = np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1)).reshape(count, rooms).sum(axis=1)
+        odds[1:] = odds[1:] * _EXACT + np.log(_TRAINED / (1 - _TRAINED) / (count - 1))
+        chances = np.exp(odds - odds.max())[homes] * fit / sums[keys]
+        fitting: NDArray[np.float64] = chances * (np.bincount(layouts) / np.bincount(layouts, chances))[layouts]
         return fitting
 
     def _likelihood(self, spots: Spots, find: Find) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import BENCHMARK, room_kind
+from chmarl_pb.tasks.splits import homes_of
 
 FILE = Path(__file__).parent / "statistics.json"
 TURNS = 12
@@ -53,6 +54,7 @@ class Statistics(NamedTuple):
     Attributes:
         rooms: names of the rooms.
         layouts: (layouts,) number of the room of each layout.
+        homes: (layouts,) 1 and so on for the homes of training that each is of, 0 for all generated ones.
         shown: (layouts, TURNS) classes of receptacles in view after so many turns, a bit for each class.
         furniture: (layouts,) classes of receptacles in the room.
         objects: where objects may stand.
@@ -61,6 +63,7 @@ class Statistics(NamedTuple):
 
     rooms: tuple[str, ...]
     layouts: Bits
+    homes: Bits
     shown: Bits
     furniture: Bits
     objects: Spots
@@ -93,7 +96,8 @@ def class_bits(names: Collection[str]) -> int:
 @cache
 def statistics(rooms: tuple[str, ...]) -> Statistics:
     """Return the statistics for a home with these rooms; a room of an unknown kind may be like any."""
-    layouts = [(number, things) for number, room in enumerate(rooms) for things in _like(room_kind(room))]
+    likes = [(number, home, things) for number, room in enumerate(rooms) for home, things in _like(room_kind(room))]
+    layouts = [(number, things) for number, _, things in likes]
     shown = [[class_bits([*_in_view(things, turn)]) for turn in range(TURNS)] for _, things in layouts]
     furniture = [class_bits([thing["class"] for thing in things]) for _, things in layouts]
     counts = np.bincount([room for room, _ in layouts])
@@ -105,15 +109,17 @@ def statistics(rooms: tuple[str, ...]) -> Statistics:
             seen = sum(count for *_, count in thing["objects"])
             objects += [(*where, near, above, weight * count / seen) for near, above, count in thing["objects"]]
     return Statistics(
-        rooms, np.array([room for room, _ in layouts]), np.array(shown), np.array(furniture), _spots(objects),
-        _spots(receptacles),
+        rooms, np.array([room for room, _ in layouts]), np.array([home for _, home, _ in likes]), np.array(shown),
+        np.array(furniture), _spots(objects), _spots(receptacles),
     )  # fmt: skip
 
 
-def _like(kind: str) -> list[list[dict[str, Any]]]:
-    """Return what stands in each room of a kind, or of any if there is none of it."""
-    known = [(room_kind(room), things) for home in _read() for room, things in home.items()]
-    return [things for like, things in known if like == kind] or [things for _, things in known]
+def _like(kind: str) -> list[tuple[int, list[dict[str, Any]]]]:
+    """Return what stands in each room of a kind, or of any if there is none of it, and the number of its home."""
+    numbers = [number if number <= len(homes_of("train")) else 0 for number in range(1, len(_read()) + 1)]
+    homes = zip(numbers, _read(), strict=True)
+    known = [(room_kind(room), number, things) for number, home in homes for room, things in home.items()]
+    return [row[1:] for row in known if row[0] == kind] or [row[1:] for row in known]
 
 
 def _in_view(things: list[dict[str, Any]], turn: int) -> Iterator[str]:
