@@ -65,6 +65,8 @@ def _failed(message: str, code: int) -> int:
 
 
 def _learn(command: str, arguments: Sequence[str]) -> int:
+    if "torch" not in sys.modules:  # which takes seconds, on a busy machine or from a cold disk many
+        print(f"chmarl-pb {command}: loading PyTorch", file=sys.stderr, flush=True)
     try:
         return int(import_module(f"chmarl_pb.cli.{command}").main(arguments))
     except MissingExtraError as error:

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.registration import options_of
+from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.benchmark_env import Observation
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
@@ -29,7 +31,7 @@ class Command:
         config: everything that fixes the run.
         env: Gymnasium id; or --observation and --humanoid-only, as the tables name it.
         observation: what the robots observe; None: scene_graph.
-        humanoid_only: whether the drone follows the search policy.
+        humanoid_only: whether the drone follows the belief search; beside the older search policy by --env.
         workers: processes; None: one for each core.
         device: of torch, e.g. cuda.
         out: folder of the run; None: out/sb3/NAME, after its settings.
@@ -45,8 +47,11 @@ class Command:
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
-        if self.env and (self.observation or self.humanoid_only):
-            raise ValueError("--env names observation and robots already; leave out --observation and --humanoid-only")
+        if self.env is None:
+            return
+        named = options_of(self.env)["observation"]
+        if self.humanoid_only or self.observation not in (None, named):
+            raise ValueError(f"--env names observation ({named}) and robots; leave out --observation, --humanoid-only")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,7 +72,8 @@ def _main(arguments: Sequence[str]) -> int:
     goal = " --goal" if PRESETS[config.preset].goal else ""
     robots = f" --robots {config.robots}" if listed(config.robots) != TEAM else ""
     own = f" --catalog {config.catalog}" if config.catalog else ""
-    where = f"--home {config.home}" if config.home else "--split test-unseen"
+    where = f"--home {config.home}" if config.home else f"--split {TEST_SPLITS[config.track]}"
+    where += f" --track {config.track}" if config.track != PAPER else ""
     options = f"--observation {config.observation}{goal}{robots}{own}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
     return 0
@@ -83,7 +89,7 @@ def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str]:
 def _env_id(observation: str | None, humanoid_only: bool) -> str:
     """Return the Gymnasium id of a row of the tables."""
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation or "scene_graph"]
-    return f"CHMARL/{kind}{'Humanoid' if humanoid_only else ''}-v0"
+    return f"CHMARL/{kind}{'Humanoid-v1' if humanoid_only else '-v0'}"
 
 
 def _name(config: Config) -> str:

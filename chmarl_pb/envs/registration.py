@@ -38,6 +38,12 @@ def register_envs() -> None:
             )
 
 
+def options_of(env_id: str) -> dict[str, Any]:
+    """Return the keyword arguments that an id is registered with, its track among them."""
+    _, track, options = _IDS[env_id]
+    return {"track": track, **options}
+
+
 def id_of(kind: str, options: dict[str, Any]) -> str:
     """Return the id that is made in this way with registered keyword arguments that are among these."""
     ids = [name for name, (made, _, own) in _IDS.items() if made == kind and own.items() <= options.items()]

@@ -1,11 +1,12 @@
 """Baselines of Stable-Baselines3: training, interruption, and their models as policies of the benchmark."""
 
 import json
+import sys
 import zipfile
 from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
@@ -18,16 +19,20 @@ import torch
 from stable_baselines3.common.vec_env import VecMonitor
 
 import chmarl_pb
+from chmarl_pb.cli import program
 from chmarl_pb.cli.sb3 import main, parse
+from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.networks.resnet import FEATURES
+from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.seal import LENGTH
-from chmarl_pb.learning.sb3 import load_policy
-from chmarl_pb.learning.sb3.config import PRESETS, AlgorithmName, Config, PresetName
+from chmarl_pb.learning.sb3 import GoalFeatures, load_policy, policy_of
+from chmarl_pb.learning.sb3.config import PRESETS, AlgorithmName, Config, EnvId, PresetName
 from chmarl_pb.learning.sb3.features import HouseholdFeatures
 from chmarl_pb.learning.sb3.policy import read_model
 from chmarl_pb.learning.sb3.run import Log
@@ -35,12 +40,15 @@ from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures
 from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.damage import Evil, flipped
 from tests.helpers.stopping import in_pieces
 
 torch.set_num_threads(1)  # these networks are too small for more
 HUMANOID, JOINT = "CHMARL/SceneGraphHumanoid-v0", "CHMARL/SceneGraph-v0"
+BESIDE_BELIEF, GROUNDED = "CHMARL/SceneGraphHumanoid-v1", "CHMARL/GroundedSceneGraphHumanoid-v0"
 ALGORITHMS = (pytest.param("ppo", marks=pytest.mark.slow), "dqn", "recurrent-ppo")  # the last does all that PPO does
 TINY: dict[str, Any] = {"envs": 1, "tasks": 2, "max_steps": 4, "features": 8, "image_size": 32}
 
@@ -50,7 +58,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make rollouts small enough for tests."""
     on_policy = {"n_steps": 4, "batch_size": 4, "n_epochs": 1}
     smaller = {"ppo": on_policy, "recurrent-ppo": on_policy, "a2c": {"n_steps": 4}}
-    smaller["dqn"] = {"learning_starts": 4, "batch_size": 4}
+    smaller["dqn"] = smaller["qr-dqn"] = {"learning_starts": 4, "batch_size": 4}
     for name, preset in PRESETS.items():
         settings = {algo: {**known, **smaller[algo]} for algo, known in preset.settings.items()}
         monkeypatch.setitem(PRESETS, name, replace(preset, settings=settings))
@@ -81,6 +89,8 @@ class Both(Policy):
         ("a2c", JOINT, "goal"),
         ("a2c", JOINT, "encoder"),
         ("dqn", JOINT, "goal"),
+        ("qr-dqn", JOINT, "goal"),
+        ("qr-dqn", BESIDE_BELIEF, "goal"),
         ("dqn", "CHMARL/VisualHumanoid-v0", "encoder"),
         ("recurrent-ppo", JOINT, "goal-encoder"),
         ("recurrent-ppo", JOINT, "encoder"),
@@ -91,7 +101,7 @@ def test_trained_model_is_a_policy(algo: AlgorithmName, env_id: str, preset: Pre
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
     source = find_policy(str(tmp_path / BEST))
-    assert source.deterministic == (algo == "dqn") and source.sha256
+    assert source.deterministic == algo.endswith("dqn") and source.sha256
     goal = {"goal": True} if config.env_options.get("goal") else {}
     env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32, **goal)
     both = Both(source.make(env), source.make(env))
@@ -107,6 +117,76 @@ def test_trained_model_is_a_policy(algo: AlgorithmName, env_id: str, preset: Pre
     wrong.close()
     result = json.loads((tmp_path / RESULT).read_text())
     assert result["best"]["plw"] == max(row["plw"] for row in result["validations"]) and result["steps"] >= 8
+
+
+@pytest.mark.parametrize("env_id", [HUMANOID, BESIDE_BELIEF])
+def test_drone_is_the_one_that_the_id_names(env_id: str, tmp_path: Path) -> None:
+    """What a model does beside it is what the environment's own drone does."""
+    config = Config("ppo", env_id, steps=8, interval=8, **TINY)
+    model = run(config, tmp_path, workers=0)
+    own = gymnasium.make(env_id, goal=True, split="val-unseen").unwrapped
+    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
+    for make in (load_policy(tmp_path / BEST), policy_of(model, config.partner)):
+        policy = seated(make, env)
+        own.reset(seed=3)
+        seen, infos = env.reset(seed=3)
+        policy.reset(3)
+        for _ in range(12):
+            actions = policy.act(seen, infos)
+            assert actions["drone"] == own._other_actions["drone"]  # type: ignore[attr-defined]
+            own.step(actions["humanoid"])
+            seen, _, ended, cut, infos = env.step(actions)
+            if ended["drone"] or cut["drone"]:
+                break
+    with pytest.raises(ValueError, match="are closed; say what drove the drone there: partner='search' or"):
+        policy_of(model)
+    own.close()
+    env.close()
+
+
+def test_a_model_in_memory_knows_its_drone_by_its_environments() -> None:
+    from stable_baselines3 import PPO
+
+    for env_id, partner in ((HUMANOID, "search"), (BESIDE_BELIEF, "belief")):
+        envs = chmarl_pb.sb3_vec_env(1, env_id, 0, split="val-unseen", goal=True)
+        model = PPO("MultiInputPolicy", envs, policy_kwargs={"features_extractor_class": GoalFeatures}, device="cpu")
+        assert policy_of(model)._partner == partner
+        envs.close()
+
+
+def test_pictures_of_a_lone_humanoid_are_evaluated(tmp_path: Path) -> None:
+    """Its drone is told what is in view, as in training, which results say."""
+    run(Config("ppo", "CHMARL/VisualHumanoid-v1", steps=8, interval=8, **TINY), tmp_path, workers=0)
+    register_loader(".zip", load_policy)
+    options: dict[str, Any] = {"goal": True, "image_size": 32, "max_steps": 4}
+    path = str(tmp_path / BEST)
+    report = chmarl_pb.evaluate(path, "val-unseen", "visual", [0], 1, tasks=["val-unseen-000"], **options)
+    assert report.settings["privileged"] and len(report.episodes) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("env_id", [GROUNDED, "CHMARL/GroundedSceneGraph-v0"])
+def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
+    config = Config("ppo", env_id, "goal-encoder", steps=8, interval=8, **TINY)
+    assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
+    run(config, tmp_path, workers=0)
+    register_loader(".zip", load_policy)
+    options: dict[str, Any] = {"goal": True, "max_steps": 4, "track": config.track}
+    for plays in (None, play_side_by_side):
+        tasks = load_tasks("generated-val")[:2]
+        report = chmarl_pb.evaluate(
+            str(tmp_path / BEST), "generated-val", seeds=[0], workers=1, tasks=tasks, plays=plays, **options
+        )
+        assert len(report.episodes) == 2
+
+
+def test_values_of_single_numbers_cannot_choose_words() -> None:
+    with pytest.raises(ValueError, match="qr-dqn chooses single numbers"):
+        Config("qr-dqn", GROUNDED)
+
+
+def test_every_id_can_be_trained_on() -> None:
+    assert set(get_args(EnvId)) == set(ENV_IDS)
 
 
 def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
@@ -246,8 +326,10 @@ def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
 def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
     arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
     config, out, *_ = parse(arguments)
-    assert (config.env_id, config.messages, config.feedback, config.seed) == (HUMANOID, False, True, 4)
-    assert out == Path("out/sb3/dqn-scenegraphhumanoid-feedback-goal-seed4")
+    assert (config.env_id, config.messages, config.feedback, config.seed) == (BESIDE_BELIEF, False, True, 4)
+    assert out == Path("out/sb3/dqn-scenegraphhumanoid-v1-feedback-goal-seed4")
+    older = parse(["--algo", "ppo", "--env", HUMANOID, "--observation", "scene_graph"])[0]
+    assert (older.env_id, older.partner, config.partner) == (HUMANOID, "search", "belief")
     assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id
 
 
@@ -353,6 +435,18 @@ def test_progress_is_shown_before_there_are_environments(
     assert "ppo on CHMARL/SceneGraphHumanoid-v0, preset goal" in shown and "making environments" in shown
     run(Config("ppo", HUMANOID, steps=8, interval=8, **TINY), tmp_path, workers=0, quiet=False)
     assert "steps 8  validation: SR" in capsys.readouterr().err
+
+
+def test_command_says_that_it_loads_pytorch(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slow(name: str) -> None:
+        raise MissingExtraError("not there")
+
+    monkeypatch.delitem(sys.modules, "torch")
+    monkeypatch.setattr(program, "import_module", slow)
+    assert program.main(["sb3", "--algo", "ppo"]) == 2
+    assert capsys.readouterr().err.splitlines()[0] == "chmarl-pb sb3: loading PyTorch"
 
 
 def test_unknown_presets_are_refused() -> None:

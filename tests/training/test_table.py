@@ -122,7 +122,10 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip
             assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
-            assert (config.preset, config.envs) == ("encoder", 8)  # as the published rows were trained
+            strong = row.name.endswith("goal observed")
+            # The others as the published rows were trained, beside the older drone.
+            assert (config.preset, config.envs) == (("goal", 16) if strong else ("encoder", 8))
+            assert config.partner == ("belief" if strong and config.alone else "search")
 
 
 def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:

@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from statistics import fmean, stdev
+from typing import Any
 
+from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.registration import options_of
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
@@ -47,12 +50,13 @@ small sample: ± is the spread of trainings on the same tasks, and the intervals
 tasks, one for each seed) tell how far other tasks might lie. Budgets differ: ours plays more episodes than the paper's
 learners do here, see [the runs](#the-runs). Rows in
 *italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
-robots, or the humanoid beside a drone that follows the search policy. At the end stand built-in policies that learn
-nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)} do without most of
-what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and with pictures,
-since *reactive*, *instruction-blind* and *search* read which things are truly in view, with pictures too.
-*Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation), who
-was the teacher, the length of the training, and whether there was feedback at test. The teacher of our own row is
+robots, or the humanoid beside a drone that follows *search* or *belief* (column *made with*). At the end stand
+built-in policies that learn nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)}
+do without most of what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs
+and with pictures, since *reactive*, *instruction-blind* and *search* read which things are truly in view there, too.
+*Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
+alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
+teacher, the length of the training, and whether there was feedback at test. The teacher of our own row is
 *search*, which reads the true `visible` while it teaches on pictures.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
@@ -176,7 +180,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
         scores = [_built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             lines.append(f"| *{policy}* | | {does} |" + "".join(f" | {100 * (score or 0):.1f} |" for score in scores))
-            lines[-1] += " |" * gains
+            lines[-1] += f" {points(gain([scores[-1] or 0], HEADLINE))} |" * gains
     return "\n".join(lines)
 
 
@@ -206,14 +210,27 @@ def _made_with(row: Row, same: Sequence[Record]) -> str:
         return ""
     checkpoint = same[0]["checkpoint"]
     config = checkpoint.get("config", {})
-    graphs = f"{config.get('graph_pool', POOL)} pool"
-    encoder = graphs if same[0]["observation"] == "scene_graph" else config.get("image_encoder", "")
+    encoder = _read(same[0]["observation"], config)
     imitated = TEACHER if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
     teacher = f"teacher: {imitated}" if imitated else ""
     told = f"{'' if row.feedback else 'no '}feedback at test"
-    return ", ".join(filter(None, [encoder, teacher, _budget(same[0]), told]))
+    return ", ".join(filter(None, [encoder, *_beside(config), teacher, _budget(same[0]), told]))
+
+
+def _read(observation: str, config: dict[str, Any]) -> str:
+    """Return what a network reads of the observations."""
+    if config.get("preset") == "goal":
+        return "numbers alone, goal observed"
+    encoder = f"{config.get('graph_pool', POOL)} pool" if observation == "scene_graph" else config["image_encoder"]
+    return f"{encoder} and numbers, goal observed" if config.get("preset") == "goal-encoder" else str(encoder)
+
+
+def _beside(config: dict[str, Any]) -> list[str]:
+    """Return what drives the drone, if a model of Stable-Baselines3 drives the humanoid alone."""
+    options = options_of(config["env_id"]) if "Humanoid" in config.get("env_id", "") else {}
+    return [f"drone: {options.get('partner', PARTNERS[0])}"] if options else []
 
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:

@@ -10,7 +10,8 @@ from torch import Tensor
 
 from chmarl_pb.envs.observations import Observer
 from chmarl_pb.envs.options import Options
-from chmarl_pb.learning.observation_keys import IMAGE, MESSAGES, SELF, is_picture, named, prefixes
+from chmarl_pb.learning.observation_keys import IMAGE, INSTRUCTION, MESSAGES, SELF, is_picture, named, prefixes
+from chmarl_pb.tasks.language import ATTRIBUTES_LENGTH, INSTRUCTION_LENGTH
 
 _MEMORY = (
     "the network reads one observation at a time; leave out VecFrameStack and the like (RecurrentPPO has a memory)"
@@ -58,8 +59,10 @@ class Check:
 
 def _check_robot(prefix: str, own: Mapping[str, spaces.Space[Any]]) -> None:
     """Check the keys of one robot, which are named here without its prefix."""
-    given = Observer(Options(goal=True), ("",) * _rooms(own)).space
-    for name in own.keys() & given.spaces.keys():
+    rooms = _rooms(own)
+    given = Observer(Options(goal=True, lookalikes=_among_lookalikes(own)), ("",) * rooms).space
+    symbols = MESSAGES in own and own[MESSAGES].shape != (2, rooms)  # of a vocabulary of any size
+    for name in (own.keys() & given.spaces.keys()) - ({MESSAGES} if symbols else set()):
         if own[name].shape != given[name].shape:
             raise ValueError(f"{prefix + name!r} has the shape {own[name].shape}, not {given[name].shape}: {_MEMORY}")
         if _has_whole_numbers(given[name]) and own[name] != given[name]:
@@ -71,10 +74,16 @@ def _check_robot(prefix: str, own: Mapping[str, spaces.Space[Any]]) -> None:
 
 def _rooms(own: Mapping[str, spaces.Space[Any]]) -> int:
     """Return how many rooms a message has bits for."""
+    if SELF in own:
+        return max(spaces.flatdim(own[SELF]) - 4, 0)
     shape = own[MESSAGES].shape if MESSAGES in own else None
-    if shape:
-        return shape[-1]
-    return max(spaces.flatdim(own[SELF]) - 4, 0) if SELF in own else 0
+    return shape[-1] if shape else 0
+
+
+def _among_lookalikes(own: Mapping[str, spaces.Space[Any]]) -> bool:
+    """Return whether instructions name colours, which makes them longer."""
+    words = INSTRUCTION_LENGTH + ATTRIBUTES_LENGTH
+    return "goal_attributes" in own or (INSTRUCTION in own and own[INSTRUCTION].shape == (words,))
 
 
 def _has_whole_numbers(space: spaces.Space[Any]) -> TypeGuard[spaces.Box]:

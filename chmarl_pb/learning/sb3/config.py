@@ -7,10 +7,13 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 from gymnasium import spaces
-from sb3_contrib import RecurrentPPO
+from sb3_contrib import QRDQN, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from chmarl_pb.envs.joint import PARTNERS
+from chmarl_pb.envs.registration import options_of
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.learning.config import CATALOG, check, count, natural
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
@@ -19,9 +22,11 @@ from chmarl_pb.robots.registry import TEAM, listed
 _MEMORY = 2 * 2**30  # bytes of DQN's replay buffer, at most
 
 EnvId = Literal[
-    "CHMARL/SceneGraph-v0", "CHMARL/Visual-v0", "CHMARL/SceneGraphHumanoid-v0", "CHMARL/VisualHumanoid-v0"
+    "CHMARL/SceneGraph-v0", "CHMARL/Visual-v0", "CHMARL/SceneGraphHumanoid-v0", "CHMARL/VisualHumanoid-v0",
+    "CHMARL/SceneGraphHumanoid-v1", "CHMARL/VisualHumanoid-v1", "CHMARL/GroundedSceneGraph-v0",
+    "CHMARL/GroundedVisual-v0", "CHMARL/GroundedSceneGraphHumanoid-v0", "CHMARL/GroundedVisualHumanoid-v0",
 ]  # fmt: skip
-AlgorithmName = Literal["ppo", "a2c", "dqn", "recurrent-ppo"]
+AlgorithmName = Literal["ppo", "a2c", "dqn", "qr-dqn", "recurrent-ppo"]
 PresetName = Literal["goal", "goal-encoder", "encoder"]
 Hidden = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # of the command line, which finds it from other options
 
@@ -34,11 +39,13 @@ class Algorithm:
         model: its class.
         policy: name of its policy.
         network: what the policy's network has beside the features extractor.
+        replays: whether it learns values from a replay buffer: it takes single numbers as actions, and plays its best.
     """
 
     model: type[BaseAlgorithm]
     policy: str
     network: dict[str, Any]
+    replays: bool = False
 
 
 _HEADS = {"net_arch": {"pi": [64], "vf": [64]}}
@@ -46,7 +53,8 @@ _HEADS = {"net_arch": {"pi": [64], "vf": [64]}}
 ALGORITHMS = {
     "ppo": Algorithm(PPO, "MultiInputPolicy", _HEADS),
     "a2c": Algorithm(A2C, "MultiInputPolicy", _HEADS),
-    "dqn": Algorithm(DQN, "MultiInputPolicy", {"net_arch": [64]}),
+    "dqn": Algorithm(DQN, "MultiInputPolicy", {"net_arch": [64]}, replays=True),
+    "qr-dqn": Algorithm(QRDQN, "MultiInputPolicy", {"net_arch": [64], "n_quantiles": 50}, replays=True),
     "recurrent-ppo": Algorithm(
         RecurrentPPO, "MultiInputLstmPolicy", {**_HEADS, "lstm_hidden_size": 128, "enable_critic_lstm": True}
     ),
@@ -83,14 +91,17 @@ _CAREFUL: Settings = {
     "ppo": {**_ON_POLICY, "n_steps": 64, "batch_size": 128, "n_epochs": 4},
     "a2c": {**_ON_POLICY, "n_steps": 16},
     "dqn": _DQN,
+    "qr-dqn": _DQN,
     "recurrent-ppo": {**_ON_POLICY, "n_steps": 64, "batch_size": 128, "n_epochs": 4},
 }
 _BOLD_PPO = {**_ON_POLICY, "ent_coef": 0.015, "learning_rate": 7e-4, "n_steps": 64, "batch_size": 128, "n_epochs": 10}
+_BOLD_DQN = {**_DQN, "learning_rate": 5e-4, "batch_size": 128, "gradient_steps": 4}
 #: More of every step on scaled rewards, as few numbers allow.
 _BOLD: Settings = {
     "ppo": _BOLD_PPO,
     "a2c": {**_ON_POLICY, "ent_coef": 0.015, "learning_rate": 1e-3, "n_steps": 16},
-    "dqn": {**_DQN, "learning_rate": 5e-4, "batch_size": 128, "gradient_steps": 4},
+    "dqn": _BOLD_DQN,
+    "qr-dqn": _BOLD_DQN,
     "recurrent-ppo": {**_BOLD_PPO, "n_epochs": 5},
 }
 
@@ -115,15 +126,15 @@ class Config:
     True
 
     Attributes:
-        algo: "ppo", "a2c", "dqn" or "recurrent-ppo".
-        env_id: a Gymnasium id of the benchmark.
+        algo: "ppo", "a2c", "dqn", "qr-dqn" or "recurrent-ppo".
+        env_id: a Gymnasium id of the benchmark; it names the policy of the drone, too, where the humanoid learns alone.
         preset: what the network reads, and how it learns. "goal": the few numbers of ``messages``, ``self``, ``goal``
             alone; "goal-encoder": the encoder's features, too; "encoder": these alone, without the goal.
         steps: of the environments in all.
         seed: of every random stream.
         envs: environments played side by side.
         messages: whether the robots hear each other.
-        feedback: whether they get language feedback.
+        feedback: whether they get language feedback, where the track has any.
         image_size: pixels.
         image_encoder: "cnn" learns from pictures; others are frozen, see :mod:`chmarl_pb.learning.networks.frozen`.
         frozen: sha256 of the frozen weights; empty without them.
@@ -164,8 +175,10 @@ class Config:
     catalog_sha256: Hidden = ""
 
     def __post_init__(self) -> None:
-        """Refuse values outside the fields' limits, and unknown presets."""
+        """Refuse values outside the fields' limits, unknown presets, and actions that an algorithm cannot choose."""
         check(self)
+        if self.replays and self.track != PAPER:
+            raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
         if self.preset not in PRESETS:
             raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
 
@@ -177,23 +190,39 @@ class Config:
     @property
     def sampled(self) -> bool:
         """Whether actions are drawn when a trained policy plays; without memory, the likeliest repeats its failures."""
-        return self.algo != "dqn"
+        return not self.replays
+
+    @property
+    def replays(self) -> bool:
+        """Whether the algorithm learns values from a replay buffer."""
+        return ALGORITHMS[self.algo].replays
+
+    @property
+    def track(self) -> str:
+        """Name of the track."""
+        return str(options_of(self.env_id)["track"])
+
+    @property
+    def partner(self) -> str:
+        """Policy of the robots that do not learn, if one learns alone."""
+        return str(options_of(self.env_id).get("partner", PARTNERS[0]))
 
     @property
     def observation(self) -> str:
         """The benchmark's name of what is observed."""
-        return "visual" if "Visual" in self.env_id else "scene_graph"
+        return str(options_of(self.env_id)["observation"])
 
     @property
     def env_options(self) -> dict[str, Any]:
-        """Keyword arguments of the environments; DQN knows single numbers as actions only."""
+        """Keyword arguments of the environments; some algorithms know single numbers as actions only."""
         shared = {name: asdict(self)[name] for name in ("messages", "feedback", "image_size", "max_steps")}
+        shared |= {name: shared[name] and TRACKS[self.track][name] for name in ("messages", "feedback")}
         if PRESETS[self.preset].goal:
             shared["goal"] = True
         if listed(self.robots) != TEAM:
             shared["robots"] = listed(self.robots)
         shared |= {name: value for name in ("home", "catalog") if (value := getattr(self, name)) is not None}
-        return shared | ({"flat_actions": True} if self.algo == "dqn" and not self.alone else {})
+        return shared | ({"flat_actions": True} if self.replays and not self.alone else {})
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -220,7 +249,7 @@ class Config:
         settings = dict(PRESETS[self.preset].settings[self.algo])
         if self.learning_rate is not None:
             settings["learning_rate"] = self.learning_rate
-        if self.algo == "dqn":
+        if self.replays:
             settings["buffer_size"] = min(50_000, self.steps, _MEMORY // (2 * _size(space)))  # before and after a step
         return settings
 

@@ -65,7 +65,7 @@ def run(
         CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
     """
     where = find_device(device)
-    tasks = validation_tasks(config.tasks, config.home, listed(config.robots), config.catalog)
+    tasks = validation_tasks(config.tasks, config.home, listed(config.robots), config.catalog, config.track)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     signals = Signals()
     with ExitStack() as stack:
@@ -109,7 +109,7 @@ def _learn(
     model = algorithm.model(
         algorithm.policy, env, seed=config.seed, policy_kwargs=config.policy_kwargs, device=device, **settings
     )
-    own_log = 0 if config.algo == "dqn" else _log_interval(config)
+    own_log = 0 if config.replays else _log_interval(config)
     milestones = Milestones(
         validation, folder / LAST, asdict(config), config.seed, config.interval, journal, own_log, signals.check
     )
@@ -129,7 +129,7 @@ def _learn(
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
     rows = validation.rows()
     best = max(rows, key=lambda row: row["plw"])
-    splits = (config.home,) if config.home else SPLITS
+    splits = (config.home,) if config.home else SPLITS[config.track]
     result = {
         "config": asdict(config), "splits": splits, "best": best, "validations": rows, "steps": model.num_timesteps,
         "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
@@ -139,8 +139,8 @@ def _learn(
 
 
 def _log_interval(config: Config) -> int:
-    """Return how often a row is logged: on-policy in steps, DQN in episodes."""
-    if config.algo == "dqn":
+    """Return how often a row is logged: on-policy in steps, others in episodes."""
+    if config.replays:
         return 200
     rollout = config.envs * int(PRESETS[config.preset].settings[config.algo]["n_steps"])
     return max(2_048 // rollout, 1) * rollout

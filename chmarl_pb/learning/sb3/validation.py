@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
+from chmarl_pb.envs.tracks import GROUNDED, PAPER
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
@@ -13,7 +14,8 @@ from chmarl_pb.learning.runs.validation import home_tasks, spread_tasks
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 
-SPLITS = ("val-seen", "val-unseen")
+#: Track -> splits that weights are chosen on.
+SPLITS = {PAPER: ("val-seen", "val-unseen"), GROUNDED: ("generated-val",)}
 
 
 class PathWeighted(gymnasium.Wrapper):
@@ -47,7 +49,11 @@ class PathWeighted(gymnasium.Wrapper):
 
 
 def validation_tasks(
-    most: int, home: str | None = None, robots: tuple[str, ...] = TEAM, catalog: str | None = None
+    most: int,
+    home: str | None = None,
+    robots: tuple[str, ...] = TEAM,
+    catalog: str | None = None,
+    track: str = PAPER,
 ) -> list[Task]:
     """Return at most some tasks of each validation split, at equal distances; or as many drawn for a home.
 
@@ -56,10 +62,11 @@ def validation_tasks(
         home: name or path; None: the splits.
         robots: that are to solve the drawn tasks.
         catalog: catalogue file of own things.
+        track: whose splits are meant.
     """
     if home is not None:
-        return home_tasks(home, len(SPLITS) * most, robots, catalog)
-    return [task for split in SPLITS for task in spread_tasks(split, most)]
+        return home_tasks(home, len(SPLITS[track]) * most, robots, catalog)
+    return [task for split in SPLITS[track] for task in spread_tasks(split, most)]
 
 
 def make_validation(env_id: str, tasks: Sequence[Task], stride: int, options: dict[str, Any]) -> gymnasium.Env:
