@@ -223,8 +223,9 @@ def _read(observation: str, config: dict[str, Any]) -> str:
     """Return what a network reads of the observations."""
     if config.get("preset") == "goal":
         return "numbers alone, goal observed"
-    encoder = f"{config.get('graph_pool', POOL)} pool" if observation == "scene_graph" else config["image_encoder"]
-    return f"{encoder} and numbers, goal observed" if config.get("preset") == "goal-encoder" else str(encoder)
+    graphs, pictures = f"{config.get('graph_pool', POOL)} pool", str(config.get("image_encoder", ""))
+    encoder = graphs if observation == "scene_graph" else pictures
+    return f"{encoder} and numbers, goal observed" if config.get("preset") == "goal-encoder" else encoder
 
 
 def _beside(config: dict[str, Any]) -> list[str]:
