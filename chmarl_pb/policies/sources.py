@@ -13,12 +13,17 @@ from typing import Any, cast
 
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
+from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
 #: "module:callable" which takes the path and returns a Factory.
 ENTRY_POINTS = "chmarl_pb.checkpoints"
+
+#: Group of entry points that bring eyes: name -> a "module:callable" which takes nothing and returns ``Eyes``.
+EYES = "chmarl_pb.eyes"
+_AT = "@"  # between the names of a policy and of its eyes
 
 _LOADERS: dict[str, Callable[[Path], Factory]] = {}
 
@@ -31,7 +36,8 @@ class Source:
         name: as given.
         make: makes the policy that drives an environment.
         deterministic: whether it plays every task the same way, so that one seed is enough.
-        sha256: of the checkpoint or of the file that defines it; None for what comes with the package.
+        sha256: of the checkpoint, of the file that defines it, or of what its eyes have learned; None for what comes
+            with the package.
         privileged: whether it is given more than observations: the environment and whole infos.
         centralized: whether one object drives all robots.
         needs_graphs: whether it is, too, where observations hold no scene graph.
@@ -60,10 +66,11 @@ def find_policy(policy: str | Factory | Policy) -> Source:
     """Return the policy that is meant.
 
     Args:
-        policy: a built-in name, ``module:callable`` (the callable takes the environment and returns a
-            ``Policy``), the path of a checkpoint, such a callable itself, or a ``Policy`` that drives whatever
-            environment it is given. With the attribute ``deterministic = True`` it is played once for each task; for
-            ``privileged`` and ``centralized`` see :mod:`chmarl_pb.policies.seats`.
+        policy: a built-in name, perhaps with eyes (``search@detector``, see :mod:`chmarl_pb.policies.eyes`),
+            ``module:callable`` (the callable takes the environment and returns a ``Policy``), the path of a
+            checkpoint, such a callable itself, or a ``Policy`` that drives whatever environment it is given. With the
+            attribute ``deterministic = True`` it is played once for each task; for ``privileged`` and ``centralized``
+            see :mod:`chmarl_pb.policies.seats`.
 
     Raises:
         OptionError: there is no such policy, or it cannot be loaded.
@@ -78,6 +85,9 @@ def find_policy(policy: str | Factory | Policy) -> Source:
     path = Path(policy)
     if path.exists():
         return _checkpoint(path)
+    name, at, eyes = policy.partition(_AT)
+    if at and name in BUILT_IN:
+        return _with_eyes(name, eyes)
     colon = ":" in policy
     if path.name != policy or (path.suffix and not colon):
         raise OptionError(f"{policy}: no such file; name a checkpoint that is there")
@@ -87,6 +97,34 @@ def find_policy(policy: str | Factory | Policy) -> Source:
         )
     factory = imported(policy, "policy")
     return Source(policy, factory, *_declared(factory, defined_in(factory)))
+
+
+def _with_eyes(name: str, eyes: str) -> Source:
+    if name not in SEEING:
+        raise OptionError(f"{name!r} takes no eyes; use one of: {', '.join(sorted(SEEING))}")
+    found = find_eyes(eyes)
+    return Source(f"{name}{_AT}{eyes}", partial(_seeing, name, found), name in DETERMINISTIC, found.fingerprint)
+
+
+def _seeing(name: str, eyes: Eyes, env: Any) -> Policy:
+    """Return a built-in policy that sees by eyes."""
+    return Seeing(make_policy(name, env), eyes, env)
+
+
+def find_eyes(name: str) -> Eyes:
+    """Return what recognises things in pictures.
+
+    Args:
+        name: of an entry point of the group ``EYES``, or ``module:callable``.
+
+    Raises:
+        OptionError: there are no such eyes.
+    """
+    installed = {point.name: point for point in entry_points(group=EYES)}
+    if name not in installed and ":" not in name:
+        raise OptionError(f"unknown eyes {name!r}; use one of: {', '.join(sorted(installed))}, or module:callable")
+    eyes: Eyes = installed[name].load()() if name in installed else imported(name, "eyes")()
+    return eyes
 
 
 def _declared(made_by: object, sha256: str | None) -> tuple[bool, str | None, bool, bool]:

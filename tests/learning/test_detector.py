@@ -12,6 +12,7 @@ from chmarl_pb.learning.networks.detections import LABELS, SHAPE, detections
 from chmarl_pb.learning.networks.detector import CELL, Detector, targets
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.learning.policies.eyes import DetectorEyes
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures
 from training.pretrain import with_ranges
@@ -91,3 +92,18 @@ def test_weights_without_ranges_are_refused(weights: dict[str, torch.Tensor], tm
         frozen_encoder("detector", str(tmp_path / "weights.pt"))
     with pytest.raises(CheckpointError, match=r"training\.pretrain --network detector"):
         frozen_encoder("detector", str(tmp_path / "none.pt"))
+
+
+def test_eyes_see_what_the_detector_is_sure_of(encoder: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
+    logits = torch.zeros(NOTHING + 1, 32, 32)
+    logits[NOTHING] = 20.0
+    logits[GRASPABLE, 0, 30:] = 40.0
+    logits[RECEPTACLE, 16:, :] = 20.5  # 62 per cent
+    found = detections(logits).half()[None]
+    monkeypatch.setattr(encoder, "_network", lambda images: found.float())
+    picture = np.zeros((128, 128, 3), np.uint8)
+    mug, sofa = DetectorEyes(encoder, 0.5)(picture)
+    assert (mug.name, sofa.name) == ("mug", "sofa")
+    assert (mug.across, mug.down) == pytest.approx((30.5 / 31, 0.0), abs=2e-3)
+    assert mug.share == pytest.approx(2 / 1024, rel=0.05) and sofa.share == pytest.approx(0.5, rel=0.05)
+    assert [sight.name for sight in DetectorEyes(encoder, 0.9)(picture)] == ["mug"]
