@@ -1,41 +1,47 @@
 """How scores depend on messages, feedback and the track: ``python -m benchmarks.dials --policy search``.
 
-From the own setting of a track one dial at a time is turned: what carries messages, or what feedback there is. Every
-point is an evaluation of a policy on all tasks of a split; it is kept, so that a run that was stopped goes on, and
-``--only`` measures a single one. The table is printed, the figures are written to a JSON file and drawn with their 95 %
-intervals.
+Every point is an evaluation of a policy with one setting of messages and one of feedback, in a track whose other rules
+stay: all pairs for policies that read feedback, as learners do, and messages alone for those that do not. A point is
+kept, so that a run that was stopped goes on, and ``--messages`` and ``--feedback`` choose single ones. The figures are
+written to a folder, a file for each policy and track; the table and the drawing are of all that this folder holds, so
+without ``--policy`` they are made anew from it.
 """
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from rich.progress import Progress
 
+from benchmarks.dials_drawing import draw
 from chmarl_pb.cli.evaluate import interval, percent, progress_bar
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
+from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.sources import name_of
+from chmarl_pb.policies.registry import BUILT_IN, USES
 from chmarl_pb.tasks.symbols import Symbols
 from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
 
 ROOT = Path(__file__).parents[1]
-TRACKS = ("paper", "grounded")
-POLICIES = ("blind", "instruction-blind", "search", "belief")
+POINTS = ROOT / "results" / "dials"
 
-#: Name of a point -> the option that it sets; the dial is the option's name.
+#: Track -> the split that it is played on, and that every how many of its tasks are taken.
+SAMPLES = {"paper": ("val-unseen", 1), "grounded": ("generated-val", 5)}
+
+#: Name of a setting -> the option of the environment.
 MESSAGES: dict[str, Any] = {
-    "the board": True,
-    "silence": False,
-    **{f"the board, {flips:.0%} misread": NoisyBoard(flips) for flips in (0.05, 0.1, 0.2, 0.3)},
+    "board": True,
+    **{f"board, {flips:.0%} misread": NoisyBoard(flips) for flips in (0.1, 0.3)},
+    "none": False,
     "own words": Symbols(),
-    **{f"own words, {delay} steps late": Symbols(delay=delay) for delay in (3, 6)},
-    **{f"own words, {loss:.0%} lost": Symbols(loss=loss) for loss in (0.3, 0.6)},
+    "own words, 3 steps late": Symbols(delay=3),
+    "own words, 60% lost": Symbols(loss=0.6),
     "own words, 30% wrong": Symbols(flips=0.3),
 }
 FEEDBACK: dict[str, Any] = {
@@ -44,9 +50,7 @@ FEEDBACK: dict[str, Any] = {
     "planner": "planner",
     "planner, 50% lost": UnreliableAdviser("planner", loss=0.5),
     "planner, 50% wrong": UnreliableAdviser("planner", wrong=0.5),
-    "planner, 3 steps late": UnreliableAdviser("planner", delay=3),
 }
-DIALS = {"messages": MESSAGES, "feedback": FEEDBACK}
 
 
 @dataclass(frozen=True)
@@ -56,110 +60,142 @@ class Point:
     Attributes:
         policy: its name.
         track: "paper" or "grounded".
-        dial: "messages" or "feedback".
-        name: where the dial stands.
-        success: rate, with its interval over tasks.
+        messages: one of ``MESSAGES``.
+        feedback: one of ``FEEDBACK``.
+        episodes: their number.
+        success: rate, with its 95 % interval.
         plw: path-length weighted success, likewise.
     """
 
     policy: str
     track: str
-    dial: str
-    name: str
+    messages: str
+    feedback: str
+    episodes: int
     success: Figure
     plw: Figure
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Where its settings stand in their lists."""
+        return list(MESSAGES).index(self.messages), list(FEEDBACK).index(self.feedback)
 
-def measure(policy: str, track: str, dial: str, name: str, options: argparse.Namespace, bar: Progress) -> Point | None:
-    """Return a point, or None if the policy cannot play there, as learners that say nothing with own words."""
-    row = bar.add_task(f"{name_of(policy)}, {track}, {dial}: {name}", total=None)
-    file = options.out / f"{options.split}-{track}-{dial}-{_slug(name)}-{_slug(Path(policy).stem)}.json"
-    try:
-        report = evaluate(
-            policy, options.split, seeds=range(options.seeds), workers=options.workers, out=file, reuse=True,
-            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
-            track=track, **{dial: DIALS[dial][name]},
-        )  # fmt: skip
-    except OptionError as error:
-        bar.console.print(f"{policy}, {name}: left out, as {error}")
-        return None
-    return Point(Path(policy).stem, track, dial, name, report.summary.success_rate, report.summary.plw)
+
+def pairs_of(source: str, messages: Sequence[str], feedback: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the settings that a policy is played with; what does not read feedback gets none."""
+    reads = source not in BUILT_IN or "feedback" in USES.get(source, ("feedback",))
+    return [(words, advice) for words in messages for advice in (feedback if reads else ["none"])]
+
+
+def measure(name: str, source: str, track: str, options: argparse.Namespace, bar: Progress) -> Iterator[Point]:
+    """Yield the points of a policy; where it cannot play, as learners that say nothing with own words, there is none.
+
+    Args:
+        name: of the policy, in table and drawing.
+        source: the policy, see ``evaluate``.
+        track: one of ``SAMPLES``.
+        options: of the command.
+        bar: shows the episodes.
+    """
+    split, every = SAMPLES[track]
+    tasks = evaluated_tasks(split)[:: every * options.thin]
+    for messages, feedback in pairs_of(source, options.messages or [*MESSAGES], options.feedback or [*FEEDBACK]):
+        row = bar.add_task(f"{name}, {track}, messages: {messages}, feedback: {feedback}", total=None)
+        file = options.out / f"{_slug(name)}-{track}-{_slug(messages)}-{_slug(feedback)}.json"
+        try:
+            report = evaluate(
+                source, split, seeds=range(options.seeds), workers=options.workers, tasks=tasks, out=file, reuse=True,
+                progress=lambda finished, total, row=row: bar.update(row, completed=finished, total=total),
+                label=name, track=track, messages=MESSAGES[messages], feedback=FEEDBACK[feedback],
+            )  # fmt: skip
+        except ChmarlError as error:
+            bar.console.print(f"{name}, {track}, messages: {messages}: left out, as {shorten(str(error), 200)}")
+            continue
+        figures = report.summary
+        yield Point(name, track, messages, feedback, figures.episodes, figures.success_rate, figures.plw)
 
 
 def _slug(text: str) -> str:
     return "".join(letter if letter.isalnum() else "-" for letter in text)
 
 
+def load_points(folder: Path) -> list[Point]:
+    """Return the points that a folder holds, in the order of their settings."""
+    points = [
+        Point(**{**entry, "success": Figure(**entry["success"]), "plw": Figure(**entry["plw"])})
+        for file in sorted(folder.glob("*.json"))
+        for entry in json.loads(file.read_text(encoding="utf-8"))
+    ]
+    return sorted(points, key=lambda point: (list(SAMPLES).index(point.track), point.place))
+
+
+def keep_point(folder: Path, point: Point) -> None:
+    """Write a point into its file, in the place of an older one with the same settings."""
+    file = folder / f"{point.track}-{_slug(point.policy)}.json"
+    kept = load_points(folder) if file.is_file() else []
+    same = [other for other in kept if (other.policy, other.track) == (point.policy, point.track)]
+    points = sorted([point, *(other for other in same if other.place != point.place)], key=lambda one: one.place)
+    lines = ",\n".join(json.dumps(asdict(one)) for one in points)
+    write_atomically(file, f"[\n{lines}\n]\n")
+
+
 def table(points: Sequence[Point]) -> str:
-    """Return the points as Markdown: a table for each track and dial, a column for each policy."""
+    """Return success and PLW as Markdown: a table for each track, a column for each policy and feedback it reads."""
     parts = []
-    for track, dial in dict.fromkeys((point.track, point.dial) for point in points):
-        here = [point for point in points if (point.track, point.dial) == (track, dial)]
-        policies = list(dict.fromkeys(point.policy for point in here))
-        lines = [f"| {track}: {dial} | {' | '.join(policies)} |", "|---" * (len(policies) + 1) + "|"]
-        for name in dict.fromkeys(point.name for point in here):
-            cells = {point.policy: _cell(point) for point in here if point.name == name}
-            lines.append(f"| {name} | {' | '.join(cells.get(policy, '-') for policy in policies)} |")
+    for track in dict.fromkeys(point.track for point in points):
+        here = [point for point in points if point.track == track]
+        columns = list(dict.fromkeys((point.policy, point.feedback) for point in sorted(here, key=_column)))
+        heads = [policy if feedback == "none" else f"{policy}, feedback: {feedback}" for policy, feedback in columns]
+        lines = [f"| {track}: messages | {' | '.join(heads)} |", "|---" + "|--:" * len(columns) + "|"]
+        for messages in dict.fromkeys(point.messages for point in here):
+            cells = {(one.policy, one.feedback): _cell(one) for one in here if one.messages == messages}
+            lines.append(f"| {messages} | {' | '.join(cells.get(column, '') for column in columns)} |")
         parts.append("\n".join(lines))
     return "\n\n".join(parts)
+
+
+def _column(point: Point) -> tuple[str, int]:
+    return point.policy, point.place[1]
 
 
 def _cell(point: Point) -> str:
     return f"{percent(point.success).split(' ')[0]} / {percent(point.plw).split(' ')[0]} [{interval(point.plw)}]"
 
 
-def draw(points: Sequence[Point], file: Path) -> None:
-    """Draw PLW with its intervals, a panel for each track and dial."""
-    from matplotlib.figure import Figure as Drawing
-
-    panels = list(dict.fromkeys((point.track, point.dial) for point in points))
-    figure = Drawing(figsize=(5.5 * len(panels), 4.6), layout="constrained", dpi=110)
-    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-        here = [point for point in points if (point.track, point.dial) == panel]
-        names, policies = (list(dict.fromkeys(getattr(point, key) for point in here)) for key in ("name", "policy"))
-        for shift, policy in enumerate(policies):
-            own = [point for point in here if point.policy == policy and point.plw.mean is not None]
-            rows = [names.index(point.name) + 0.7 * ((shift + 0.5) / len(policies) - 0.5) for point in own]
-            means = [100 * (point.plw.mean or 0) for point in own]
-            low = [mean - 100 * (point.plw.low or 0) for mean, point in zip(means, own, strict=True)]
-            high = [100 * (point.plw.high or 0) - mean for mean, point in zip(means, own, strict=True)]
-            axes.errorbar(means, rows, xerr=[low, high], fmt="o", markersize=4, capsize=2, label=policy)
-        axes.set(
-            yticks=range(len(names)), yticklabels=names, xlim=(0, 100), xlabel="PLW, %", title=" track: ".join(panel)
-        )
-        axes.invert_yaxis()
-        axes.grid(axis="x", color="#e6e6e6")
-        axes.legend(frameon=False, fontsize=8)
-    figure.savefig(file)
+def _named(text: str) -> tuple[str, str]:
+    """Return name and source of NAME=SOURCE; a source alone is its own name."""
+    name, equals, source = text.partition("=")
+    return (name, source) if equals else (Path(text).stem, text)
 
 
 def main() -> None:
-    """Measure the points that are asked for, print and draw them."""
+    """Measure the points that are asked for; print and draw all that are kept."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.dials", description=__doc__)
-    parser.add_argument("--policy", action="append", help=f"name or checkpoint (default: {', '.join(POLICIES)})")
-    parser.add_argument("--split", default="val-unseen")
-    parser.add_argument("--track", action="append", choices=TRACKS, help="this one (default: both)")
-    parser.add_argument("--dial", action="append", choices=list(DIALS), help="this one (default: both)")
-    parser.add_argument("--only", action="append", metavar="NAME", help="this point of a dial; may be repeated")
+    parser.add_argument(
+        "--policy", action="append", type=_named, default=[], metavar="[NAME=]P",
+        help="policy or checkpoint, and its name in table and drawing; may be repeated (default: measure none)",
+    )  # fmt: skip
+    parser.add_argument("--track", action="append", choices=[*SAMPLES], help="this one (default: both)")
+    for dial, settings in (("messages", MESSAGES), ("feedback", FEEDBACK)):
+        parser.add_argument(
+            f"--{dial}", action="append", choices=[*settings], metavar="SETTING",
+            help="this one; may be repeated (default: all): " + "; ".join(settings).replace("%", "%%"),
+        )  # fmt: skip
+    parser.add_argument("--thin", type=int, default=1, metavar="N", help="play every Nth of the track's tasks only")
     parser.add_argument("--seeds", type=int, default=len(SEEDS))
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "dials", help="folder for results")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--points", type=Path, default=POINTS, help="folder for the figures (default: results/dials)")
     parser.add_argument("--plot", type=Path, help="file for the drawing")
     options = parser.parse_args()
     with progress_bar() as bar:
-        found = [
-            measure(policy, track, dial, name, options, bar)
-            for track in options.track or TRACKS
-            for dial in options.dial or DIALS
-            for name in DIALS[dial] if not options.only or name in options.only
-            for policy in options.policy or POLICIES
-        ]  # fmt: skip
-    points = [point for point in found if point is not None]
+        for name, source in options.policy:
+            for track in options.track or SAMPLES:
+                for point in measure(name, source, track, options, bar):
+                    keep_point(options.points, point)
+    points = load_points(options.points)
     print(table(points))
-    if options.json:
-        write_atomically(options.json, json.dumps({"split": options.split, "points": [*map(asdict, points)]}, indent=1))
-    if options.plot:
+    if options.plot and points:
         draw(points, options.plot)
 
 

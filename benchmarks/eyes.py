@@ -1,8 +1,8 @@
 """How sure eyes should be: ``python -m benchmarks.eyes``.
 
 Plays policies that see by the detector on validation tasks, with several confidences from which on a class counts as
-seen, and prints success and PLW. ``SURE`` of ``chmarl_pb.learning.policies.eyes`` was chosen by it; test splits are
-refused.
+seen, and prints success and PLW; ``SURE`` of ``chmarl_pb.learning.policies.eyes`` is to be the best of them. Test
+splits are refused.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The script that measures how scores depend on messages and feedback."""
+"""The script that measures how scores depend on messages, feedback and track."""
 
 import json
 import sys
@@ -11,26 +11,49 @@ from benchmarks import dials
 pytest.importorskip("matplotlib")
 
 
+def run(monkeypatch: pytest.MonkeyPatch, folder: Path, *more: str) -> None:
+    """Run the command with all that it writes in a folder."""
+    arguments = ["--out", str(folder / "results"), "--points", str(folder / "points"), "--workers", "1", *more]
+    monkeypatch.setattr(sys, "argv", ["dials", *arguments])
+    dials.main()
+
+
 def test_points_are_measured_printed_drawn_and_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(*more: str) -> str:
-        arguments = ["--policy", "open-loop", "--split", "val-unseen", "--track", "paper", "--dial", "messages"]
-        figures = ["--json", str(tmp_path / "dials.json"), "--plot", str(tmp_path / "dials.png")]
-        monkeypatch.setattr(
-            sys, "argv", ["dials", *arguments, *figures, "--out", str(tmp_path), "--workers", "1", *more]
-        )
-        dials.main()
-        return capsys.readouterr().out
-
-    first = run("--only", "the board", "--only", "silence")
-    rows = [line for line in first.splitlines() if line.startswith(("| the board", "| silence"))]
+    policy = ["--policy", "tour=open-loop", "--track", "paper", "--thin", "10"]
+    run(monkeypatch, tmp_path, *policy, "--messages", "none", "--messages", "board")
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("| board", "| none"))]
     assert len(rows) == 2 and rows[0].split("|")[2] == rows[1].split("|")[2]  # a tour hears nothing
-    points = json.loads((tmp_path / "dials.json").read_text(encoding="utf-8"))["points"]
-    assert [point["name"] for point in points] == ["the board", "silence"]
+    points = json.loads((tmp_path / "points" / "paper-tour.json").read_text(encoding="utf-8"))
+    assert [(point["messages"], point["feedback"]) for point in points] == [("board", "none"), ("none", "none")]
+    assert points[0]["episodes"] == 5
     assert points[0]["plw"]["low"] <= points[0]["plw"]["mean"] <= points[0]["plw"]["high"]
-    assert (tmp_path / "dials.png").read_bytes().startswith(b"\x89PNG")
-    kept = next(tmp_path.glob("*silence*.json"))
+    kept = next((tmp_path / "results").glob("*-board-none.json"))
     before = kept.stat().st_mtime_ns
-    run("--only", "silence")
-    assert kept.stat().st_mtime_ns == before
+    run(monkeypatch, tmp_path, *policy, "--messages", "board")
+    assert kept.stat().st_mtime_ns == before and len(dials.load_points(tmp_path / "points")) == 2
+    capsys.readouterr()
+    run(monkeypatch, tmp_path, "--plot", str(tmp_path / "dials.png"))  # anew, from what is kept
+    assert "| board |" in capsys.readouterr().out
+    assert (tmp_path / "dials.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_all_pairs_are_played_by_who_reads_feedback() -> None:
+    both = ["board", "none"], ["none", "paper"]
+    assert len(dials.pairs_of("runs/best.pt", *both)) == len(dials.pairs_of("blind", *both)) == 4
+    assert dials.pairs_of("belief", *both) == [("board", "none"), ("none", "none")]
+
+
+def test_what_a_policy_cannot_play_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(monkeypatch, tmp_path, "--policy", str(tmp_path / "none.pt"), "--track", "paper", "--messages", "board")
+    assert "left out, as" in capsys.readouterr().err and not dials.load_points(tmp_path / "points")
+
+
+def test_the_points_of_the_docs_can_be_read() -> None:
+    points = dials.load_points(dials.POINTS)
+    assert {"search", "belief"} <= {point.policy for point in points}
+    assert all(len([other for other in points if other == point]) == 1 for point in points)
+    assert "| paper: messages |" in dials.table(points)

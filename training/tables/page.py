@@ -181,7 +181,8 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
         scores = [_built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             told = ", told the true classes" * (table == "visual" and policy in SEEING)
-            lines.append(f"| *{policy}* | | {does}{told} |" + "".join(f" | {100 * (score or 0):.1f} |" for score in scores))
+            ours = "".join(f" | {100 * (score or 0):.1f} |" for score in scores)
+            lines.append(f"| *{policy}* | | {does}{told} |{ours}")
             lines[-1] += f" {points(gain([scores[-1] or 0], HEADLINE))} |" * gains
     return "\n".join(lines)
 
