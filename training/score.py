@@ -89,7 +89,7 @@ def _forget_other_code(folder: Path, learners: str) -> None:
 def _observes_goal(checkpoint: Path) -> bool:
     """Return whether a checkpoint was trained with the goal among its observations."""
     if checkpoint.suffix != ".zip":
-        return False
+        return bool(load(checkpoint).get("setting", {}).get("goal"))
     from chmarl_pb.learning.sb3.policy import read_model
 
     return "goal" in read_model(checkpoint)[0].env_options
@@ -140,6 +140,7 @@ def _of_split(report: Report) -> dict[str, Any]:
         "tasks_sha256": report.settings["tasks_sha256"],
         "seconds": report.run["seconds"],
         "summary": asdict(report.summary),
+        "recognition": report.recognition.figures(),
         "per_wording": {name: asdict(summary) for name, summary in report.per_wording.items()},
         "ends": {str(phi): count for phi, count in sorted(Counter(one.potential for one in report.episodes).items())},
         "plw_pair": None if gain is None else gain.plw_pair,

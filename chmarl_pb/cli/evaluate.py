@@ -145,6 +145,12 @@ def _print_notes(console: Console, report: Report) -> None:
             f"95 % interval over {drawn}: success {interval(summary.success_rate)}, PLW {interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))
         )
+    if shares := report.recognition.figures():
+        words = {
+            "pick_share": "picks in {:.0%} of the steps with X in view",
+            "place_share": "places in {:.0%} of those with Y in view and X held",
+        }
+        console.print(", ".join(words[name].format(share) for name, share in shares.items()))
     if report.bounded:
         console.print(f"L* is an upper bound in {report.bounded} of {summary.episodes} episodes, so PLW is one, too")
     if beside := _beside(report):

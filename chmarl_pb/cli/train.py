@@ -38,6 +38,7 @@ class Env:
         observation: what the robots observe.
         messages: whether the robots hear each other.
         feedback: whether the robots get language feedback.
+        goal: whether the classes that the instruction names are observed, with what of them is in view.
         image_size: pixels of an image.
         robots: names and robot files (.toml), with commas between them.
         split: whose tasks are trained on; "generated" has a new home every 100 episodes.
@@ -48,6 +49,7 @@ class Env:
     observation: Observation = "scene_graph"
     messages: bool = True
     feedback: bool = True
+    goal: bool = False
     image_size: int = count(128)
     robots: str = ",".join(TEAM)
     split: Literal["train", "generated"] = "train"
@@ -113,7 +115,10 @@ class DaggerMappo(Play):
 
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
-        network = ("features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors")
+        network = (
+            "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors",
+            "numbers_past", "grounding_coef",
+        )  # fmt: skip
         same = ("seed", "horizon", *network)
         imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})
         _play("imitation", imitation, self.env, self.place, folder / IMITATION)
@@ -171,6 +176,7 @@ def _run(arguments: Sequence[str]) -> int:
     own = f" --catalog {catalog}" if catalog else ""
     home = getattr(command.setting, "home", None)
     where = f"--home {home}" if home else "--split test-unseen"
+    robots += " --goal" if getattr(command.setting, "goal", False) else ""
     options = f"--observation {command.setting.observation}{robots}{own}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
     return 0
@@ -204,7 +210,7 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
     env_fn, setting = benchmark(
         env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
-        robots=listed(env.robots), split=env.split, home=env.home, catalog=env.catalog,
+        robots=listed(env.robots), split=env.split, home=env.home, catalog=env.catalog, goal=env.goal,
     )  # fmt: skip
     imitated = partial(make_policy, config.expert) if isinstance(config, DAggerConfig) else None
     validate = _validation(env)
@@ -221,6 +227,6 @@ def _validation(env: Env) -> Validate:
 def name_of(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
     setting = command.setting
-    words = [word for word in ("centralized", "messages", "feedback") if getattr(setting, word, False)]
+    words = [word for word in ("centralized", "messages", "feedback", "goal") if getattr(setting, word, False)]
     words += [split for split in (getattr(setting, "split", "train"),) if split != "train"]
     return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])

@@ -11,7 +11,9 @@ from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
 from chmarl_pb.evaluation.intervals import interval
 from chmarl_pb.evaluation.optimum import Optimum, optimum, tasks_say_optimum
+from chmarl_pb.evaluation.recognition import Recognition, recognition
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 
@@ -28,6 +30,7 @@ class Played:
         actions: the numbers of the robots' actions in every step.
         optimum: of a success with other robots than the benchmark's, their L*; else the task has it.
         instruction: what was asked for; empty in older results, where the task tells it.
+        recognition: how often robots act on what they see; None in older results, and for tasks of several objects.
     """
 
     task: AnyTask
@@ -38,6 +41,7 @@ class Played:
     actions: tuple[tuple[int, ...], ...] = ()
     optimum: Optimum | None = None
     instruction: str = ""
+    recognition: Recognition | None = None
 
     @property
     def job(self) -> tuple[AnyTask, int]:
@@ -119,8 +123,14 @@ def score_now(env: HouseholdEnv, episode: Episode) -> float:
     return path_weighted(True, len(episode), optimum(env).steps) if episode.success else 0.0
 
 
-def played(env: HouseholdEnv, episode: Episode, seed: int) -> Played:
+def played(env: HouseholdEnv, episode: Episode, seed: int, outcomes: Sequence[Outcome] = ()) -> Played:
     """Return what results keep of an episode that an environment has just played.
+
+    Args:
+        env: the environment.
+        episode: what it played.
+        seed: of the evaluation.
+        outcomes: before each action, if they were noted.
 
     Raises:
         TaskError: other robots than the benchmark's have solved a task that the planner cannot solve with them.
@@ -128,7 +138,8 @@ def played(env: HouseholdEnv, episode: Episode, seed: int) -> Played:
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
     shortest = optimum(env) if episode.success and not tasks_say_optimum(env) else None
     return Played(
-        episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest, env.instruction
+        episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest,
+        env.instruction, recognition(env, outcomes, episode.actions) if outcomes else None,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, imported
 from chmarl_pb.processes import in_processes
+from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -86,8 +87,10 @@ class Player:
         """Play one job; its result does not depend on those before it."""
         task, seed = job
         own = policy_seed(core_of_parallel(self.env).instruction_of(task), seed)
-        episode = rollout(self.env, self.policy, episode_seed(task, seed), task, policy_seed=own)
-        return played(core_of_parallel(self.env), episode, seed)
+        outcomes: list[Outcome] = []
+        start = episode_seed(task, seed)
+        episode = rollout(self.env, self.policy, start, task, lambda core: outcomes.append(core.outcome), own)
+        return played(core_of_parallel(self.env), episode, seed, outcomes)
 
     def close(self) -> None:
         """Disconnect from physics."""

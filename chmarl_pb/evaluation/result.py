@@ -14,6 +14,7 @@ from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by, summarize_by_wording
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
+from chmarl_pb.evaluation.recognition import Recognition, total
 from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
@@ -120,6 +121,11 @@ class Report:
             return None
         return cooperation(self.episodes, self.settings["split"], self.settings["options"]["max_steps"])
 
+    @cached_property
+    def recognition(self) -> Recognition:
+        """How often robots act on what they see, over all episodes in which that was noted."""
+        return total(one.recognition for one in self.episodes if one.recognition)
+
     @property
     def success_rate(self) -> float:
         """Share of the episodes with success, 0 to 1."""
@@ -140,6 +146,7 @@ class Report:
             "run": self.run,
             "summary": asdict(self.summary),
             "cooperation": asdict(self.cooperation) if self.cooperation else None,
+            "recognition": self.recognition.figures(),
             "per_wording": _plain(self.per_wording),
             "per_home": _plain(self.per_home),
             "per_class": groups,
@@ -208,15 +215,17 @@ def _json(value: Any) -> str:
 
 
 def episode_row(episode: Played) -> dict[str, Any]:
-    """Return an episode as plain data for JSON; L* only where the task does not have it, no instruction if unknown."""
-    return {name: value for name, value in asdict(episode).items() if value or name not in ("optimum", "instruction")}
+    """Return an episode as plain data for JSON; L* only where the task does not have it, nothing that is unknown."""
+    unknown = {name for name in ("optimum", "instruction", "recognition") if not getattr(episode, name)}
+    return {name: value for name, value in asdict(episode).items() if name not in unknown}
 
 
 def episode_of(row: dict[str, Any]) -> Played:
     """Return the episode of a row that ``episode_row`` made."""
     actions = tuple(tuple(pair) for pair in row["actions"])
     optimum = Optimum(**row["optimum"]) if "optimum" in row else None
-    return replace(Played(**row), task=task_of(row["task"]), actions=actions, optimum=optimum)
+    noted = Recognition(**row["recognition"]) if "recognition" in row else None
+    return replace(Played(**row), task=task_of(row["task"]), actions=actions, optimum=optimum, recognition=noted)
 
 
 def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:

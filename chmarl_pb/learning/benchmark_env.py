@@ -11,6 +11,7 @@ from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 
 Observation = Literal["scene_graph", "visual"]
@@ -43,7 +44,8 @@ def benchmark(
     shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
     env_fn = partial(_environment, frozen, observation, **shared, **options)
     known = Options(catalog=options.get("catalog")).things.content
-    own = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
+    own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
+    own |= {GOAL: True} if options.get(GOAL) else {}
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 

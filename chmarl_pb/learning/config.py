@@ -75,8 +75,12 @@ class RunConfig:
         layer_norm: whether an agent's features, and what its GRU gives, are normalised.
         encoder: of observations: a name in ``networks.encoders.ENCODERS``, or ``module:name``.
         image_encoder: of pictures: "cnn" learns; all others are frozen, see ``networks.frozen``.
-        graph_pool: of scene graphs: "mean" (the paper's), or "gated" by the instruction.
+        graph_pool: of scene graphs: "mean" (the paper's), "gated" by the instruction, or "grounded": by how likely each
+            node is what the instruction calls X and Y.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
+        numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
+        grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
+            :mod:`chmarl_pb.learning.networks.match`.
         validation_interval: episodes between two validations.
         checkpoint_interval: episodes between two checkpoints.
         log_interval: episodes between two rows of metrics.
@@ -100,6 +104,8 @@ class RunConfig:
     image_encoder: str = "cnn"
     graph_pool: str = "mean"
     word_vectors: bool = False
+    numbers_past: bool = False
+    grounding_coef: float = amount(0.0)
     validation_interval: int = count(1_000)
     checkpoint_interval: int = count(1_000)
     log_interval: int = count(200)

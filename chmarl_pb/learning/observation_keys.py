@@ -11,7 +11,8 @@ from chmarl_pb.robots.registry import MOST, TEAM
 
 NODE_CLASS, _, EDGES = GRAPH = ("node_class", "node_state", "edges")
 INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
-MESSAGES, SELF, GOAL = "messages", "self", "goal"
+MESSAGES, SELF, GOAL, GOAL_ATTRIBUTES = "messages", "self", "goal", "goal_attributes"
+NODE_COLOR, NODE_VIEW = "node_color", "node_view"
 
 _KINDS = dict.fromkeys((*TEAM, *packaged()))
 _NUMBERS = ("", *(f"{number}_" for number in range(MOST)))  # where a kind repeats
@@ -61,6 +62,25 @@ def tokens(space: spaces.Dict) -> list[str]:
 def goals(space: spaces.Dict) -> list[str]:
     """Return the keys that hold the classes of X and Y and whether they are in view."""
     return [key for key in named(space.spaces, GOAL) if is_ids(space[key], 1) and space[key].shape == (4,)]
+
+
+def goal_attributes(space: spaces.Dict, goal: str) -> str:
+    """Return the key of X's colour and Y's room that goes with that of a goal; "" if there is none."""
+    key = goal.removesuffix(GOAL) + GOAL_ATTRIBUTES
+    return key if key in space.spaces and is_ids(space[key], 1) and space[key].shape == (2,) else ""
+
+
+def node_color(space: spaces.Dict, classes: str) -> str:
+    """Return the key of the colours of the nodes whose classes are under a key; "" if there is none."""
+    key = classes.removesuffix(NODE_CLASS) + NODE_COLOR
+    return key if key in space.spaces and is_ids(space[key], 1) and space[key].shape == space[classes].shape else ""
+
+
+def node_view(space: spaces.Dict, classes: str) -> str:
+    """Return the key of where nodes whose classes are under a key are in the picture; "" if there is none."""
+    key, nodes = classes.removesuffix(NODE_CLASS) + NODE_VIEW, space[classes].shape or ()
+    fits = key in space.spaces and isinstance(space[key], spaces.Box) and space[key].shape == (*nodes, 3)
+    return key if fits else ""
 
 
 def graphs(space: spaces.Dict) -> dict[str, tuple[str, str]]:

@@ -11,6 +11,9 @@ from torch import nn
 
 Tree = Any  # an array or tensor, or a dict of them, as the space says
 
+FLAT = spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary  # what observations may be made of
+FLAT_NAMES = "Box, a Discrete, a MultiDiscrete, a MultiBinary"
+
 
 @dataclass(frozen=True)
 class Interface:
@@ -59,8 +62,8 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, int]]:
     """Return agent -> observation space, and agent -> number of actions.
 
     Raises:
-        ValueError: an action space is not Discrete, an observation space neither Box, Discrete nor Dict of them, or an
-            agent has a name that torch keeps for itself.
+        ValueError: an action space is not Discrete, an observation space neither Box, Discrete, MultiDiscrete,
+            MultiBinary nor Dict of them, or an agent has a name that torch keeps for itself.
     """
     names = list(env.possible_agents)
     for name in names:
@@ -73,8 +76,8 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, int]]:
     observations = {name: env.observation_space(name) for name in names}
     for name, space in observations.items():
         parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
-        if not all(isinstance(part, spaces.Box | spaces.Discrete) for part in parts):
-            raise ValueError(f"the observation space of {name!r} is {space}; use a Box, a Discrete, or a Dict of them")
+        if not all(isinstance(part, FLAT) for part in parts):
+            raise ValueError(f"the observation space of {name!r} is {space}; use a {FLAT_NAMES}, or a Dict of them")
     return observations, {name: int(space.n) for name, space in actions.items()}
 
 
@@ -117,4 +120,11 @@ def _flat(space: spaces.Space[Any], observation: Tree) -> np.ndarray:
     if isinstance(space, spaces.Discrete):
         one_hot: np.ndarray = (np.arange(space.n) == observation - space.start).astype(np.float32)
         return one_hot
+    if isinstance(space, spaces.MultiDiscrete):
+        return np.concatenate(
+            [
+                np.arange(count) == number
+                for count, number in zip(space.nvec.ravel(), np.ravel(observation - space.start), strict=True)
+            ]
+        ).astype(np.float32)
     return np.asarray(observation, dtype=np.float32).ravel()

@@ -11,7 +11,9 @@ from chmarl_pb.catalog import BENCHMARK, ROOM_KINDS
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.detections import LABELS, DetectionEncoder
-from chmarl_pb.learning.networks.tables import EMBEDDING, VectorTable, class_table, word_table
+from chmarl_pb.learning.networks.graphs import GraphEncoder
+from chmarl_pb.learning.networks.parts import Asked, TokenEncoder
+from chmarl_pb.learning.networks.tables import EMBEDDING, VectorTable, class_table, shared_map, word_table
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.language.vectors import COLOURS, FILE, class_vectors, token_vectors, vector_of, word_vectors
 from tools.word_vectors import all_texts, nearest_classes
@@ -61,25 +63,26 @@ def test_tables_have_a_row_for_each_id() -> None:
 
 
 def test_a_table_is_one_linear_map_of_the_vectors() -> None:
-    table = VectorTable(class_vectors(), len(class_vectors()))
+    meaning = shared_map()
+    table = VectorTable(class_vectors(), len(class_vectors()), meaning)
     ids = torch.tensor([[3, 0], [1, 2]])
     torch.testing.assert_close(table(ids), table.weight[ids])
     assert not table(torch.tensor(0)).any()
     table(ids).sum().backward()
-    assert [name for name, _ in table.named_parameters()] == ["linear.weight"]
-    assert table.linear.weight.grad is not None and "vectors" in table.state_dict()
+    assert not [*table.named_parameters()]  # the map belongs to the encoder, whose tables share it
+    assert meaning.weight.grad is not None and "vectors" in table.state_dict()
 
 
 def test_own_things_and_words_are_learned_as_usual() -> None:
     for make, vectors in ((word_table, token_vectors()), (class_table, class_vectors())):
-        table = make(len(vectors) + 2, True)
+        table = make(len(vectors) + 2, shared_map())
         assert isinstance(table, VectorTable) and table.weight.shape == (len(vectors) + 2, EMBEDDING)
         assert table.own is not None and torch.equal(table.weight[-2:], table.own)
         with pytest.raises(ValueError, match="leave it out"):
-            make(len(vectors) - 1, True)
+            make(len(vectors) - 1, shared_map())
 
 
-@pytest.mark.parametrize("pool", ["mean", "gated"])
+@pytest.mark.parametrize("pool", ["mean", "gated", "grounded"])
 def test_encoders_take_them(space: spaces.Dict, pool: str) -> None:
     plain, known = (build_encoder(space, 16, graph_pool=pool, word_vectors=on) for on in (False, True))
     assert known(sampled(space)).shape == (1, 16)
@@ -87,15 +90,40 @@ def test_encoders_take_them(space: spaces.Dict, pool: str) -> None:
     tables = [module for module in known.modules() if isinstance(module, VectorTable)]
     assert len(tables) == 3  # words, classes of nodes, classes of the goal
     assert not any(isinstance(module, VectorTable) for module in plain.modules())
+    assert known.meaning is not None and plain.meaning is None
+    assert sum(part.numel() for part in known.meaning.parameters()) == 64 * EMBEDDING
     other = build_encoder(space, 16, graph_pool=pool, word_vectors=True)
     other.load_state_dict(known.state_dict())
     assert torch.equal(other(sampled(space)), known(sampled(space)))
 
 
 def test_detections_take_them() -> None:
-    encode = DetectionEncoder(word_vectors=True)
-    assert encode(torch.rand(2, len(LABELS), 4), torch.rand(2, EMBEDDING)).shape == (2, encode.size)
+    encode = DetectionEncoder(shared_map())
+    assert encode(torch.rand(2, len(LABELS), 4), Asked(torch.rand(2, EMBEDDING))).shape == (2, encode.size)
     assert isinstance(encode.classes, VectorTable) and encode.classes.weight.shape == (len(LABELS), EMBEDDING)
+
+
+def test_a_word_and_its_class_have_like_rows_in_the_tables_of_an_encoder(space: spaces.Dict) -> None:
+    """Words and classes share one map, so "smartphone" is nearest to the class that it names, before any training."""
+    encode = build_encoder(space, 16, word_vectors=True)
+    assert isinstance(encode, DictEncoder)
+    tokens, nodes = (encode.parts[encode.keys.index(key)] for key in ("instruction", "node_class"))
+    assert isinstance(tokens, TokenEncoder) and isinstance(nodes, GraphEncoder)
+    words, classes = (
+        torch.nn.functional.normalize(table.weight.detach(), dim=1) for table in (tokens.words, nodes.classes)
+    )
+    for word, name in (("smartphone", "mobile_phone"), ("couch", "sofa"), ("mug", "mug")):
+        row = words[language.tokenize(word, 1)[0]]
+        nearest = max(LABELS, key=lambda label: float(classes[BENCHMARK.class_ids[label]] @ row))
+        assert nearest == name
+
+
+def test_words_for_colours_have_vectors_too() -> None:
+    env = HouseholdEnv(track="grounded")
+    space = env.observation_space("humanoid")
+    env.close()
+    encode = build_encoder(space, 16, graph_pool="grounded", word_vectors=True)
+    assert all(module.own is None for module in encode.modules() if isinstance(module, VectorTable))
 
 
 def test_an_unseen_synonym_is_encoded_like_its_name(space: spaces.Dict) -> None:

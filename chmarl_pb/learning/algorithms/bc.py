@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -24,7 +24,7 @@ from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.cloned import KIND, BCPolicy, CloningConfig, make_actors, weights_of
+from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
@@ -151,7 +151,7 @@ class _Run:
                 self._check()
                 losses = loss_of(self.actors, self.config, batch.to(self._device), self.examiner.robots)
                 self.optimizer.zero_grad()
-                losses.sum().backward()
+                (losses.sum() + grounding_of(self.actors, self.config, batch.to(self._device))).backward()
                 nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
                 self.optimizer.step()
                 self.schedule.step()
@@ -183,7 +183,10 @@ class _Run:
         if not path.is_file():
             return
         content = checkpoint.load(path, UNFINISHED)
-        before = {"robots": ",".join(TEAM), "word_vectors": False}  # older ones have neither
+        before = {  # older ones have none of these
+            "robots": ",".join(TEAM), "word_vectors": False, "graph_pool": "mean", "numbers_past": False,
+            "grounding_coef": 0.0,
+        }  # fmt: skip
         content["config"] = before | content["config"]
         for name, own in self._settings().items():
             if content.get(name) != own:
@@ -209,6 +212,14 @@ def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch, robots: 
         for column, values in zip(columns, logits, strict=True):
             losses.append(nn.functional.cross_entropy(values[batch.mask], batch.labels[..., column][batch.mask]))
     return torch.stack(losses)
+
+
+def grounding_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+    """Return the loss that teaches the networks which classes instructions name, times its weight."""
+    if not config.grounding_coef:
+        return torch.zeros((), device=batch.labels.device)
+    losses = [cast(BCActor, actor).encoder.grounding_loss(batch.observation) for actor in actors]
+    return config.grounding_coef * torch.stack(losses).sum()
 
 
 class Examiner:

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.algorithms.losses import Batch, grounding, unroll
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -88,14 +88,17 @@ class DAgger:
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one gradient step and return the loss and how often the agents agree with the expert."""
         values = unroll(self.agents, batch).values
-        losses = {name: imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()}
+        losses = {
+            f"{name}_loss": imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()
+        }
+        losses |= grounding(self.agents, batch, self.config.grounding_coef)
         loss = torch.stack(list(losses.values())).sum()
         self._optimizer.zero_grad()
         loss.backward()
         norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.max_grad_norm)
         self._optimizer.step()
         self.updates += 1
-        metrics = {f"{name}_loss": float(part.detach()) for name, part in losses.items()}
+        metrics = {name: float(part.detach()) for name, part in losses.items()}
         return {"loss": float(loss.detach()), **metrics, "gradient_norm": float(norm)}
 
     def state(self) -> dict[str, Any]:

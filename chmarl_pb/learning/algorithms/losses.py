@@ -94,6 +94,19 @@ def unroll(agents: nn.ModuleDict, batch: Batch) -> Unrolled:
     return Unrolled(values, hidden_states)
 
 
+def grounding(agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, Tensor]:
+    """Return ``grounding_loss``, which teaches encoders the classes that instructions name, times a weight.
+
+    All learners add it to their own loss. There is none if the weight is 0, or no encoder compares words with classes.
+    """
+    losses = [
+        agent.encoder.grounding_loss(batch.observations[name])  # type: ignore[operator]
+        for name, agent in agents.items()
+        if weight and hasattr(agent.encoder, "grounding_loss")
+    ]
+    return {"grounding_loss": weight * torch.stack(losses).sum()} if losses else {}
+
+
 def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
     """Return agent -> its best allowed action after each observation, (B, T + 1)."""
     return {name: best_action(value, batch.action_mask[name]) for name, value in values.items()}

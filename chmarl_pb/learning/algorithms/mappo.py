@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
-from chmarl_pb.learning.algorithms.losses import Batch, lambda_returns, unroll
+from chmarl_pb.learning.algorithms.losses import Batch, grounding, lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
@@ -220,7 +220,9 @@ class Mappo:
                 "entropy": entropy[batch.acted].mean(),
                 "clipped": (ratio != bounded)[batch.acted].float().mean(),
             }
+            metrics |= grounding(self.agents, batch, self.config.grounding_coef)
         loss = value_loss + metrics.get("policy_loss", 0.0) - self.config.ent_coef * metrics.get("entropy", 0.0)
+        loss = loss + metrics.get("grounding_loss", 0.0)
         self._optimizer.zero_grad()
         loss.backward()
         norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.max_grad_norm)

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
+from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, grounding, td_loss, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
@@ -123,6 +123,8 @@ class ValueLearner:
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one gradient step and return the loss and what goes with it."""
         metrics = self.loss(batch)
+        metrics |= grounding(self.agents, batch, self.config.grounding_coef)
+        metrics["loss"] = metrics["loss"] + metrics.get("grounding_loss", 0.0)
         self._optimizer.zero_grad()
         metrics["loss"].backward()
         norm = nn.utils.clip_grad_norm_(self._weights, self.config.max_grad_norm)

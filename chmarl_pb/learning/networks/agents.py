@@ -15,18 +15,21 @@ NO_ACTION = -1  # last action at the first step
 
 
 class Agent(nn.Module):
-    """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018."""
+    """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018.
+
+    Numbers that go past the encoder are read by the GRU and by the last layer.
+    """
 
     def __init__(self, space: spaces.Space[Any], actions: int, config: RunConfig):
         """Make the layers for an observation space and a number of actions."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
         make = look_up("encoder", config.encoder, ENCODERS)
-        options = {"word_vectors": True} if config.word_vectors else {}  # own encoders need not know of it
-        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **options)
-        self.memory = nn.GRU(config.features + actions, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden, actions)
-        sizes = (config.features, config.hidden) if config.layer_norm else ()
+        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config))
+        self.past = int(getattr(self.encoder, "past", 0))
+        self.memory = nn.GRU(config.features + self.past + actions, config.hidden, batch_first=True)
+        self.head = nn.Linear(config.hidden + self.past, actions)
+        sizes = (config.features + self.past, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
     def forward(
@@ -40,10 +43,20 @@ class Agent(nn.Module):
             hidden: (1, B, H), the GRU's state before; zeros if None.
         """
         features = self.encoder(observation).unflatten(0, last_action.shape)
+        numbers = features[..., features.shape[-1] - self.past :]
         features = self.norms[0](features) if self.norms else features
         acted = nn.functional.one_hot(last_action + 1, self.actions + 1)[..., 1:]
         histories, hidden = self.memory(torch.cat([features, acted.to(features.dtype)], dim=-1), hidden)
-        return self.head(self.norms[1](histories) if self.norms else histories), histories, hidden
+        read = self.norms[1](histories) if self.norms else histories
+        return self.head(torch.cat([read, numbers], dim=-1)), histories, hidden
+
+
+def asked_of_encoder(config: Any) -> dict[str, bool]:
+    """Return the options that settings switch on; encoders of one's own need not know of the others."""
+    options = {
+        "word_vectors": config.word_vectors, "numbers_past": config.numbers_past, "taught": config.grounding_coef > 0
+    }  # fmt: skip
+    return {name: True for name, is_on in options.items() if is_on}
 
 
 def make_agents(

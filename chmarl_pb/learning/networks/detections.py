@@ -8,12 +8,14 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.parts import Part
-from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable
+from chmarl_pb.learning.networks.match import ROLES
+from chmarl_pb.learning.networks.parts import Asked, Part
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table
 from chmarl_pb.tasks.language.vectors import class_vectors
 
 LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
 SHAPE = (len(LABELS), 4)
+_IDS = tuple(catalog.BENCHMARK.class_ids[name] for name in LABELS)
 HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
@@ -43,29 +45,40 @@ class DetectionEncoder(Part):
     """Detections, pooled by what the instruction asks for, beside the sum over all classes.
 
     Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
-    detections behind its gates, so it holds whether such a thing is seen, and where.
+    detections behind its gates, so it holds whether such a thing is seen, and where. Grounded, there are two more
+    heads, whose gates are how likely a class is that of X, and that of Y.
     """
 
-    size = EMBEDDING + HEADS * SHAPE[1]
     asks = True
 
-    def __init__(self, word_vectors: bool = False):
-        """Make the tables; with word vectors that of the classes is made from them."""
+    def __init__(self, meaning: nn.Linear | None = None, grounded: bool = False):
+        """Make the tables.
+
+        Args:
+            meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
+            grounded: whether X and Y have heads of their own.
+        """
         super().__init__()
-        self.classes: Table = _vector_table() if word_vectors else nn.Embedding(SHAPE[0], EMBEDDING)
+        self.matches = grounded
+        self.size = EMBEDDING + (HEADS + ROLES * grounded) * SHAPE[1]
+        self.classes: Table
+        if grounded:
+            self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
+        elif meaning is not None:
+            self.classes = VectorTable(class_vectors()[list(_IDS)], SHAPE[0], meaning)
+        else:
+            self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
 
-    def forward(self, detected: Tensor, words: Tensor) -> Tensor:
-        """Return (B, size) from detections (B, C, 4) and the sum of the embeddings of the words, (B, EMBEDDING)."""
+    def forward(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return (B, size) from detections (B, C, 4) and what the instruction asks for."""
         detected = detected.float()
-        keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
-        match = torch.einsum("chd,bhd->bhc", keys, self.query(words).unflatten(1, (HEADS, KEY)))
-        heads = torch.sigmoid(match - _CLOSED) @ detected
-        return torch.cat([detected[..., 0] @ self.classes.weight, heads.flatten(1)], dim=1)
-
-
-def _vector_table() -> VectorTable:
-    """Return a table for the rows of detections."""
-    ids = [catalog.BENCHMARK.class_ids[name] for name in LABELS]
-    return VectorTable(class_vectors()[ids], len(ids))
+        rows = self.classes.weight[list(_IDS)] if self.matches else self.classes.weight
+        keys = self.key(rows).unflatten(1, (HEADS, KEY))
+        match = torch.einsum("chd,bhd->bhc", keys, self.query(asked.words).unflatten(1, (HEADS, KEY)))
+        gates = torch.sigmoid(match - _CLOSED)
+        if self.matches:
+            assert asked.wanted is not None
+            gates = torch.cat([gates, asked.wanted.classes[..., list(_IDS)]], dim=1)
+        return torch.cat([detected[..., 0] @ rows, (gates @ detected).flatten(1)], dim=1)

@@ -14,24 +14,31 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
-from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
+from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder, GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
+from chmarl_pb.learning.networks.match import Match
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
-from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, flattened, id_count
-from chmarl_pb.learning.networks.tables import Table, word_table
+from chmarl_pb.learning.networks.parts import Asked, FlatEncoder, Part, TokenEncoder, flattened, id_count
+from chmarl_pb.learning.networks.tables import Table, shared_map, word_table
 from chmarl_pb.learning.observation_keys import (
     IMAGE,
     INSTRUCTION,
     NODE_CLASS,
+    goal_attributes,
     goals,
     graphs,
     is_features,
     is_picture,
     named,
+    node_color,
+    node_view,
     tokens,
 )
+from chmarl_pb.learning.spaces import FLAT, FLAT_NAMES
 
-GRAPH_POOLS: dict[str, type[GraphEncoder]] = {"mean": GraphEncoder, "gated": GatedGraphEncoder}
+GRAPH_POOLS: dict[str, type[GraphEncoder]] = {
+    "mean": GraphEncoder, "gated": GatedGraphEncoder, "grounded": GroundedGraphEncoder
+}  # fmt: skip
 
 
 def build_encoder(
@@ -41,6 +48,7 @@ def build_encoder(
     graph_pool: str = "mean",
     numbers_past: bool = False,
     word_vectors: bool = False,
+    taught: bool = False,
 ) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
@@ -53,22 +61,24 @@ def build_encoder(
     cut to fewer rows than their space has.
 
     Args:
-        space: a Box, a Discrete, or a Dict of these.
+        space: a Box, a Discrete, a MultiDiscrete, a MultiBinary, or a Dict of these.
         size: number of features.
         image_encoder: of pictures: a name in ``IMAGE_ENCODERS``; where ``FeatureEnv`` gives features in their place,
             the name in ``FROZEN_ENCODERS`` of what they come from.
-        graph_pool: how a scene graph's nodes are pooled: "mean", or "gated" by the instruction.
+        graph_pool: how a scene graph's nodes are pooled: "mean"; "gated" by the instruction; or "grounded", by how
+            likely each is what the instruction calls X and Y.
         numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
             appended to the features as they are; see :class:`chmarl_pb.learning.networks.numbers.Numbers`.
-        word_vectors: whether words and classes come from static word vectors, of which a linear map is learned, so that
-            synonyms that training never shows are understood; see :mod:`chmarl_pb.tasks.language.vectors`.
+        word_vectors: whether words and classes come from static word vectors, of which one linear map is learned, so
+            that synonyms that training never shows are understood; see :mod:`chmarl_pb.tasks.language.vectors`.
+        taught: whether ``grounding_loss`` is to teach which classes the instruction names, whatever the pool.
 
     Raises:
         ValueError: the space is of another kind, or there is no such encoder.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors)
+        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors, taught)
     part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
@@ -77,7 +87,8 @@ class DictEncoder(nn.Module):
     """Encodes each part of a Dict by itself, and all of them together by two linear layers.
 
     Attributes:
-        size: number of features, with the numbers that go past the layers.
+        past: number of the numbers that go past the layers.
+        size: number of features, with these.
     """
 
     def __init__(
@@ -88,51 +99,111 @@ class DictEncoder(nn.Module):
         graph_pool: str,
         numbers_past: bool = False,
         word_vectors: bool = False,
+        taught: bool = False,
     ):
         """Make the parts that a space needs."""
         super().__init__()
-        self.space, pool = space, look_up("graph_pool", graph_pool, GRAPH_POOLS)
-        tables: dict[int, Table] = {}  # one table for each size of vocabulary: instruction and feedback share it
-        parts: dict[str, Part] = {}
-        self.graphs, self._tokens, goal, pictures = graphs(space), tokens(space), goals(space), named(space, IMAGE)
-        inside = {key for others in self.graphs.values() for key in others}
-        for key, box in space.spaces.items():
-            if key in self.graphs:
-                parts[key] = pool(box, space[self.graphs[key][0]], word_vectors)
-            elif key in self._tokens:
-                count = id_count(box)
-                parts[key] = TokenEncoder(tables.setdefault(count, word_table(count, word_vectors)))
-            elif key in goal:
-                parts[key] = GoalEncoder(box, word_vectors)
-            elif key not in inside:
-                parts[key] = _flat_or_image(box, image_encoder, key in pictures, word_vectors)
+        self.space = space
+        self.meaning = shared_map() if word_vectors else None
+        self._tokens, self._beside = tokens(space), _beside(space)
+        inside = {key for others in self._beside.values() for key in others if key}
+        make = _Maker(space, look_up("graph_pool", graph_pool, GRAPH_POOLS), image_encoder, self.meaning)
+        parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
+        matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
+        self.matches = nn.ModuleDict({key: Match(self._colours(key) is not None) for key in matched})
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
         self.numbers = Numbers(space) if numbers_past else None
-        self.size = size + (self.numbers.size if self.numbers else 0)
+        self.past = self.numbers.size if self.numbers else 0
+        self.size = size + self.past
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return (B, size)."""
         flat = {key: flattened(observation[key], box.shape) for key, box in self.space.spaces.items()}
         features = []
         for key, part in zip(self.keys, self.parts, strict=True):
-            beside = [flat[other] for other in self.graphs.get(key, ())]
-            if part.asks:
-                beside.append(self._asked(_instruction_beside(key), flat))
-            features.append(part(flat[key], *beside))
+            beside = [flat[other] if other else None for other in self._beside.get(key, ())]
+            asked = {"asked": self._asked(key, flat)} if part.asks else {}
+            features.append(part(flat[key], *beside, **asked))
         joint = self.joint(torch.cat(features, dim=1))
         return torch.cat([joint, self.numbers(observation)], dim=1) if self.numbers else joint
 
-    def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Tensor:
-        """Return the sum of the embeddings of an instruction's words, (B, EMBEDDING)."""
-        if key not in self._tokens:
-            raise ValueError(f"pooling by the instruction needs its tokens, {key!r}, in the observation")
-        return cast(TokenEncoder, self.parts[self.keys.index(key)]).total(flat[key])
+    def grounding_loss(self, observation: Mapping[str, Tensor]) -> Tensor:
+        """Return how badly the classes and colours of X and Y are known from the instructions; 0 without any."""
+        losses = [next(self.joint.parameters()).new_zeros(())]
+        for key, match in self.matches.items():
+            instruction = _instruction_beside(key)
+            flat = flattened(observation[instruction], self.space[instruction].shape)
+            losses.append(cast(Match, match).loss(flat, *self._tables(key)))
+        return torch.stack(losses).sum()
+
+    def _part(self, key: str) -> Any:
+        return self.parts[self.keys.index(key)]
+
+    def _colours(self, key: str) -> Table | None:
+        return getattr(self._part(key), "colours", None)
+
+    def _tables(self, key: str) -> tuple[Table, Table, Table | None]:
+        """Return the tables of words, classes and colours that belong to a part."""
+        return self._words(key).words, self._part(key).classes, self._colours(key)
+
+    def _words(self, key: str) -> TokenEncoder:
+        """Return what encodes the instruction beside a part."""
+        instruction = _instruction_beside(key)
+        if instruction not in self._tokens:
+            raise ValueError(f"pooling by the instruction needs its tokens, {instruction!r}, in the observation")
+        return cast(TokenEncoder, self._part(instruction))
+
+    def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Asked:
+        """Return what the instruction beside a part says."""
+        words, ids = self._words(key), flat[_instruction_beside(key)]
+        if not self._part(key).matches:
+            return Asked(words.total(ids))
+        return Asked(words.total(ids), self.matches[key](ids, *self._tables(key)))
+
+
+class _Maker:
+    """Makes the parts of an encoder of a space."""
+
+    def __init__(
+        self, space: spaces.Dict, pool: type[GraphEncoder], image_encoder: str, meaning: nn.Linear | None
+    ):  # fmt: skip
+        self._space, self._pool, self._image_encoder, self._meaning = space, pool, image_encoder, meaning
+        self._graphs, self._tokens, self._goals = graphs(space), tokens(space), goals(space)
+        self._pictures = named(space, IMAGE)
+        self._tables: dict[int, Table] = {}  # one for each size of vocabulary: instruction and feedback share it
+
+    def part(self, key: str, beside: tuple[str, ...]) -> Part:
+        """Return what encodes a key, with those beside it."""
+        box, others = self._space[key], [self._space[other] if other else None for other in beside]
+        if key in self._graphs:
+            states, _, colours, views = others
+            assert states is not None
+            return self._pool(box, states, self._meaning, colours, views is not None)
+        if key in self._tokens:
+            count = id_count(box)
+            return TokenEncoder(self._tables.setdefault(count, word_table(count, self._meaning)))
+        if key in self._goals:
+            return GoalEncoder(box, self._meaning, others[0])
+        own = key in self._pictures
+        return _flat_or_image(box, self._image_encoder, own, self._meaning, self._pool is GroundedGraphEncoder)
+
+
+def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
+    """Return the keys of what is encoded together with other keys -> those; "" for one that is not there."""
+    found: dict[str, tuple[str, ...]] = {
+        key: (*others, node_color(space, key), node_view(space, key)) for key, others in graphs(space).items()
+    }
+    return found | {key: (goal_attributes(space, key),) for key in goals(space)}
 
 
 def _flat_or_image(
-    space: spaces.Space[Any], image_encoder: str, ours: bool = False, word_vectors: bool = False
+    space: spaces.Space[Any],
+    image_encoder: str,
+    ours: bool = False,
+    meaning: nn.Linear | None = None,
+    grounded: bool = False,
 ) -> Part:
     """Return what encodes a part of a space; features of pictures are known under our own key alone."""
     if isinstance(space, spaces.Box) and is_picture(space):
@@ -143,10 +214,10 @@ def _flat_or_image(
             raise ValueError(
                 f"pictures have features of shape {space.shape}, not those of {image_encoder}: {kind.shape}"
             )
-        return kind.reader(word_vectors)
-    if isinstance(space, spaces.Box | spaces.Discrete):
+        return kind.reader(meaning, grounded)
+    if isinstance(space, FLAT):
         return FlatEncoder(space)
-    raise ValueError(f"{space} cannot be encoded; use a Box, a Discrete, or a Dict of these")
+    raise ValueError(f"{space} cannot be encoded; use a {FLAT_NAMES}, or a Dict of these")
 
 
 def _instruction_beside(key: str) -> str:
@@ -155,5 +226,6 @@ def _instruction_beside(key: str) -> str:
 
 
 #: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
-#: encoder of pictures and of the pool of graphs; where a run asks for it, also with ``word_vectors=True``.
+#: encoder of pictures and of the pool of graphs; where a run asks for it, also with ``word_vectors=True``,
+#: ``numbers_past=True`` and ``taught=True``.
 ENCODERS: dict[str, Callable[..., nn.Module]] = {"household": build_encoder}

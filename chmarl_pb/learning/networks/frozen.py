@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
@@ -35,18 +35,19 @@ class Kind:
     Attributes:
         build: makes it from its weights.
         shape: of the features of one picture.
-        reader: makes the part of an agent's network that reads the features; called with the option ``word_vectors``.
+        reader: makes the part of an agent's network that reads the features; called with the map of word vectors, if
+            there is one, and whether the pool is grounded.
     """
 
     build: Build
     shape: tuple[int, ...]
-    reader: Callable[[bool], Part]
+    reader: Callable[[nn.Linear | None, bool], Part]
 
 
 FROZEN_ENCODERS: dict[str, Kind] = {
-    "resnet18": Kind(resnet.build, resnet.SHAPE, lambda _: FeatureEncoder()),
+    "resnet18": Kind(resnet.build, resnet.SHAPE, lambda *_: FeatureEncoder()),
     "detector": Kind(detector.build, detections.SHAPE, detections.DetectionEncoder),
-    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, lambda _: FeatureEncoder(efficientnet.FEATURES)),
+    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, lambda *_: FeatureEncoder(efficientnet.FEATURES)),
 }
 
 

@@ -4,16 +4,19 @@ Letters: B graphs in the batch, N real nodes of all of them.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.parts import Part, id_count
-from chmarl_pb.learning.networks.tables import EMBEDDING, class_table, embedding
+from chmarl_pb.learning.networks.match import ROLES
+from chmarl_pb.learning.networks.parts import Asked, Part, id_count
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table, embedding
 
 GRAPH = 64  # features of a node after each graph convolution
+VIEW = 3  # numbers of a node's place in the picture
 HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of each node, and numbers in each
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
@@ -24,35 +27,85 @@ class GraphEncoder(Part):
 
     A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2) with the bias inside,
     ReLU(D^-1/2 (A + I) D^-1/2 (H W + b)): A counts the relations between two nodes, whatever their kind and direction,
-    and D is the degree with the self loop. An empty graph has the features 0.
+    and D is the degree with the self loop. An empty graph has the features 0. Where nodes have colours, or places in
+    the robot's picture, these are features of a node beside its class and state.
     """
 
     size = GRAPH
 
-    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any], word_vectors: bool = False):
-        """Make tables for the ids in two spaces; 0 is padding."""
+    def __init__(
+        self,
+        classes: spaces.Space[Any],
+        states: spaces.Space[Any],
+        meaning: nn.Linear | None = None,
+        colours: spaces.Space[Any] | None = None,
+        views: bool = False,
+    ):
+        """Make tables for the ids in spaces; 0 is padding.
+
+        Args:
+            classes: of ``node_class``.
+            states: of ``node_state``.
+            meaning: map of word vectors that tables are made by; None: they are learned row by row.
+            colours: of ``node_color``, if there is one.
+            views: whether there is a ``node_view``.
+        """
         super().__init__()
-        self.classes, self.states = class_table(id_count(classes), word_vectors), embedding(id_count(states))
+        self.classes, self.states = class_table(id_count(classes), meaning), embedding(id_count(states))
         self.first = nn.Linear(2 * EMBEDDING, GRAPH)
         self.second = nn.Linear(GRAPH, GRAPH)
+        self.colours: Table | None = None if colours is None else colour_table(id_count(colours), meaning)
+        self.painted = None if colours is None else nn.Linear(EMBEDDING, GRAPH, bias=False)
+        self.placed = nn.Linear(VIEW, GRAPH, bias=False) if views else None
 
-    def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
-        """Return (B, GRAPH) from classes (B, nodes), states (B, nodes), edges (B, edges, 3)."""
+    def forward(
+        self,
+        node_class: Tensor,
+        node_state: Tensor,
+        edges: Tensor,
+        color: Tensor | None = None,
+        view: Tensor | None = None,
+        asked: Asked | None = None,
+    ) -> Tensor:
+        """Return (B, size).
+
+        Args:
+            node_class: (B, nodes) ids of classes.
+            node_state: (B, nodes) ids of states.
+            edges: (B, edges, 3).
+            color: (B, nodes) ids of colours, if the encoder knows of them.
+            view: (B, nodes, 3) places in the picture, if the encoder knows of them.
+            asked: what the instruction asks for; the mean does not need it.
+        """
         real = node_class > 0  # padding is left out: (N) nodes of all graphs, one after the other
-        return _mean(self.convolved(real, node_class, node_state, edges), real)
+        graph = _Nodes(
+            real, node_class[real].long(), node_state[real].long(),
+            None if color is None else color[:, : real.shape[1]][real].long(),
+            None if view is None else view[:, : real.shape[1]][real].float(),
+        )  # fmt: skip
+        nodes = self._convolved(graph, edges)
+        return torch.cat([_mean(nodes, real), *self._heads(nodes, graph, asked)], dim=1)
 
-    def convolved(self, real: Tensor, node_class: Tensor, node_state: Tensor, edges: Tensor) -> Tensor:
+    def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
+        """Return what is pooled beside the mean, (B, features) each, from the convolved nodes (N, GRAPH)."""
+        return []
+
+    def _convolved(self, graph: "_Nodes", edges: Tensor) -> Tensor:
         """Return (N, GRAPH) of all real nodes after both convolutions."""
-        spread = _propagation(real, edges)
-        nodes = self._embedded(node_class[real].long(), node_state[real].long())
-        nodes = torch.relu(spread(nodes))
+        spread = _propagation(graph.real, edges)
+        nodes = torch.relu(spread(self._embedded(graph)))
         return torch.relu(spread(self.second(nodes)))
 
-    def _embedded(self, node_class: Tensor, node_state: Tensor) -> Tensor:
+    def _embedded(self, graph: "_Nodes") -> Tensor:
         """Return H W + b of the first convolution; the product is taken once for each class and state, not node."""
         by_class = self.classes.weight @ self.first.weight[:, :EMBEDDING].T + self.first.bias
         by_state = self.states.weight @ self.first.weight[:, EMBEDDING:].T
-        return by_class.index_select(0, node_class) + by_state.index_select(0, node_state)
+        nodes = by_class.index_select(0, graph.classes) + by_state.index_select(0, graph.states)
+        if self.colours is not None and self.painted is not None and graph.colours is not None:
+            nodes = nodes + self.painted(self.colours.weight).index_select(0, graph.colours)
+        if self.placed is not None and graph.views is not None:
+            nodes = nodes + self.placed(graph.views)
+        return nodes
 
 
 class GatedGraphEncoder(GraphEncoder):
@@ -66,32 +119,89 @@ class GatedGraphEncoder(GraphEncoder):
     size = GRAPH + HEADS * (VALUE + 1)
     asks = True
 
-    def __init__(self, classes: spaces.Space[Any], states: spaces.Space[Any], word_vectors: bool = False):
-        """Make tables for the ids in two spaces; 0 is padding."""
-        super().__init__(classes, states, word_vectors)
+    def __init__(self, *tables: Any):
+        """Make tables for the ids in spaces; see :class:`GraphEncoder`."""
+        super().__init__(*tables)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
         self.value = nn.Linear(GRAPH, HEADS * VALUE)
 
-    def forward(self, node_class: Tensor, node_state: Tensor, edges: Tensor, words: Tensor | None = None) -> Tensor:
-        """Return (B, size); ``words`` is the sum of the embeddings of the instruction's words, (B, EMBEDDING)."""
-        assert words is not None
-        real = node_class > 0
-        graph, ids = real.nonzero(as_tuple=True)[0], node_class[real].long()
-        nodes = self.convolved(real, node_class, node_state, edges)
+    def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
+        """Return the sums behind the gates, and the sums of the gates."""
+        assert asked is not None
         keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
-        match = torch.einsum("chd,bhd->bch", keys, self.query(words).unflatten(1, (HEADS, KEY)))  # of class and words
-        gates = torch.sigmoid(match.flatten(0, 1).index_select(0, graph * len(keys) + ids) - _CLOSED)
+        match = torch.einsum("chd,bhd->bch", keys, self.query(asked.words).unflatten(1, (HEADS, KEY)))
+        match = match.flatten(0, 1).index_select(0, graph.graphs * len(keys) + graph.classes)  # of class and words
+        gates = torch.sigmoid(match - _CLOSED)
         pooled = (self.value(nodes).unflatten(1, (HEADS, VALUE)) * gates.unsqueeze(2)).flatten(1)
-        heads = torch.cat([pooled, gates], dim=1)
-        pooled = heads.new_zeros(len(real), heads.shape[1]).index_add_(0, graph, heads)
-        return torch.cat([_mean(nodes, real), pooled], dim=1)
+        return [_sum(torch.cat([pooled, gates], dim=1), graph.real)]
+
+
+class GroundedGraphEncoder(GraphEncoder):
+    """The same convolutions, with attention to the nodes that are X and to those that are Y, beside the mean.
+
+    How likely a node is either follows from its class, and colour, and from the words of the instruction; see
+    :class:`chmarl_pb.learning.networks.match.Match`. For each of the two there is how likely it is among the nodes, and
+    the mean of the nodes with these weights: their features and, where nodes have one, their place in the picture.
+    """
+
+    asks = True
+    matches = True
+
+    def __init__(self, *tables: Any):
+        """Make tables for the ids in spaces; see :class:`GraphEncoder`."""
+        super().__init__(*tables)
+        self.value = nn.Linear(GRAPH, VALUE)
+        self.size = GRAPH + ROLES * (1 + VALUE + (VIEW if self.placed is not None else 0))
+
+    def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
+        """Return whether X and Y are there, and what they are like."""
+        assert asked is not None and asked.wanted is not None
+        gates = asked.wanted.classes[graph.graphs, :, graph.classes]  # (N, ROLES)
+        if asked.wanted.colours is not None and graph.colours is not None:
+            of_x = asked.wanted.colours[graph.graphs, 0, graph.colours]
+            gates = torch.stack([gates[:, 0] * of_x, gates[:, 1]], dim=1)
+        index = graph.graphs.unsqueeze(1).expand_as(gates)
+        there = gates.new_zeros(len(graph.real), ROLES).scatter_reduce(0, index, gates, "amax")
+        values = self.value(nodes)
+        if graph.views is not None:
+            values = torch.cat([values, graph.views], dim=1)
+        pooled = _sum((gates.unsqueeze(2) * values.unsqueeze(1)).flatten(1), graph.real).unflatten(1, (ROLES, -1))
+        return [there, (pooled / _sum(gates, graph.real).clamp(min=1).unsqueeze(2)).flatten(1)]
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """The real nodes of all graphs of a batch, one after the other.
+
+    Attributes:
+        real: (B, nodes) which are not padding.
+        classes: (N) ids.
+        states: (N) ids.
+        colours: (N) ids, if the encoder knows of them.
+        views: (N, VIEW), if the encoder knows of them.
+    """
+
+    real: Tensor
+    classes: Tensor
+    states: Tensor
+    colours: Tensor | None
+    views: Tensor | None
+
+    @cached_property
+    def graphs(self) -> Tensor:
+        """(N) the number of each node's graph."""
+        return self.real.nonzero(as_tuple=True)[0]
 
 
 def _mean(nodes: Tensor, real: Tensor) -> Tensor:
     """Return the means (B, F) of the features (N, F) of each graph's nodes; 0 for an empty graph."""
-    total = nodes.new_zeros(len(real), nodes.shape[1]).index_add_(0, real.nonzero(as_tuple=True)[0], nodes)
-    return total / real.sum(dim=1, keepdim=True).clamp(min=1)
+    return _sum(nodes, real) / real.sum(dim=1, keepdim=True).clamp(min=1)
+
+
+def _sum(nodes: Tensor, real: Tensor) -> Tensor:
+    """Return the sums (B, F) of the features (N, F) of each graph's nodes."""
+    return nodes.new_zeros(len(real), nodes.shape[1]).index_add_(0, real.nonzero(as_tuple=True)[0], nodes)
 
 
 @dataclass(frozen=True)

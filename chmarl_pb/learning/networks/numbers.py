@@ -8,26 +8,41 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.parts import Part, flattened, id_count
-from chmarl_pb.learning.networks.tables import EMBEDDING, class_table
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table
 from chmarl_pb.learning.observation_keys import MESSAGES, SELF, goals, named
 
 _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
 
 
 class GoalEncoder(Part):
-    """The embeddings of the classes that the goal names, and the bits as they are."""
+    """The embeddings of the classes that the goal names, and the bits as they are.
 
-    def __init__(self, goal: spaces.Space[Any], word_vectors: bool = False):
-        """Make a table of classes."""
+    Among lookalikes also that of X's colour, and Y's room as one-hot.
+    """
+
+    def __init__(
+        self,
+        goal: spaces.Space[Any],
+        meaning: nn.Linear | None = None,
+        attributes: spaces.Space[Any] | None = None,
+    ):
+        """Make tables of classes and, with attributes, of colours."""
         super().__init__()
-        self.shape = goal.shape
-        self.classes = class_table(id_count(goal), word_vectors)
+        self.classes = class_table(id_count(goal), meaning)
         self.size = _IDS * EMBEDDING + 2
+        self.colours: Table | None = None
+        if isinstance(attributes, spaces.Box):
+            colours, self.rooms = (int(most) + 1 for most in attributes.high)
+            self.colours = colour_table(colours, meaning)
+            self.size += EMBEDDING + self.rooms
 
-    def forward(self, goal: Tensor) -> Tensor:
-        """Return (B, size) from goals (B, 4)."""
-        flat = flattened(goal, self.shape)
-        return torch.cat([self.classes(flat[:, :_IDS].long()).flatten(1), flat[:, _IDS:].float()], dim=1)
+    def forward(self, goal: Tensor, attributes: Tensor | None = None) -> Tensor:
+        """Return (B, size) from goals (B, 4) and attributes (B, 2)."""
+        parts = [self.classes(goal[:, :_IDS].long()).flatten(1), goal[:, _IDS:].float()]
+        if self.colours is not None and attributes is not None:
+            colour, room = attributes.long().unbind(dim=1)
+            parts += [self.colours(colour), nn.functional.one_hot(room, self.rooms).float()]
+        return torch.cat(parts, dim=1)
 
 
 class Numbers(nn.Module):

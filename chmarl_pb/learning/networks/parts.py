@@ -1,14 +1,29 @@
 """The parts of an encoder: each turns one key of an observation into features. Here: words, numbers, features."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from chmarl_pb.learning.networks.match import Wanted
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table
 
 FEATURES = 512  # of a picture, after a frozen network
+
+
+class Asked(NamedTuple):
+    """What the instruction says.
+
+    Attributes:
+        words: (B, EMBEDDING) the sum of the embeddings of its words.
+        wanted: how likely each class is that of X, and of Y; None where nothing compares them.
+    """
+
+    words: Tensor
+    wanted: Wanted | None = None
 
 
 class Part(nn.Module):
@@ -16,11 +31,13 @@ class Part(nn.Module):
 
     Attributes:
         size: number of its features.
-        asks: whether it also takes the sum of the embeddings of the instruction's words, as its last argument.
+        asks: whether it also takes what the instruction says, ``asked``.
+        matches: whether it needs ``asked.wanted``, too.
     """
 
     size: int
     asks = False
+    matches = False
 
 
 class TokenEncoder(Part):
@@ -59,23 +76,35 @@ class FeatureEncoder(Part):
 
 
 class FlatEncoder(Part):
-    """The numbers as they are; a Discrete as one-hot."""
+    """The numbers as they are; a Discrete, and each component of a MultiDiscrete, as one-hot."""
+
+    starts: Tensor
 
     def __init__(self, space: spaces.Space[Any]):
         """Know the size of a space."""
         super().__init__()
         self.shape = space.shape or ()
-        self.count = int(space.n) if isinstance(space, spaces.Discrete) else None
-        self.start = int(space.start) if isinstance(space, spaces.Discrete) else 0
-        self.size = self.count or math.prod(self.shape)
+        self.counts: list[int] = []
+        starts = np.zeros(0, dtype=np.int64)
+        if isinstance(space, spaces.Discrete):
+            self.counts, starts = [int(space.n)], np.array([space.start], dtype=np.int64)
+        elif isinstance(space, spaces.MultiDiscrete):
+            self.counts, starts = space.nvec.ravel().tolist(), np.asarray(space.start, dtype=np.int64).ravel()
+        self.register_buffer("starts", torch.from_numpy(starts), persistent=False)
+        self.size = sum(self.counts) or math.prod(self.shape)
 
     def forward(self, values: Tensor) -> Tensor:
         """Return (B, size)."""
-        flat = flattened(values, self.shape)
-        if self.count is not None:
-            counted = flat.long() - self.start
-            return nn.functional.one_hot(counted.clamp(min=0), self.count).float() * (counted >= 0).unsqueeze(-1)
-        return flat.flatten(start_dim=1).float() if self.shape else flat.unsqueeze(1).float()
+        flat = flattened(values, self.shape).reshape(-1, math.prod(self.shape))
+        if not self.counts:
+            return flat.float()
+        rows = (flat.long() - self.starts).unbind(dim=1)
+        return torch.cat([_one_hot(row, count) for row, count in zip(rows, self.counts, strict=True)], dim=1)
+
+
+def _one_hot(numbers: Tensor, count: int) -> Tensor:
+    """Return (B, count) of numbers (B); zeros for one below 0, which is nobody's."""
+    return nn.functional.one_hot(numbers.clamp(min=0), count).float() * (numbers >= 0).unsqueeze(-1)
 
 
 def flattened(values: Tensor, shape: tuple[int, ...] | None) -> Tensor:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from gymnasium import spaces
@@ -11,8 +11,8 @@ from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, share
-from chmarl_pb.learning.networks import build_encoder
-from chmarl_pb.learning.networks.agents import NO_ACTION, device_of
+from chmarl_pb.learning.networks import DictEncoder, build_encoder
+from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, device_of
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
@@ -51,7 +51,10 @@ class CloningConfig:
         hidden: length of the GRU's state.
         past_actions: whether a robot observes its own last action.
         image_encoder: of pictures.
+        graph_pool: of scene graphs: "mean" (the paper's), "gated" or "grounded".
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
+        numbers_past: whether the messages and the robots' own states also go past the encoder, to memory and heads.
+        grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y.
         temperature: of the probabilities that actions are drawn from in an episode; 0: the likeliest action.
         validation_interval: epochs between two choices of the best weights.
         validation_tasks: of each validation split that are played then, at equal distances.
@@ -73,7 +76,10 @@ class CloningConfig:
     hidden: int = count(128)
     past_actions: bool = True
     image_encoder: str = "resnet18"
+    graph_pool: str = "mean"
     word_vectors: bool = False
+    numbers_past: bool = False
+    grounding_coef: float = amount(0.0)
     temperature: float = amount(0.0)
     validation_interval: int = count(2)
     validation_tasks: int = count(50)
@@ -105,11 +111,15 @@ class BCActor(nn.Module):
         """Make the layers for an observation space and each robot's number of actions."""
         super().__init__()
         self.actions = actions
-        self.encoder = build_encoder(space, config.features, config.image_encoder, word_vectors=config.word_vectors)
+        self.encoder = cast(
+            DictEncoder,
+            build_encoder(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config)),
+        )
+        past = self.encoder.past
         self.dropout = nn.Dropout(config.dropout)
         self.past_actions = config.past_actions
-        self.memory = nn.GRU(config.features + sum(actions) * self.past_actions, config.hidden, batch_first=True)
-        self.heads = nn.ModuleList(nn.Linear(config.hidden, count) for count in actions)
+        self.memory = nn.GRU(config.features + past + sum(actions) * self.past_actions, config.hidden, batch_first=True)
+        self.heads = nn.ModuleList(nn.Linear(config.hidden + past, count) for count in actions)
 
     def forward(
         self, observation: dict[str, Tensor], last: Tensor, hidden: Tensor | None = None
@@ -122,12 +132,13 @@ class BCActor(nn.Module):
             hidden: (1, B, H), the GRU's state before; zeros if None.
         """
         features = self.dropout(self.encoder(observation)).unflatten(0, last.shape[:2])
+        numbers = features[..., features.shape[-1] - self.encoder.past :]
         if self.past_actions:
             # A row of its own for NO_ACTION, which is then left out.
             acted = [nn.functional.one_hot(last[..., i] + 1, n + 1)[..., 1:] for i, n in enumerate(self.actions)]
             features = torch.cat([features, *(one_hot.to(features.dtype) for one_hot in acted)], dim=-1)
         histories, hidden = self.memory(features, hidden)
-        histories = self.dropout(histories)
+        histories = torch.cat([self.dropout(histories), numbers], dim=-1)
         return [head(histories) for head in self.heads], hidden
 
 

@@ -13,6 +13,7 @@ from chmarl_pb.learning.policies.batched import BatchedPolicy, as_batched, play_
 from chmarl_pb.policies.policy import Actions
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.tasks.outcome import Outcome
 
 WIDTH = 8  # episodes side by side: more environments take more memory and are hardly faster
 
@@ -41,15 +42,19 @@ def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> It
     """Yield one episode of each job."""
     seeds, options = [episode_seed(*job) for job in jobs], [{"task": task} for task, _ in jobs]
     chosen: list[list[Actions]] = [[] for _ in jobs]
+    outcomes: list[list[Outcome]] = [[] for _ in jobs]
     own = [policy_seed(core_of_parallel(envs[0]).instruction_of(task), seed) for task, seed in jobs]
     for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options, own):
+        core = core_of_parallel(envs[number])
+        outcomes[number].append(core.outcome)
         if actions is None:
             continue
-        core = core_of_parallel(envs[number])
         chosen[number].append(
             {name: int(parted(name, actions[name], core.symbols)[0]) for name in core.possible_agents}
         )
         if not envs[number].agents:
             task, seed = jobs[number]
             end = core.outcome.success, core.outcome.potential, core.steps
-            yield played(core, Episode(task, (), tuple(chosen[number]), np.zeros(0), (result[4],), *end), seed)
+            yield played(
+                core, Episode(task, (), tuple(chosen[number]), np.zeros(0), (result[4],), *end), seed, outcomes[number]
+            )

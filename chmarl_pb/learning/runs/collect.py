@@ -16,6 +16,9 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 NO_LABEL = -1  # nobody has said what would have been right
 
+#: Called after the reset and after each step with the number of the episode and its environment, which it may read.
+OnStep = Callable[[int, Any], None]
+
 
 class Choose(Protocol):
     """How actions are chosen from what the networks give for them."""
@@ -149,6 +152,7 @@ class Collector:
         seeds: Sequence[int],
         options: Sequence[dict[str, Any] | None] | None = None,
         ask_experts: bool = False,
+        on_step: OnStep = lambda number, env: None,
     ) -> list[Episode]:
         """Play one episode in each of the first environments.
 
@@ -159,6 +163,7 @@ class Collector:
             seeds: of the resets, one for each episode, at most as many as there are environments.
             options: of the resets.
             ask_experts: whether the experts, if there are any, say what they would do.
+            on_step: watches.
 
         Raises:
             ValueError: an episode goes on after ``horizon`` steps.
@@ -168,6 +173,7 @@ class Collector:
         explorer = Explorer(agents, choose, rng, experts, self._check)
         for number, actions, result in play_together(envs, explorer, seeds, options or [None] * len(seeds)):
             episode, env = episodes[number], envs[number]
+            on_step(number, env)
             if actions is None:
                 begin(self.interface, episode, env, result)
                 continue

@@ -1,7 +1,8 @@
 """Greedy episodes during training; the best checkpoint is chosen by their score. Test splits are not for this."""
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from torch import nn
@@ -11,9 +12,11 @@ from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.evaluation.recognition import Recognition, recognition, total
 from chmarl_pb.learning.runs.collect import Collector, greedy
 from chmarl_pb.learning.runs.replay_buffer import Episode
 from chmarl_pb.robots.registry import TEAM
+from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -76,34 +79,82 @@ def _by(tasks: Mapping[str, Sequence[Task]]) -> Validate:
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
         figures: dict[str, float] = {}
-        core = core_of_parallel(collector.envs[0])
+        noted: list[Recognition] = []
         for split, chosen in tasks.items():
-            seeds, options = [episode_seed(task, 0) for task in chosen], [{"task": task} for task in chosen]
-            played = play_greedily(collector, agents, seeds, options)
-            won = [episode.info[core.possible_agents[0]]["success"] for episode in played]
-            scores = [0.0] * len(won)
-            for number in np.flatnonzero(won).tolist():
-                task = chosen[number]
-                best = known[task.id] = known.get(task.id) or optimal_steps(core, task)
-                scores[number] = path_weighted(True, len(played[number]), best)
-            figures |= {f"{split}_sr": float(np.mean(won)), f"{split}_plw": float(np.mean(scores))}
-        return {"score": float(np.mean([figures[f"{split}_plw"] for split in tasks]))} | figures
+            played = play_tasks(collector, agents, chosen, known)
+            noted += [one.recognition for one in played]
+            figures[f"{split}_sr"] = float(np.mean([one.success for one in played]))
+            figures[f"{split}_plw"] = float(np.mean([one.score for one in played]))
+        return (
+            {"score": float(np.mean([figures[f"{split}_plw"] for split in tasks]))} | figures | total(noted).figures()
+        )
 
     return validate
 
 
-def play_greedily(
-    collector: Collector,
-    agents: nn.ModuleDict,
-    seeds: Sequence[int],
-    options: Sequence[dict[str, Any]] | None = None,
-) -> list[Episode]:
+class PlayedTask(NamedTuple):
+    """How a task was played: whether it was solved, its share of PLW, and how often robots act on what they see."""
+
+    success: bool
+    score: float
+    recognition: Recognition
+
+
+class Outcomes:
+    """Notes the outcomes of episodes that are played side by side.
+
+    Attributes:
+        noted: number of an episode -> its outcomes, with that of the reset.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.noted: dict[int, list[Outcome]] = defaultdict(list)
+
+    def note(self, number: int, env: Any) -> None:
+        """Note what an episode has come to."""
+        self.noted[number].append(core_of_parallel(env).outcome)
+
+
+def play_tasks(
+    collector: Collector, agents: nn.ModuleDict, tasks: Sequence[Task], known: dict[str, int] | None = None
+) -> list[PlayedTask]:
+    """Play each of some tasks once, without exploration.
+
+    Args:
+        collector: of environments of the benchmark.
+        agents: agent -> its network.
+        tasks: which.
+        known: task's id -> L*, of tasks that were solved before; others are added.
+    """
+    cores, known = [core_of_parallel(env) for env in collector.envs], {} if known is None else known
+    rng, found = np.random.default_rng(0), []  # draws nothing
+    for first in range(0, len(tasks), len(cores)):
+        rollout = tasks[first : first + len(cores)]
+        outcomes = Outcomes()
+        episodes = collector.play(
+            agents, greedy, rng, [episode_seed(task, 0) for task in rollout], [{"task": task} for task in rollout],
+            on_step=outcomes.note,
+        )  # fmt: skip
+        noted = [
+            recognition(core, outcomes.noted[number], episode.actions) or Recognition()
+            for number, (core, episode) in enumerate(zip(cores, episodes, strict=False))
+        ]
+        for task, episode, counts in zip(rollout, episodes, noted, strict=True):
+            won, score = bool(episode.info[cores[0].possible_agents[0]]["success"]), 0.0
+            if won:
+                known[task.id] = known.get(task.id) or optimal_steps(cores[0], task)
+                score = path_weighted(True, len(episode), known[task.id])
+            found.append(PlayedTask(won, score, counts))
+    return found
+
+
+def play_greedily(collector: Collector, agents: nn.ModuleDict, seeds: Sequence[int]) -> list[Episode]:
     """Play one episode for each seed without exploration, in rollouts."""
     rng, width = np.random.default_rng(0), len(collector.envs)  # draws nothing
     played: list[Episode] = []
     for first in range(0, len(seeds), width):
-        rollout = slice(first, first + width)
-        played += collector.play(agents, greedy, rng, seeds[rollout], options[rollout] if options else None)
+        played += collector.play(agents, greedy, rng, seeds[first : first + width])
     return played
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, ThingClass
 from chmarl_pb.tasks.language.tokens import vocabulary, words
 
@@ -37,9 +38,19 @@ def vector_of(text: str) -> Vectors:
     return np.mean(found, axis=0) if found else np.zeros_like(known["the"])
 
 
-def token_vectors() -> Vectors:
-    """Return the vectors of the benchmark's token ids (ids, size); those of padding and unknown words are zero."""
-    return _rows([*vocabulary()], before=2)
+def token_vectors(count: int = 0) -> Vectors:
+    """Return the vectors of the benchmark's token ids (ids, size); those of padding and unknown words are zero.
+
+    Args:
+        count: of ids; if it is that of the vocabulary among lookalikes, words for colours have vectors, too.
+    """
+    among = vocabulary(attributes=True)
+    return _rows([*(among if count == len(among) + 2 else vocabulary())], before=2)
+
+
+def colour_vectors() -> Vectors:
+    """Return the vectors of the ids of colours (ids, size); that of 0, of what has none, is zero."""
+    return _rows(catalog.COLOURS, before=1)
 
 
 def class_vectors() -> Vectors:

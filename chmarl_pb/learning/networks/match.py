@@ -1,0 +1,115 @@
+"""What an instruction asks for, among the classes and colours that nodes have: which are X, and which Y.
+
+Nothing but the right action tells a network which words name which class, and that late. :class:`Match` compares words
+with classes, and can be taught so directly: every instruction names its classes (``parse_instruction``), which every
+robot may read off its own observation.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table
+from chmarl_pb.tasks import language
+
+ROLES = 2  # X and Y
+_UNNAMED = -100  # label that cross_entropy leaves out
+_SHARPNESS = 10.0  # of the comparison at first: a cosine of 0.5 more is e^5 times as likely
+
+
+class Wanted(NamedTuple):
+    """How likely classes and colours are those of X and Y.
+
+    Attributes:
+        classes: (B, ROLES, classes) probabilities, which sum to 1 over the classes.
+        colours: (B, ROLES, colours) the same of colours; None where nodes have none.
+    """
+
+    classes: Tensor
+    colours: Tensor | None = None
+
+
+class Match(nn.Module):
+    """Finds the words that name X and Y and compares them with the names of all classes.
+
+    For each of the two, the words of a sentence have weights that depend on the words beside them; the mean of the
+    embeddings of words with these weights is compared with those of the classes by the cosine. A class is likely if
+    no other one is nearer, so that a synonym that training never shows needs only be nearest to its class.
+    """
+
+    def __init__(self, colours: bool):
+        """Make the layers.
+
+        Args:
+            colours: whether the words that name colours are looked for, too.
+        """
+        super().__init__()
+        self.colours, looks = colours, ROLES * (1 + colours)
+        self.beside = nn.Conv1d(EMBEDDING, EMBEDDING, 3, padding=1)
+        self.weights = nn.Linear(EMBEDDING, looks)
+        self.query = nn.Linear(EMBEDDING, EMBEDDING, bias=False)
+        nn.init.eye_(self.query.weight)
+        self.sharpness = nn.Parameter(torch.tensor(_SHARPNESS).log())
+
+    def scores(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None) -> tuple[Tensor, ...]:
+        """Return logits of the classes (B, ROLES, classes), and with colours also of these, from token ids (B, L)."""
+        embedded = words(tokens)
+        heard = torch.relu(self.beside(embedded.transpose(1, 2))).transpose(1, 2)
+        weights = self.weights(heard).masked_fill((tokens == 0).unsqueeze(2), -1e9).softmax(dim=1)
+        named = self.query(weights.transpose(1, 2) @ embedded)
+        tables = [classes] if colours is None else [classes, colours]
+        return tuple(self._compared(part, table) for part, table in zip(named.split(ROLES, 1), tables, strict=True))
+
+    def forward(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Wanted:
+        """Return what instructions ask for, from token ids (B, L) and the tables of words, classes and colours."""
+        different, place = tokens.long().unique(dim=0, return_inverse=True)
+        found = [part.softmax(dim=-1)[place] for part in self.scores(different, words, classes, colours)]
+        return Wanted(*found)
+
+    def loss(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Tensor:
+        """Return the cross-entropy of the classes, and colours, that different instructions name; 0 without any."""
+        different = tokens.long().unique(dim=0)
+        labels = torch.from_numpy(np.stack([named_by(row) for row in different.cpu().numpy()])).to(different.device)
+        scores = self.scores(different, words, classes, colours)
+        losses = [_cross_entropy(part, labels[:, kind]) for kind, part in enumerate(scores)]
+        return torch.stack(losses).sum()
+
+    def _compared(self, named: Tensor, table: Table) -> Tensor:
+        """Return the scores (B, ROLES, ids) of the rows of a table; none for 0, which is padding."""
+        likeness = nn.functional.normalize(named, dim=-1) @ nn.functional.normalize(table.weight, dim=-1).T
+        scores = likeness * self.sharpness.exp()
+        return torch.cat([torch.full_like(scores[..., :1], -1e9), scores[..., 1:]], dim=-1)
+
+
+def _cross_entropy(scores: Tensor, labels: Tensor) -> Tensor:
+    """Return the mean over X and Y of those instructions that name them."""
+    named = (labels != _UNNAMED) & (labels < scores.shape[-1])
+    return nn.functional.cross_entropy(scores[named], labels[named]) if named.any() else 0 * scores.sum()
+
+
+def named_by(tokens: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the ids that an instruction names, (2, ROLES): classes of X and Y, and colours of X and Y.
+
+    What it does not name has a label that no loss counts; so has all of an instruction of several objects.
+    """
+    return _named_by(tokens.astype(np.int16).tobytes())
+
+
+@lru_cache(maxsize=8192)
+def _named_by(tokens: bytes) -> NDArray[np.int64]:
+    ids, labels = np.frombuffer(tokens, dtype=np.int16), np.full((2, ROLES), _UNNAMED)
+    try:
+        pairs = language.read_pairs(ids)
+    except ValueError:
+        return labels
+    if len(pairs) == 1:
+        labels[0] = [BENCHMARK.class_ids[name] for name in pairs[0]]
+        colour = language.read_attributes(ids).get(pairs[0][0], "")
+        labels[1, 0] = catalog.COLOUR_IDS.get(colour, _UNNAMED)
+    return labels

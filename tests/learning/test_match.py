@@ -1,0 +1,113 @@
+"""Grounding: instructions teach which classes they name, attention goes to those nodes, and numbers go past."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+
+from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.learning.networks import DictEncoder, build_encoder
+from chmarl_pb.learning.networks.match import named_by
+from chmarl_pb.tasks import language
+
+MUG, SOFA = BENCHMARK.class_ids["mug"], BENCHMARK.class_ids["sofa"]
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[HouseholdEnv]:
+    """The grounded track, with the goal."""
+    env = HouseholdEnv(track="grounded", goal=True)
+    yield env
+    env.close()
+
+
+def batch(space: spaces.Dict, *observations: dict[str, np.ndarray]) -> dict[str, torch.Tensor]:
+    return {key: torch.from_numpy(np.stack([one[key] for one in observations])) for key in space.spaces}
+
+
+def empty(space: spaces.Dict, text: str) -> dict[str, np.ndarray]:
+    """Return an observation of nothing, with an instruction."""
+    seen = {key: np.zeros_like(value) for key, value in space.sample().items()}
+    return {**seen, "instruction": language.tokenize(text, len(seen["instruction"]), attributes=True)}
+
+
+def test_labels_are_what_instructions_name() -> None:
+    tokens = language.tokenize("Put the red mug on the couch.", 24, attributes=True)
+    assert named_by(tokens).tolist() == [[MUG, SOFA], [catalog.COLOUR_IDS["red"], -100]]
+    assert (named_by(np.zeros(24, np.int16)) < 0).all()
+    assert (named_by(language.tokenize("Put the mug away.", 24)) < 0).all()
+
+
+@pytest.mark.parametrize("word_vectors", [False, True])
+def test_classes_and_colours_are_learned_from_instructions(env: HouseholdEnv, word_vectors: bool) -> None:
+    space = env.observation_space("humanoid")
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        encode = build_encoder(space, 16, graph_pool="grounded", word_vectors=word_vectors)
+    assert isinstance(encode, DictEncoder)
+    texts = [f"Put the {colour} {x} on the {y}." for colour, x, y in
+             (("red", "mug", "bed"), ("blue", "apple", "sofa"), ("green", "towel", "desk"))]  # fmt: skip
+    seen = batch(space, *(empty(space, text) for text in texts))
+    optimizer = torch.optim.Adam(encode.parameters(), 0.01)
+    losses = []
+    for _ in range(30):
+        optimizer.zero_grad()
+        loss = encode.grounding_loss(seen)
+        loss.backward()
+        optimizer.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.2 < losses[0]
+
+
+def test_attention_goes_to_x_of_the_colour_that_is_named(env: HouseholdEnv) -> None:
+    """Where X is in the picture is among the features, whichever node it is; a lookalike's place is not."""
+    space = env.observation_space("humanoid")
+    seen = empty(space, "Put the red mug on the sofa.")
+    seen["node_class"][:2] = MUG
+    seen["node_state"][:2] = 1
+    seen["node_color"][:2] = catalog.COLOUR_IDS["red"], catalog.COLOUR_IDS["blue"]
+    red, blue = dict(seen), dict(seen)
+    for place, one in ((0, red), (1, blue)):
+        one["node_view"] = np.zeros_like(seen["node_view"])
+        one["node_view"][place] = 0.9, 0.9, 0.1
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        encode = build_encoder(space, 16, graph_pool="grounded", word_vectors=True)
+    assert isinstance(encode, DictEncoder)
+    optimizer = torch.optim.Adam(encode.parameters(), 0.01)
+    for _ in range(40):
+        optimizer.zero_grad()
+        encode.grounding_loss(batch(space, seen)).backward()
+        optimizer.step()
+    flat = batch(space, red, blue)
+    part = encode.parts[encode.keys.index("node_class")]
+    keys = ("node_class", "node_state", "edges", "node_color", "node_view")
+    features = part(*(flat[key] for key in keys), asked=encode._asked("node_class", flat))
+    of_x = features[:, 64 + 2 :].unflatten(1, (2, -1))[:, 0, -3:]
+    torch.testing.assert_close(of_x[0], torch.tensor([0.9, 0.9, 0.1]), atol=0.1, rtol=0)
+    assert of_x[1].abs().max() < 0.1
+
+
+@pytest.mark.parametrize("pool", ["mean", "gated", "grounded"])
+def test_colours_and_places_of_nodes_count(env: HouseholdEnv, pool: str) -> None:
+    space = env.observation_space("humanoid")
+    encode = build_encoder(space, 16, graph_pool=pool)
+    assert isinstance(encode, DictEncoder) and not {"node_color", "node_view", "goal_attributes"} & {*encode.keys}
+    seen = env.reset(seed=0)[0]["humanoid"]
+    node = int(np.argmax(seen["node_class"] > 0))
+    assert seen["node_class"][node]
+    for key, value in (("node_color", 3), ("node_view", 0.7)):
+        other = {**seen, key: seen[key].copy()}
+        other[key][node] += value
+        one, two = encode(batch(space, seen, other))
+        assert not torch.equal(one, two)
+
+
+def test_nothing_is_taught_without_words_and_graphs() -> None:
+    encode = build_encoder(spaces.Dict({"range": spaces.Box(0, 1, (3,))}), 8, taught=True)
+    assert isinstance(encode, DictEncoder)
+    assert float(encode.grounding_loss({"range": torch.rand(2, 3)})) == 0
