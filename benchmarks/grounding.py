@@ -81,8 +81,8 @@ def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("``: ")[1])
     parser.add_argument("--episodes", type=int, default=800, help="of the belief search (default: %(default)s)")
-    parser.add_argument("--updates", type=int, default=800, help="gradient steps of 32 episodes (default: %(default)s)")
-    parser.add_argument("--tasks", type=int, default=100, help="of each validation split (default: %(default)s)")
+    parser.add_argument("--updates", type=int, default=250, help="gradient steps of 32 episodes (default: %(default)s)")
+    parser.add_argument("--tasks", type=int, default=60, help="of each validation split (default: %(default)s)")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of the weights (default: 0)")
     parser.add_argument("--rows", type=int, nargs="+", default=range(len(ROWS)), help="numbers of rows, from 0 on")
     parser.add_argument("--data", type=Path, default=Path("out/grounding.pt"), help="keeps the episodes")

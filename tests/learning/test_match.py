@@ -1,17 +1,25 @@
 """Grounding: instructions teach which classes they name, attention goes to those nodes, and numbers go past."""
 
 from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
 
+import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.losses import grounding
+from chmarl_pb.learning.algorithms.registry import ALGORITHMS, make_learner
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.match import named_by
+from chmarl_pb.learning.runs.collect import Collector, greedy
+from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.tasks import language
 
 MUG, SOFA = BENCHMARK.class_ids["mug"], BENCHMARK.class_ids["sofa"]
@@ -111,3 +119,22 @@ def test_nothing_is_taught_without_words_and_graphs() -> None:
     encode = build_encoder(spaces.Dict({"range": spaces.Box(0, 1, (3,))}), 8, taught=True)
     assert isinstance(encode, DictEncoder)
     assert float(encode.grounding_loss({"range": torch.rand(2, 3)})) == 0
+
+
+@pytest.mark.parametrize("algorithm", ["qmix", "mappo", "imitation"])
+def test_every_learner_teaches_the_names_of_classes(algorithm: str) -> None:
+    make = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3)
+    config = ALGORITHMS[algorithm].config(
+        episodes=2, envs=2, batch_size=2, horizon=3, learning_starts=0, features=8, hidden=8, graph_pool="grounded",
+        grounding_coef=1.0, numbers_past=True, word_vectors=True,
+    )  # fmt: skip
+    expert = partial(chmarl_pb.make_policy, "search")
+    learner = train(make, algorithm, config, expert=expert).learner
+    with closing(Collector(make, 2)) as collector:
+        first = make_learner(algorithm, collector.interface, config)
+        replay = ReplayBuffer(collector.interface, 3, 2, 1.0)
+        for episode in collector.play(learner.agents, greedy, np.random.default_rng(0), [0, 1]):
+            replay.add(episode)
+    batch = replay.sample(2, np.random.default_rng(0))
+    before, after = (grounding(one.agents, batch, 1.0)["grounding_loss"] for one in (first, learner))
+    assert float(after.detach()) < float(before.detach()) and not grounding(learner.agents, batch, 0.0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Discrete
+from gymnasium.spaces import Dict, Discrete, MultiBinary, MultiDiscrete
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
@@ -25,7 +25,7 @@ from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import BEST, LAST, Run
 from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_tasks
-from chmarl_pb.learning.spaces import interface_of, spaces_of
+from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
@@ -193,6 +193,17 @@ def test_names_that_torch_keeps_for_itself_are_refused(name: str, monkeypatch: p
 def test_a_discrete_observation_may_start_anywhere() -> None:
     encoder = FlatEncoder(Discrete(3, start=5))
     assert encoder(torch.tensor([5, 7, 0])).tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]  # 0: the agent is gone
+
+
+def test_multi_discrete_and_multi_binary_observations_are_learned_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts, bits = MultiDiscrete([3, 2], start=[1, 0]), MultiBinary([2, 2])
+    assert FlatEncoder(counts)(torch.tensor([[1, 1], [3, 0]])).tolist() == [[1, 0, 0, 0, 1], [0, 0, 1, 1, 0]]
+    assert FlatEncoder(bits)(torch.ones(3, 2, 2, dtype=torch.int8)).shape == (3, 4)
+    env, seen = UnevenEnv(), Dict({"counts": counts, "bits": bits})
+    monkeypatch.setattr(UnevenEnv, "observation_space", lambda self, agent: seen)
+    spaces = spaces_of(env)[0]
+    interface = Interface(spaces, dict.fromkeys(spaces, 2), 0, False)
+    assert len(interface.state(env, {name: seen.sample() for name in spaces})) == 9 * len(spaces)
 
 
 def test_text_is_no_checkpoint(tmp_path: Path) -> None:

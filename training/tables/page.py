@@ -282,7 +282,8 @@ def _settings(record: Record) -> dict[str, object]:
     """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
     own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
     checkpoint = record["checkpoint"]
-    before = {"graph_pool": POOL, "word_vectors": False}  # older runs have neither
+    # Older runs have none of these.
+    before = {"graph_pool": POOL, "word_vectors": False, "numbers_past": False, "grounding_coef": 0.0}
     settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
     return {name: value for name, value in settings.items() if name not in own}
 
