@@ -32,6 +32,7 @@ _NUMBERS = {
     "color": {"rgba": 4},
     "mass": {"value": 1},
 }
+_NONE: dict[str, int] = {}
 _OPTIONAL = {"xyz", "rpy", "scale"}
 _LENGTHS = {"size", "radius", "length"}
 
@@ -43,7 +44,7 @@ def check_numbers_of(part: Element) -> None:
         ValueError: they are not finite numbers, or out of range.
     """
     for element in part.iter():
-        for name, count in _NUMBERS.get(element.tag, {}).items():
+        for name, count in _NUMBERS.get(element.tag, _NONE).items():
             text = element.get(name)
             if text is not None or name not in _OPTIONAL:
                 problem = _problem_with(name, count, text or "")

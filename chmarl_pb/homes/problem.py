@@ -1,7 +1,6 @@
 """What is wrong with a home, as data, and the list that all checks of one home add to."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -79,13 +78,9 @@ class Findings:
         """Add a warning; the position is that of the link if none is given."""
         self._add("warning", message, link, position)
 
-    @contextmanager
-    def listing(self, link: str = "", label: str = "") -> Iterator[None]:
-        """Add a ``ValueError`` that ends the block as an error, its message after a label."""
-        try:
-            yield
-        except ValueError as error:
-            self.error(f"{label}{error}", link)
+    def listing(self, link: str = "", label: str = "") -> "_Listing":
+        """Return a context that adds a ``ValueError`` which ends it as an error, its message after a label."""
+        return _Listing(self, link, label)
 
     def locate(self, places: Mapping[str, Position]) -> None:
         """Say where links are, for problems found before and after."""
@@ -101,6 +96,24 @@ class Findings:
         measured, _, fix = message.rpartition("; ")
         at = _rounded(position or self._places.get(link))
         self._known[Problem(severity, self._file, link, at, measured or fix, fix if measured else "")] = None
+
+
+class _Listing:
+    """See :meth:`Findings.listing`; a home has thousands, and a generator would take three times as long."""
+
+    __slots__ = ("_found", "_label", "_link")
+
+    def __init__(self, found: Findings, link: str, label: str):
+        self._found, self._link, self._label = found, link, label
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> bool:
+        listed = isinstance(error, ValueError)
+        if listed:
+            self._found.error(f"{self._label}{error}", self._link)
+        return listed
 
 
 def _rounded(position: Position | None) -> Position | None:

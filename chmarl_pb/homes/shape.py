@@ -60,6 +60,9 @@ class Origin(NamedTuple):
         return Origin(tuple(frame[:3, 3].tolist()), (float(roll), float(np.arctan2(-frame[2, 0], level)), float(yaw)))
 
 
+_NOWHERE = Origin()
+
+
 @lru_cache(maxsize=4096)
 def _frame_of(origin: Origin) -> Points:
     """Return an origin as a matrix; most shapes of furniture have one of a few."""
@@ -182,7 +185,7 @@ def _numbers_in(text: str) -> Numbers:
 def read_origin(element: Element) -> Origin:
     """Return the <origin> of a joint or a shape; none means the parent's own frame."""
     origin = element.find("origin")
-    return Origin(numbers_of(origin, "xyz", Origin().xyz), numbers_of(origin, "rpy", Origin().rpy))
+    return Origin(numbers_of(origin, "xyz", _NOWHERE.xyz), numbers_of(origin, "rpy", _NOWHERE.rpy))
 
 
 def read_shape(element: Element, colours: Mapping[str, Numbers], meshes: Mapping[str, Mesh]) -> Shape:

@@ -51,6 +51,11 @@ class Solid:
         corner: Points = self.polygon.max(axis=0)
         return corner
 
+    @cached_property
+    def sides(self) -> "HalfPlanes":
+        """Its outline as half-planes: surfaces ask many times."""
+        return half_planes(self.polygon)
+
     def spans(self, low: float, high: float) -> bool:
         """Whether it has a part with a height between ``low`` and ``high``."""
         return self.top > low and self.bottom < high
@@ -120,12 +125,26 @@ def _facet(corners: Points, planes: Points, top: float, polygon: Points) -> Poin
 
 def inside(polygon: Points, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
     """Return whether points (..., 2) lie in a convex polygon, at most ``margin`` outside its edges."""
+    return within(half_planes(polygon), points, margin)
+
+
+HalfPlanes = tuple[Points, NDArray[np.floating]]
+"""Outward normals (k, 2) of a convex polygon's edges, and how far from the origin along them the edges lie (k,)."""
+
+
+def half_planes(polygon: Points) -> HalfPlanes:
+    """Return a convex polygon (k, 2), counter-clockwise, as half-planes."""
     edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
     normals = np.column_stack([edges[:, 1], -edges[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    offsets = np.einsum("kd,kd->k", normals, polygon)
-    within: NDArray[np.bool_] = ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
-    return within
+    return normals, np.einsum("kd,kd->k", normals, polygon)
+
+
+def within(sides: HalfPlanes, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Return whether points (..., 2) lie in a convex polygon of these sides, at most ``margin`` outside its edges."""
+    normals, offsets = sides
+    inner: NDArray[np.bool_] = ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
+    return inner
 
 
 class Outlines:

@@ -29,16 +29,16 @@ def sha256_of(parts: Iterable[bytes]) -> str:
     return digest.hexdigest()
 
 
-def read_regular(path: Path, most: int = MOST_FILE_BYTES) -> bytes:
+def read_regular(path: Path | str, most: int = MOST_FILE_BYTES) -> bytes:
     """Return the content of a regular file of at most so many bytes.
 
     Raises:
         ValueError: it does not exist, is no regular file, is larger or cannot be read.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
+        if not stat.S_ISREG(os.stat(path).st_mode):
             raise ValueError("is not a regular file; put one there")
-        with open(path, "rb", opener=_open_at_once) as file:
+        with open(path, "rb", buffering=0, opener=_open_at_once) as file:
             size = os.fstat(file.fileno()).st_size
             if size > most:
                 raise ValueError(f"has {size:,} bytes; at most {most:,} are read, make it smaller")
@@ -52,6 +52,18 @@ def read_regular(path: Path, most: int = MOST_FILE_BYTES) -> bytes:
 def _open_at_once(name: str, flags: int) -> int:
     """Open a file without waiting for another process, should it have become a pipe."""
     return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _is_link(path: str) -> bool:
+    """Return whether a path is a symbolic link.
+
+    Raises:
+        OSError: it cannot be a path.
+    """
+    try:
+        return stat.S_ISLNK(os.lstat(path).st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
 
 
 def shown(name: str) -> str:
@@ -71,13 +83,15 @@ class Source:
         """Remember where a home's URDF is, and so its folder."""
         self.urdf = urdf
         self.pictures: dict[Path, bytes] = {}
-        self._folder = urdf.resolve().parent
-        self._folders: dict[Path, Path] = {}
-        self._places: dict[Path, Path] = {}
+        # Places of files are texts: a home has a hundred meshes, and paths as objects take longer than reading them.
+        self._beside = os.fspath(urdf.parent)
+        self._within = os.path.join(urdf.resolve().parent, "")
+        self._folders: dict[str, Path] = {}
+        self._places: dict[str, str] = {}
         self._lines = 0
         self._named: dict[str, Path] = {}
         self._inner: set[Path] = set()
-        self._contents: dict[Path, bytes] = {}
+        self._contents: dict[str, bytes] = {}
         self._bytes = 0
 
     def read_urdf(self) -> bytes:
@@ -87,7 +101,7 @@ class Source:
             Refused: it cannot be read.
         """
         try:
-            return self.read(self._resolved(self.urdf), MOST_URDF_BYTES)
+            return self._read(self._resolved(os.fspath(self.urdf)), MOST_URDF_BYTES)
         except ValueError as error:
             raise Refused(f"{error}; `chmarl-pb homes list` names the packaged homes") from error
 
@@ -97,8 +111,8 @@ class Source:
         Raises:
             ValueError: see :meth:`inside` and :func:`read_regular`.
         """
-        content = self.read(self.inside(self.urdf.parent, name))
-        self._named[name] = self.urdf.parent / name
+        content = self._read(self._inside(self._beside, name))
+        self._named[name] = Path(self._beside, name)
         return self._named[name], content
 
     def inner(self, beside: Path, name: str, most: int = MOST_FILE_BYTES) -> tuple[Path, bytes]:
@@ -107,7 +121,7 @@ class Source:
         Raises:
             ValueError: see :meth:`inside` and :func:`read_regular`.
         """
-        content = self.read(self.inside(beside.parent, name), most)
+        content = self._read(self._inside(os.fspath(beside.parent), name), most)
         self._inner.add(beside.parent / name)
         return beside.parent / name, content
 
@@ -117,25 +131,30 @@ class Source:
         Raises:
             ValueError: it leads out of the home's folder.
         """
+        return Path(self._inside(os.fspath(folder), name))
+
+    def _inside(self, folder: str, name: str) -> str:
+        """Return the same as a text."""
         try:
-            path = self._resolved(folder / name)
+            place = self._resolved(os.path.join(folder, name))
         except (OSError, RuntimeError, ValueError) as error:  # too long, a loop of links, a null character
             raise ValueError("is not the name of a file; rename it") from error
-        if "://" in name or not path.is_relative_to(self._folder):
+        if "://" in name or not os.path.join(place, "").startswith(self._within):
             raise ValueError("leaves the home's folder; copy it beside the URDF and use a relative path")
-        return path
+        return place
 
-    def _resolved(self, path: Path) -> Path:
+    def _resolved(self, path: str) -> str:
         """Return where a path leads to in the end; most files lie in one folder, which is followed once."""
         if path not in self._places:
-            if path.parent not in self._folders:
-                self._folders[path.parent] = path.parent.resolve()
-            place = self._folders[path.parent] / path.name
-            odd = path.name == ".." or "\0" in path.name or place.is_symlink()
-            self._places[path] = place.resolve() if odd else place
+            folder, name = os.path.split(path)
+            if folder not in self._folders:
+                self._folders[folder] = Path(folder).resolve()
+            place = os.path.join(self._folders[folder], name)
+            odd = name in ("", ".", "..") or "\0" in name or _is_link(place)
+            self._places[path] = str(Path(place).resolve()) if odd else place
         return self._places[path]
 
-    def read(self, path: Path, most: int = MOST_FILE_BYTES) -> bytes:
+    def _read(self, path: str, most: int = MOST_FILE_BYTES) -> bytes:
         """Return a file's content; it is read at the first time.
 
         Raises:
@@ -171,7 +190,7 @@ class Source:
     @property
     def content(self) -> str:
         """The sha256 of all files as they were read."""
-        return sha256_of(self._contents[self._resolved(path)] for path in self.files)
+        return sha256_of(self._contents[self._resolved(os.fspath(path))] for path in self.files)
 
 
 def safe_xml(text: bytes) -> ElementTree.Element:

@@ -90,12 +90,13 @@ def read_whole(source: Source) -> tuple[Link, ...]:
 def _root(source: Source) -> Element:
     """Parse XML without DTDs and entities, and within what PyBullet can read."""
     text = source.read_urdf()
-    for number, line in enumerate(text.splitlines(), start=1):
-        if len(line) > _LONGEST_LINE:
-            raise Refused(
-                f"line {number} has {len(line)} characters, but PyBullet reads at most {_LONGEST_LINE}; "
-                "write one XML element on a line"
-            )
+    lengths = [len(line) for line in text.splitlines()]
+    if max(lengths, default=0) > _LONGEST_LINE:
+        number = next(number for number, length in enumerate(lengths) if length > _LONGEST_LINE)
+        raise Refused(
+            f"line {number + 1} has {lengths[number]} characters, but PyBullet reads at most {_LONGEST_LINE}; "
+            "write one XML element on a line"
+        )
     try:
         root = safe_xml(text)
     except ValueError as error:

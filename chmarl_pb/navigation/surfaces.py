@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion, binary_opening
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, Thing
-from chmarl_pb.homes.solids import Points, Solid, inside
+from chmarl_pb.homes.solids import Points, Solid, inside, within
 from chmarl_pb.navigation.reach import REACH
 
 CELL = 0.05  # metres
@@ -132,12 +132,12 @@ def _surface(
     high = np.array([*points.max(axis=(0, 1)) + CELL, height + _TALLEST])
     for number in np.flatnonzero(((low < highs) & (high > lows)).all(axis=1)):
         solid = home.solids[number]
-        under = inside(solid.polygon, points, margin=CELL / 2)
+        under = within(solid.sides, points, margin=CELL / 2)
         free = np.where(under, np.minimum(free, max(solid.bottom - height, 0.0)), free)
     free[free < _HEADROOM] = 0.0
     free[~binary_opening(free > 0, np.ones((_NARROW, _NARROW), dtype=bool))] = 0.0
     covered = any(
-        solid.bottom > height + _HEADROOM and inside(solid.polygon, points[free > 0]).any() for solid in thing.solids
+        solid.bottom > height + _HEADROOM and within(solid.sides, points[free > 0]).any() for solid in thing.solids
     )
     return Surface(thing.name, height, yaw, points, free, covered)
 

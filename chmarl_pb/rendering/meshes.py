@@ -59,7 +59,8 @@ def parts_of(client: int, bodies: Sequence[int]) -> list[list[Part]]:
         AssetError: a visual shape is neither a box nor an OBJ mesh of triangles with normals and without materials.
         FileNotFoundError: a mesh is no longer where it was when PyBullet read it.
     """
-    own = [list(_shapes(client, body)) for body in bodies]
+    read: dict[bytes, Mesh] = {}  # once for all shapes of a file
+    own = [list(_shapes(client, body, read)) for body in bodies]
     parts = iter(_parts([shape for shapes in own for shape in shapes]))
     return [list(islice(parts, len(shapes))) for shapes in own]
 
@@ -91,25 +92,34 @@ class _Shape(NamedTuple):
     mesh: Mesh
 
 
-def _shapes(client: int, body: int) -> Iterator[_Shape]:
-    """Yield what there is to see of a body."""
-    inertial: dict[int, tuple[Vector, Vector]] = {}
+def _shapes(client: int, body: int, read: dict[bytes, Mesh]) -> Iterator[_Shape]:
+    """Yield what there is to see of a body; what is read is added to the meshes by the names of their files."""
+    inertial: dict[int, tuple[Vector, NDArray[np.float64]]] = {}
     flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
     for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
         _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
         if texture >= 0:
             raise AssetError(f"{name.decode() or 'a box'}: textures are not known to our own rasteriser")
-        mesh = _box() if kind == pybullet.GEOM_BOX else _read(_obj_path(kind, name))
+        if kind != pybullet.GEOM_BOX and name not in read:
+            read[name] = _read(_obj_path(kind, name))
+        mesh = _box() if kind == pybullet.GEOM_BOX else read[name]
         if rgba[3] == 0 or not len(mesh[2]):
             continue  # nothing to see
         if link not in inertial:
-            inertial[link] = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
-        centre, turn = inertial[link]
-        # PyBullet's own functions for transforms round to single precision.
-        inverse = _turn(turn).T
+            centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
+            # PyBullet's own functions for transforms round to single precision.
+            inertial[link] = centre, _turn(turn).T
+        centre, inverse = inertial[link]
         scale = [0.5 * side for side in size] if kind == pybullet.GEOM_BOX else size
-        colour = (np.float32(255) * np.array(rgba[:3], dtype=np.float32)).astype(np.uint8)
-        yield _Shape(link, colour, inverse @ _turn(quaternion), inverse @ np.subtract(position, centre), scale, mesh)
+        yield _Shape(
+            link, _colour(rgba[:3]), inverse @ _turn(quaternion), inverse @ np.subtract(position, centre), scale, mesh
+        )
+
+
+@lru_cache(maxsize=1024)
+def _colour(rgb: tuple[float, ...]) -> NDArray[np.uint8]:
+    """Return a colour as TinyRenderer rounds it; most shapes of a home have one of a few."""
+    return (np.float32(255) * np.array(rgb, dtype=np.float32)).astype(np.uint8)
 
 
 def _obj_path(kind: int, name: bytes) -> Path:
