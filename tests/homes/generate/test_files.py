@@ -1,6 +1,7 @@
 """Generated homes as files: the same from the same seed, whole or not at all, and good to play."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.errors import HomeError, OptionError
 from chmarl_pb.homes import assemble
 from chmarl_pb.homes.assemble import build_home
+from chmarl_pb.homes.generate import store
 from chmarl_pb.homes.generate.home_layout import draw_layout
 from chmarl_pb.homes.generate.store import is_generated
 from chmarl_pb.homes.home import home_path, load_home
@@ -53,6 +55,21 @@ def test_files_of_a_home(tmp_path: Path) -> None:
         assert load_layout(path.with_suffix(".toml")) == draw_layout(seed)
         assert build_home(path.with_suffix(".toml"), tmp_path / "again.urdf").read_bytes() == path.read_bytes()
     assert sorted(entry.name for entry in tmp_path.iterdir() if entry.is_dir()) == ["meshes"]
+
+
+def test_the_cache_holds_a_bounded_number_of_homes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path))
+    monkeypatch.setattr(store, "MOST_HOMES", 4)
+    folder = chmarl_pb.generate_home(1).parent
+    for seed in range(10, 18):  # the last two of them just now
+        for ending in (".urdf", ".toml"):
+            path = folder / f"generated-{seed}{ending}"
+            path.touch()
+            if seed < 16:
+                os.utime(path, (seed, seed))
+    assert chmarl_pb.generate_home(1).is_file() and len(list(folder.glob("*.urdf"))) == 9  # it was there already
+    chmarl_pb.generate_home(2)
+    assert {path.stem for path in folder.glob("*.*")} == {f"generated-{seed}" for seed in (1, 2, 16, 17)}
 
 
 def test_names_of_homes() -> None:
