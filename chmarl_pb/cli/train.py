@@ -229,4 +229,5 @@ def name_of(command: Command) -> str:
     setting = command.setting
     words = [word for word in ("centralized", "messages", "feedback", "goal") if getattr(setting, word, False)]
     words += [split for split in (getattr(setting, "split", "train"),) if split != "train"]
+    words += [Path(file).stem for file in (getattr(setting, name, None) for name in ("home", "catalog")) if file]
     return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import chmarl_pb
 from chmarl_pb.envs.options import Options
-from chmarl_pb.learning.config import CATALOG, FROZEN
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -46,6 +46,7 @@ def benchmark(
     known = Options(catalog=options.get("catalog")).things.content
     own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
     own |= {GOAL: True} if options.get(GOAL) else {}
+    own |= {HOME: str(options[HOME])} if options.get(HOME) else {}
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
+HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
 CATALOG = "catalog_sha256"  # the same of a catalogue file and all that it names; absent without one
 
 
