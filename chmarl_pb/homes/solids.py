@@ -143,8 +143,7 @@ def half_planes(polygon: Points) -> HalfPlanes:
 def within(sides: HalfPlanes, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
     """Return whether points (..., 2) lie in a convex polygon of these sides, at most ``margin`` outside its edges."""
     normals, offsets = sides
-    inner: NDArray[np.bool_] = ((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1)
-    return inner
+    return np.asarray(((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1))
 
 
 class Outlines:
