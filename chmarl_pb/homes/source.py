@@ -101,7 +101,7 @@ class Source:
             Refused: it cannot be read.
         """
         try:
-            return self._read(self._resolved(os.fspath(self.urdf)), MOST_URDF_BYTES)
+            return self.read(self._resolved(os.fspath(self.urdf)), MOST_URDF_BYTES)
         except ValueError as error:
             raise Refused(f"{error}; `chmarl-pb homes list` names the packaged homes") from error
 
@@ -111,7 +111,7 @@ class Source:
         Raises:
             ValueError: see :meth:`inside` and :func:`read_regular`.
         """
-        content = self._read(self._inside(self._beside, name))
+        content = self.read(self._inside(self._beside, name))
         self._named[name] = Path(self._beside, name)
         return self._named[name], content
 
@@ -121,7 +121,7 @@ class Source:
         Raises:
             ValueError: see :meth:`inside` and :func:`read_regular`.
         """
-        content = self._read(self._inside(os.fspath(beside.parent), name), most)
+        content = self.read(self._inside(os.fspath(beside.parent), name), most)
         self._inner.add(beside.parent / name)
         return beside.parent / name, content
 
@@ -154,12 +154,13 @@ class Source:
             self._places[path] = str(Path(place).resolve()) if odd else place
         return self._places[path]
 
-    def _read(self, path: str, most: int = MOST_FILE_BYTES) -> bytes:
+    def read(self, path: Path | str, most: int = MOST_FILE_BYTES) -> bytes:
         """Return a file's content; it is read at the first time.
 
         Raises:
             ValueError: see :func:`read_regular`; or the home has too many files or too large ones.
         """
+        path = os.fspath(path)
         if path in self._contents:
             return self._contents[path]
         if len(self._contents) > MOST_FILES:
