@@ -13,7 +13,7 @@ import torch
 from chmarl_pb.learning import train
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.policies.load import load_policy
-from chmarl_pb.learning.runs.checkpoint import FORMAT, CheckpointError, load, save
+from chmarl_pb.learning.runs.checkpoint import BEFORE, FORMAT, CheckpointError, load, save
 from chmarl_pb.learning.runs.loop import BEST, LAST
 from chmarl_pb.learning.runs.seal import LENGTH, fault, is_sealed, seal
 from tests.helpers.damage import Evil, flipped
@@ -149,3 +149,16 @@ def test_parts_of_earlier_versions_have_their_present_names(tmp_path: Path, old:
     save(tmp_path / "x.pt", "pretraining", {old: {"weight": torch.ones(2)}, "done": 3})
     content = load(tmp_path / "x.pt", "pretraining")
     assert old not in content and content[new]["weight"].tolist() == [1, 1] and content["done"] == 3
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "setting", "before"), [("imitation", "expert", "search"), ("mappo", "normalize_values", False)]
+)
+def test_settings_newer_than_a_file_are_what_was_done_then(
+    tmp_path: Path, algorithm: str, setting: str, before: str | bool
+) -> None:
+    path = tmp_path / "last.pt"
+    save(path, "run", {"algorithm": algorithm, "config": {"seed": 1}})
+    assert load(path)["config"] == {"seed": 1} | BEFORE[algorithm] and BEFORE[algorithm][setting] == before
+    save(path, "run", {"algorithm": algorithm, "config": {"seed": 1, setting: "own"}})
+    assert load(path)["config"][setting] == "own"
