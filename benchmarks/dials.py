@@ -11,11 +11,12 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 
 from benchmarks.dials_drawing import draw
 from chmarl_pb.cli.evaluate import interval, percent, progress_bar
@@ -105,7 +106,7 @@ def measure(name: str, source: str, track: str, options: argparse.Namespace, bar
         try:
             report = evaluate(
                 source, split, seeds=range(options.seeds), workers=options.workers, tasks=tasks, out=file, reuse=True,
-                progress=lambda finished, total, row=row: bar.update(row, completed=finished, total=total),
+                progress=partial(advance, bar, row),
                 label=name, track=track, messages=MESSAGES[messages], feedback=FEEDBACK[feedback],
             )  # fmt: skip
         except ChmarlError as error:
@@ -113,6 +114,11 @@ def measure(name: str, source: str, track: str, options: argparse.Namespace, bar
             continue
         figures = report.summary
         yield Point(name, track, messages, feedback, figures.episodes, figures.success_rate, figures.plw)
+
+
+def advance(bar: Progress, row: TaskID, finished: int, total: int) -> None:
+    """Show how many episodes of a point have been played."""
+    bar.update(row, completed=finished, total=total)
 
 
 def _slug(text: str) -> str:

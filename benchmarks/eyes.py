@@ -9,6 +9,7 @@ import argparse
 from functools import partial
 from typing import Any
 
+from benchmarks.dials import advance
 from chmarl_pb.cli.evaluate import percent, progress_bar
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
@@ -45,7 +46,7 @@ def main() -> None:
                     summary = evaluate(
                         partial(seeing, name, sure), split, "visual", seeds=[0], workers=options.workers,
                         tasks=evaluated_tasks(split)[:: options.thin],
-                        progress=lambda finished, total, row=row: bar.update(row, completed=finished, total=total),
+                        progress=partial(advance, bar, row),
                     ).summary  # fmt: skip
                 print(
                     f"| {name} | {split} | {sure} | {percent(summary.success_rate)} | {percent(summary.plw)} |",
