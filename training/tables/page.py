@@ -53,8 +53,8 @@ learners do here, see [the runs](#the-runs). Rows in
 robots, or the humanoid beside a drone that follows *search* or *belief* (column *made with*). At the end stand
 built-in policies that learn nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)}
 do without most of what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and
-with pictures, since *reactive*, *instruction-blind*, *search* and *belief* are told the true classes in view with pictures,
-as their rows say; what the searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
+with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told the true classes in view there, too, as
+their rows say; what searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
 *Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
 alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
 teacher, the length of the training, and whether there was feedback at test. The teacher of our own row is
