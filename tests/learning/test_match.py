@@ -121,7 +121,7 @@ def test_nothing_is_taught_without_words_and_graphs() -> None:
     assert float(encode.grounding_loss({"range": torch.rand(2, 3)})) == 0
 
 
-@pytest.mark.parametrize("algorithm", ["qmix", "mappo", "imitation"])
+@pytest.mark.parametrize("algorithm", ["qmix", "pqn", "mappo", "imitation"])
 def test_every_learner_teaches_the_names_of_classes(algorithm: str) -> None:
     make = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3)
     config = ALGORITHMS[algorithm].config(
