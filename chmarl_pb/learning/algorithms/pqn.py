@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, q_loss, td_targets, unroll
+from chmarl_pb.learning.algorithms.losses import Aim, Batch, grounding, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
@@ -134,6 +134,8 @@ class Pqn:
     def update(self, batch: Batch, y: torch.Tensor, mask: torch.Tensor) -> dict[str, float]:
         """Take one gradient step towards targets (B, T, M) and return the loss and what goes with it."""
         metrics = q_loss(unroll(self.agents, batch), self.mixer, batch, y, mask)
+        metrics |= grounding(self.agents, batch, self.config.grounding_coef)
+        metrics["loss"] = metrics["loss"] + metrics.get("grounding_loss", 0.0)
         self._optimizer.zero_grad()
         metrics["loss"].backward()
         norm = nn.utils.clip_grad_norm_(self._weights, self.config.max_grad_norm)
