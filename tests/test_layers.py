@@ -8,7 +8,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
-    ("errors", "extras", "files", "progress", "compiled", "assets", "catalog", "processes", "signals"),
+    ("errors", "extras", "files", "progress", "compiled", "assets", "catalog", "processes", "signals", "blas"),
     ("homes",),
     ("navigation",),
     ("world",),
