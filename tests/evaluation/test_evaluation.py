@@ -269,7 +269,7 @@ def test_the_benchmarks_robots_keep_their_rows(tmp_path: Path) -> None:
     """Rows and settings name no robots, as in results from before there was a choice."""
     report = evaluate("planner", workers=1, tasks=TASKS[:1], out=tmp_path / "own.json")
     (row,) = json.loads((tmp_path / "own.json").read_text())["episodes"]
-    assert set(row) == {"task", "seed", "steps", "success", "potential", "actions", "instruction"}
+    assert set(row) == {"task", "seed", "steps", "success", "potential", "actions", "instruction", "recognition"}
     assert "robots" not in report.settings["options"]
 
 

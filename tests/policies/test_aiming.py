@@ -86,6 +86,7 @@ def test_a_hand_does_not_try_the_same_in_vain_twice(env: HouseholdEnv) -> None:
             action = hand.choose(seen, wanted, wanted, wanted)
             if action is None:
                 break
+            hand.note(action)
             tried.append(action)
         picks = [action for action in tried if action.startswith("pick")]
         assert len(picks) == len(set(picks)) and len(tried) - len(picks) <= 4
