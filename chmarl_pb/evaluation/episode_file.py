@@ -86,7 +86,7 @@ def record_episode(
     Raises:
         OptionError: the environment was given objects.
     """
-    options = _plain_options(env)
+    options = plain_options(env)
     states: list[str] = []
 
     def note(env: HouseholdEnv) -> None:
@@ -101,8 +101,12 @@ def record_episode(
     return EpisodeFile(episode.task, name, seed, options, actions, rewards, tuple(states), episode.success, home, said)
 
 
-def _plain_options(env: HouseholdEnv) -> dict[str, Any]:
-    """Return what an environment was made with, as plain data."""
+def plain_options(env: HouseholdEnv) -> dict[str, Any]:
+    """Return what an environment was made with, as plain data, as episode files hold it.
+
+    Raises:
+        OptionError: the environment was given objects.
+    """
     given = env.options
     options = {option: getattr(given, option) for option in _OPTIONS} | {"observation": given.observation_name}
     robots = tuple(str(robot) if isinstance(robot, Path) else robot for robot in given.robots)

@@ -1,6 +1,7 @@
 """Take a home elsewhere: as plain URDF with its meshes, for any simulator, and as binary glTF, for viewers."""
 
 import io
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,6 +16,8 @@ from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.mesh import Mesh
 from chmarl_pb.homes.plain import write_links
 from chmarl_pb.homes.shape import Shape
+from chmarl_pb.homes.solids import Points
+from chmarl_pb.homes.urdf import Link
 
 trimesh: Any = untyped_trimesh
 _WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -56,15 +59,26 @@ def export_gltf(home: Home, path: Path) -> Path:
         WriteError: the file cannot be written.
     """
     _check_suffix(path, ".glb")
-    scene = trimesh.Scene()
     turn = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
-    for link in home.links:
-        for number, shape in enumerate(link.visuals or link.collisions):
-            frame = turn @ link.frame @ shape.origin.frame
-            scene.add_geometry(_body(shape), node_name=f"{link.name} {number}", transform=frame)
     with replacing(path) as temporary:
-        temporary.write_bytes(scene.export(file_type="glb"))
+        temporary.write_bytes(gltf_of(home.links, turn))
     return path
+
+
+def gltf_of(links: Iterable[Link], frame: Points) -> bytes:
+    """Return what is visible of some links as binary glTF: a node for each shape, named after its link.
+
+    Args:
+        links: of a home.
+        frame: of the home in the file, 4 x 4.
+    """
+    scene = trimesh.Scene()
+    for link in links:
+        for number, shape in enumerate(link.visuals or link.collisions):
+            place = frame @ link.frame @ shape.origin.frame
+            scene.add_geometry(_body(shape), node_name=f"{link.name} {number}", transform=place)
+    data: bytes = scene.export(file_type="glb")
+    return data
 
 
 def _check_suffix(path: Path, suffix: str) -> None:

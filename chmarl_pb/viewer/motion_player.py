@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.lattice import DRONE_HEADING
-from chmarl_pb.rendering.camera import camera_of, view_matrix
-from chmarl_pb.rendering.home_views import HomeView, home_views
+from chmarl_pb.rendering.camera import Picture, camera_of, view_matrix
+from chmarl_pb.rendering.home_views import HomeView, count_pixels, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, movables
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, can_be_visible
 from chmarl_pb.robots.execution import Snapshot
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Pose, Vector, World
@@ -57,7 +58,7 @@ class Replay:
 
     def __init__(self, home: Home, team: Team):
         """Share the process's models of the home and of what moves."""
-        self._views, self._movables = home_views(home), movables(team, home.catalog)
+        self._home, self._views, self._movables = home, home_views(home), movables(team, home.catalog)
         self._models = {name: model for name, model, _ in team}
         self._bodies = Bodies(self._movables)
         self._homes: dict[tuple[str, int], HomeView] = {}
@@ -75,14 +76,30 @@ class Replay:
         shown = (view, scene.objects, scene.robots, scene.joints)
         kept = self._pictures.get((robot, size))
         if kept is None or kept[0] != shown:
-            self._bodies.put_objects(scene.objects)
-            for name, pose in scene.robots.items():
-                self._bodies.put_robot(name, pose, scene.joints[name])
-            numbers = self._movables.numbers
-            present = np.array(sorted(numbers[name] for name in (*scene.objects, *scene.robots)), dtype=np.int32)
-            picture = draw_over(self._look(robot, view, size), self._bodies, present, 0)
-            self._pictures[robot, size] = kept = shown, picture.rgb
+            self._pictures[robot, size] = kept = shown, self._draw(robot, view, scene, size).rgb
         return kept[1]
+
+    def pixels(self, robot: str, scene: Scene) -> dict[str, int]:
+        """Return thing -> its pixels in the picture that decides what a robot sees, for all that have any.
+
+        Args:
+            robot: its name.
+            scene: the moment.
+        """
+        view = view_matrix(scene.eye(robot, self._models[robot]))
+        names = (*(link.name for link in self._home.links), *self._movables.numbers)
+        counts = count_pixels(self._draw(robot, view, scene, VISIBILITY_SIZE).segmentation, len(names))
+        known = can_be_visible(names, self._models, robot, self._home.catalog)
+        return {names[number]: int(counts[number]) for number in np.flatnonzero(known & (counts > 0))}
+
+    def _draw(self, robot: str, view: Vector, scene: Scene, size: int) -> Picture:
+        """Draw a scene; the segmentation counts the home's links, then all that moves."""
+        self._bodies.put_objects(scene.objects)
+        for name, pose in scene.robots.items():
+            self._bodies.put_robot(name, pose, scene.joints[name])
+        numbers = self._movables.numbers
+        present = np.array(sorted(numbers[name] for name in (*scene.objects, *scene.robots)), dtype=np.int32)
+        return draw_over(self._look(robot, view, size), self._bodies, present, len(self._home.links))
 
     def _look(self, robot: str, view: Vector, size: int) -> HomeView:
         """Return the empty home."""

@@ -13,11 +13,12 @@ from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.evaluation.optimum import Optimum, optimum
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.homes.home import Home, load_home
-from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.policy import Infos, Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.rendering.movables import Team, team_in
 from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.sensing.scene_graph import SceneGraph
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
@@ -25,7 +26,16 @@ from chmarl_pb.viewer.motion_player import Scene, scene_during, scene_of
 
 _LENGTHS = range(6, 10)  # joint steps of an episode that is good to watch
 
-_Noted = tuple[tuple[Scene, ...], Scene, Messages]
+
+@dataclass(frozen=True)
+class Noted:
+    """What is read from the environment after a step, before the next one changes it; see :class:`Moment`."""
+
+    motion: tuple[Scene, ...]
+    rest: Scene
+    messages: Messages
+    graphs: dict[str, SceneGraph]
+    carriers: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,8 @@ class Moment:
         motion: scenes of the driven step at 30 Hz.
         rest: the scene after the step.
         said: robot -> symbol that it said in the step; empty without own words.
+        graphs: robot -> scene graph of what it sees.
+        carriers: object -> the receptacle that it stands on, or the robot that holds it.
     """
 
     actions: dict[str, str]
@@ -55,6 +67,8 @@ class Moment:
     motion: tuple[Scene, ...]
     rest: Scene
     said: dict[str, int]
+    graphs: dict[str, SceneGraph]
+    carriers: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -75,6 +89,7 @@ class Recording:
         moments: the start and every step.
         success: whether X stands on Y at the end.
         collisions: driven motions in which an arm, or what it holds, passes through something.
+        states: thing or object -> its symbolic state.
     """
 
     task: Task
@@ -90,6 +105,7 @@ class Recording:
     moments: tuple[Moment, ...]
     success: bool
     collisions: int
+    states: dict[str, str]
 
     @property
     def steps(self) -> int:
@@ -150,20 +166,15 @@ def _recorded(
 ) -> Recording:
     """Play one episode and close the environment."""
     try:
-        noted: list[_Noted] = []
+        noted: list[Noted] = []
 
-        def note(env: HouseholdEnv) -> None:
-            noted.append(_note(env))
+        def watch(env: HouseholdEnv) -> None:
+            noted.append(note(env))
             if env.steps:
                 on_step()
 
-        episode = rollout(env, make(), seed=task.seed, task=task, on_step=note)
-        return Recording(
-            task, env.simulation.home, team_in(env.world, env.simulation.models), optimum(env), env.instruction, name,
-            env.options.observation_name, env.rooms, env.setting.goal.item, env.setting.goal.receptacles,
-            _moments(env, episode, noted),
-            episode.success, env.collisions,
-        )  # fmt: skip
+        episode = rollout(env, make(), seed=task.seed, task=task, on_step=watch)
+        return recording_of(env, name, _moments(env, episode, noted))
     finally:
         env.close()
 
@@ -181,33 +192,65 @@ def _leads_on(task: Task) -> bool:
     return sources.isdisjoint(thing.room for thing in things if thing.class_name == task.target)
 
 
-def _note(env: HouseholdEnv) -> _Noted:
-    """Return how the last step went: its scenes at 30 Hz, the scene after it, and the messages."""
+def note(env: HouseholdEnv) -> Noted:
+    """Return how the last step went: its scenes at 30 Hz, the scene after it, and what holds then."""
     rest = scene_of(env.world)
     motion = tuple(scene_during(snapshot, rest) for snapshot in env.snapshots)
     board = env.messages if env.messages.shape == (2, len(env.rooms)) else np.zeros((2, len(env.rooms)), np.int8)
-    return motion, rest, board.copy()
+    outcome, states = env.outcome, env.setting.states
+    graphs = {name: env.simulation.graphs.graph(outcome.state, seen, states) for name, seen in outcome.seen.items()}
+    carriers = {item: support.receptacle for item, support in outcome.supports.items()}
+    held = {grip.item: name for name, grip in outcome.state.grips.items()}
+    return Noted(motion, rest, board.copy(), graphs, carriers | held)
 
 
-def _moments(env: HouseholdEnv, episode: Episode, noted: list[_Noted]) -> tuple[Moment, ...]:
-    rewards = np.concatenate([[0.0], episode.rewards]).tolist()
-    robots = env.possible_agents
-    chosen: list[dict[str, str]] = [{}]
-    chosen += [{name: env.action_names[name][number] for name, number in acts.items()} for acts in episode.actions]
-    return tuple(
-        Moment(
-            actions,
-            {name: infos[name]["action_success"] for name in robots},
-            reward,
-            infos[robots[0]]["potential"],
-            messages,
-            {name: infos[name]["feedback"] for name in robots},
-            {name: infos[name]["visible"] for name in robots},
-            motion,
-            rest,
-            said,
-        )
-        for actions, reward, infos, (motion, rest, messages), said in zip(
-            chosen, rewards, episode.infos, noted, ({}, *episode.said), strict=True
-        )
+def moment_of(
+    env: HouseholdEnv, noted: Noted, infos: Infos, chosen: dict[str, int], said: dict[str, int], reward: float
+) -> Moment:
+    """Return the moment of a step.
+
+    Args:
+        env: where it was done.
+        noted: how it went.
+        infos: robot -> info that it gave.
+        chosen: robot -> number of its action; empty at the start.
+        said: robot -> symbol that it said; empty without own words.
+        reward: shared, of the step.
+    """
+    return Moment(
+        {name: env.action_names[name][number] for name, number in chosen.items()},
+        {name: info["action_success"] for name, info in infos.items()},
+        reward,
+        infos[env.possible_agents[0]]["potential"],
+        noted.messages,
+        {name: info["feedback"] for name, info in infos.items()},
+        {name: info["visible"] for name, info in infos.items()},
+        noted.motion,
+        noted.rest,
+        said,
+        noted.graphs,
+        noted.carriers,
     )
+
+
+def recording_of(env: HouseholdEnv, policy: str, moments: tuple[Moment, ...]) -> Recording:
+    """Return the recording of the episode that an environment is in.
+
+    Args:
+        env: the environment; its task has one object.
+        policy: name of what drove the robots.
+        moments: the start and every step.
+    """
+    assert isinstance(env.task, Task)
+    return Recording(
+        env.task, env.simulation.home, team_in(env.world, env.simulation.models), optimum(env), env.instruction, policy,
+        env.options.observation_name, env.rooms, env.setting.goal.item, env.setting.goal.receptacles, moments,
+        env.outcome.success, env.collisions, env.setting.states,
+    )  # fmt: skip
+
+
+def _moments(env: HouseholdEnv, episode: Episode, noted: list[Noted]) -> tuple[Moment, ...]:
+    steps = zip(
+        noted, episode.infos, ({}, *episode.actions), ({}, *episode.said), (0.0, *episode.rewards.tolist()), strict=True
+    )
+    return tuple(moment_of(env, *step) for step in steps)
