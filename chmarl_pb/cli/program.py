@@ -14,6 +14,7 @@ from chmarl_pb.signals import Interrupted, handled
 #: its options into a parser, with the function that runs it as the default of ``run``.
 COMMANDS = {
     "demo": "let the planner solve a task, as a video and a page",
+    "play": "drive the robots in the browser, or hand them to policies",
     "homes": "list, check, draw, build and generate homes",
     "things": "import, list and check own objects and furniture",
     "tasks": "make the benchmark's task files",

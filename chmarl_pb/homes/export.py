@@ -1,7 +1,7 @@
 """Take a home elsewhere: as plain URDF with its meshes, for any simulator, and as binary glTF, for viewers."""
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,6 +20,7 @@ from chmarl_pb.homes.solids import Points
 from chmarl_pb.homes.urdf import Link
 
 trimesh: Any = untyped_trimesh
+_GAMMA = 2.2  # of screens
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -81,6 +82,12 @@ def gltf_of(links: Iterable[Link], frame: Points) -> bytes:
     return data
 
 
+def linear(colour: Sequence[float]) -> list[float]:
+    """Return a colour (red, green, blue from 0 to 1, opacity) as glTF has it: in shares of light, not of the screen."""
+    red, green, blue, opacity = colour
+    return [*(share**_GAMMA for share in (red, green, blue)), opacity]
+
+
 def _check_suffix(path: Path, suffix: str) -> None:
     if path.suffix.lower() != suffix:
         raise OptionError(f"{path}: let the file's name end in {suffix}")
@@ -101,7 +108,7 @@ def _body(shape: Shape) -> Any:
     picture = None if shape.mesh is None or shape.mesh.texture is None else Image.open(io.BytesIO(shape.mesh.texture))
     colour = shape.colour or _WHITE
     material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=colour, baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=0.9,
+        baseColorFactor=linear(colour), baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=0.9,
         alphaMode="BLEND" if colour[3] < 1 else None, doubleSided=True,
     )  # fmt: skip
     body.visual = trimesh.visual.TextureVisuals(uv=getattr(body.visual, "uv", None), material=material)

@@ -10,11 +10,12 @@ no encryption.
 
 import hashlib
 import hmac
+import io
 import logging
 import secrets
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -74,15 +75,21 @@ def guarded_server(gate: Gate, host: str, port: int) -> viser.ViserServer:
         OptionError: the host is none of this machine's, or this version of viser leaves no room for the gate.
     """
     _check_host(host)
-    with _watched(gate.answer) as made:
+    with _watched(gate.answer) as made, redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host, port, verbose=False)
     if not made:
-        server.stop()
+        stop(server)
         raise OptionError(
             f"viser {viser.__version__} makes its web server in another way than known, so that it cannot be guarded; "
             "install a version that the extra 'viewer' names"
         )
     return server
+
+
+def stop(server: viser.ViserServer) -> None:
+    """Stop a server without its word about it."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
 
 
 def _check_host(host: str) -> None:

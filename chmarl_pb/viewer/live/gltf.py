@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import numpy as np
 import trimesh as untyped_trimesh
 
+from chmarl_pb.homes.export import linear
 from chmarl_pb.rendering.movables import Movables
 
 trimesh: Any = untyped_trimesh
@@ -32,7 +32,7 @@ def _part(movables: Movables, part: int) -> Any:
     first, last = models.first_vertex[part : part + 2]
     corners = models.corners[models.first_triangle[part] : models.first_triangle[part + 1], :3] - first
     mesh = trimesh.Trimesh(models.vertices[first:last], corners, process=False)
-    colour = np.append(models.colour[part], 255)
+    colour = linear([*(models.colour[part] / 255).tolist(), 1.0])
     material = trimesh.visual.material.PBRMaterial(
         baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=0.9, doubleSided=True
     )

@@ -1,0 +1,109 @@
+"""The command ``chmarl-pb play``: drive the robots in the browser, or watch policies drive them."""
+
+import argparse
+import socket
+import threading
+import webbrowser
+from ipaddress import ip_address
+
+from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_track
+from chmarl_pb.envs.options import SENSORS, SYMBOLS
+from chmarl_pb.envs.tracks import OF_TRACK
+from chmarl_pb.extras import check
+from chmarl_pb.policies.sources import find_policy
+
+_POLICIES = ("search", "belief", "planner", "random")
+_PORT = 8017
+_EXAMPLE = "example: chmarl-pb play --task test-unseen-007 --policy runs/qmix/best.pt"
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a parser."""
+    parser.set_defaults(run=_run)
+    parser.epilog = _EXAMPLE
+    parser.add_argument("--task", metavar="ID", help="task to begin with, e.g. test-unseen-007 (default: a good one)")
+    add_home(parser, "a task is drawn for it")
+    add_track(parser)
+    words = parser.add_mutually_exclusive_group()
+    for flag, value, text in (
+        ("--messages", True, "the message board"),
+        ("--no-messages", False, "no messages"),
+        ("--symbols", SYMBOLS, "own words"),
+    ):
+        words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
+    parser.add_argument(
+        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps (default: the track's)"
+    )
+    add_robots(parser)
+    add_catalog(parser)
+    parser.add_argument(
+        "--observation", default="scene_graph", metavar="O",
+        help=f"what policies observe: {', '.join(SENSORS)}, or several joined by + (default: scene_graph)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--policy", action="append", default=[], metavar="P",
+        help=f"offer this one, too: a name, a checkpoint or module:callable; beside {', '.join(_POLICIES)}",
+    )  # fmt: skip
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=_PORT,
+        metavar="N",
+        help=f"port, or one of the next if it is taken (default: {_PORT})",
+    )
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="H",
+        help="address to listen on (default: 127.0.0.1, this machine alone); with another all who reach it and know "
+        "the token can drive, and see what is sent, as nothing is encrypted",
+    )  # fmt: skip
+    parser.add_argument("--no-open", action="store_true", help="do not open the browser")
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Serve the page until the process is interrupted."""
+    check("chmarl-pb play", "viewer", "viser")
+    from chmarl_pb.viewer.live.choice import Choice
+    from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
+    from chmarl_pb.viewer.live.session import Session
+
+    policies = tuple(dict.fromkeys((*_POLICIES, *options.policy)))
+    for policy in options.policy:
+        find_policy(policy)
+    choice = Choice(
+        options.task, options.home, 0, options.track, options.messages, options.max_steps, options.observation,
+        options.robots, options.catalog,
+    )  # fmt: skip
+    gate = Gate()
+    server = guarded_server(gate, options.host, options.port)
+    try:
+        session = Session(server, choice, policies)
+        try:
+            _announce(f"http://{_reachable(options.host)}:{server.get_port()}/?token={gate.token}", options)
+            threading.Event().wait()
+        finally:
+            session.close()
+    finally:
+        stop(server)
+    return 0
+
+
+def _announce(address: str, options: argparse.Namespace) -> None:
+    if not _is_loopback(options.host):
+        print("All who can reach this machine and know the token can drive; nothing is encrypted on the way.")
+    print(address, flush=True)
+    if not options.no_open:
+        webbrowser.open(address)
+
+
+def _reachable(host: str) -> str:
+    """Return a host as it stands in an address; one that means all addresses as this machine's name."""
+    if host in ("0.0.0.0", "::", ""):
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

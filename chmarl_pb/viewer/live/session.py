@@ -1,0 +1,262 @@
+"""A session: one game or one loaded episode, seen and driven from any number of browser tabs."""
+
+import sys
+import tempfile
+import time
+import traceback
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.evaluation.episode_file import load_episode, save_episode
+from chmarl_pb.viewer.film import FRAME_RATE
+from chmarl_pb.viewer.live import texts
+from chmarl_pb.viewer.live.choice import Choice
+from chmarl_pb.viewer.live.game import Game
+from chmarl_pb.viewer.live.house import House
+from chmarl_pb.viewer.live.panel import Panel
+from chmarl_pb.viewer.live.replay_page import replay_page
+from chmarl_pb.viewer.live.worker import Worker
+from chmarl_pb.viewer.motion_player import Replay
+from chmarl_pb.viewer.record import Moment, Recording, record_file
+
+IMAGE_SIZE = 128  # pixels of the robots' pictures, as environments give them by default
+
+
+class Session:
+    """What the page shows; it alone touches the game and the pictures, in its worker's thread.
+
+    Its public methods may be called from any thread; see :class:`chmarl_pb.viewer.live.panel.Orders`.
+    """
+
+    def __init__(self, server: viser.ViserServer, choice: Choice, policies: tuple[str, ...]):
+        """Begin.
+
+        Args:
+            server: of the page.
+            choice: what the first episode is begun with.
+            policies: names of those that robots can be handed to.
+
+        Raises:
+            ChmarlError: the episode cannot be begun.
+        """
+        self._server, self._choice, self._policies = server, choice, policies
+        self._game: Game | None = choice.begin()
+        self._closing = False
+        self._open(self._game.recording)
+        self._worker = Worker(self._failed)
+
+    @property
+    def task(self) -> str:
+        """The id of the task that is played."""
+        return self._recording.task.id
+
+    def act(self, robot: str, action: str, symbol: int) -> None:
+        """Let a robot do something: at once, or in the next step."""
+
+        def work() -> None:
+            if self._game:
+                self._game.choose(robot, action, symbol)
+                if self._panel.at_once.value:
+                    self._step()
+                self._refresh()
+
+        self._do(work)
+
+    def step(self) -> None:
+        """Play a step."""
+        self._do(self._step)
+
+    def back(self) -> None:
+        """Take a step back."""
+
+        def work() -> None:
+            if self._game:
+                self._game.back()
+                self._show_end()
+
+        self._do(work)
+
+    def hint(self) -> None:
+        """Tell the planner's next move."""
+
+        def work() -> None:
+            if self._game:
+                words = ", ".join(f"{robot} **{action}**" for robot, action in self._game.hint().items())
+                self._panel.say(f"The planner's next move: {words}")
+
+        self._do(work)
+
+    def hand_over(self, robot: str, driver: str) -> None:
+        """Let a policy or a person drive a robot."""
+
+        def work() -> None:
+            if self._game:
+                try:
+                    self._game.hand_over(robot, driver)
+                finally:
+                    self._panel.show_driver(robot, self._game.drivers[robot])
+                self._refresh()
+
+        self._do(work)
+
+    def run(self) -> None:
+        """Play on as long as that is ticked."""
+        self._do(self._go_on)
+
+    def look_at(self, number: int) -> None:
+        """Show a moment."""
+
+        def work() -> None:
+            self._number = min(number, self._recording.steps)
+            self._refresh()
+
+        self._do(work)
+
+    def redraw(self) -> None:
+        """Show the same again, as what is to be shown has changed."""
+        self._do(self._refresh)
+
+    def begin(self, **chosen: Any) -> None:
+        """Begin another episode."""
+
+        def work() -> None:
+            self._panel.say("Laying out the task …")
+            again = chosen["task"] is None and chosen["home"] == self._choice.home
+            choice = replace(self._choice, **chosen, draw=self._choice.draw + 1 if again else 0)
+            game = choice.begin()
+            self._leave()
+            self._game, self._choice = game, choice
+            self._open(game.recording)
+
+        self._do(work)
+
+    def save(self, client: viser.ClientHandle) -> None:
+        """Send the episode file to a page."""
+
+        def work() -> None:
+            if self._game:
+                with tempfile.TemporaryDirectory() as folder:
+                    path = Path(folder) / "episode.json"
+                    save_episode(self._game.file(), path)
+                    client.send_file_download(f"{self.task}.json", path.read_bytes(), save_immediately=True)
+
+        self._do(work)
+
+    def save_page(self, client: viser.ClientHandle) -> None:
+        """Send the replay page of the episode to a page."""
+
+        def work() -> None:
+            self._panel.say("Writing the replay page …")
+            page = replay_page(self._recording)
+            client.send_file_download(f"{self.task}.html", page.encode(), save_immediately=True)
+            self._panel.say("")
+
+        self._do(work)
+
+    def load(self, content: bytes) -> None:
+        """Show an episode file."""
+
+        def work() -> None:
+            self._panel.say("Playing the episode again …")
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "uploaded"
+                path.write_bytes(content)
+                recording = record_file(load_episode(path))
+            self._leave()
+            self._open(recording)
+
+        self._do(work)
+
+    def close(self) -> None:
+        """Let the work in hand end, and disconnect from physics."""
+        self._closing = True
+        self._worker.stop()
+        self._leave()
+
+    def _do(self, work: Any) -> None:
+        def alone() -> None:
+            if not self._closing:
+                self._panel.say("")
+                work()
+
+        self._worker.do(alone)
+
+    def _failed(self, error: Exception) -> None:
+        if not isinstance(error, ChmarlError):
+            traceback.print_exception(error, file=sys.stderr)
+        self._panel.say(f"⚠ {error}")
+        self._panel.stop_running()
+
+    def _leave(self) -> None:
+        if self._game:
+            self._game.close()
+        self._game = None
+
+    def _open(self, recording: Recording) -> None:
+        """Build the page for an episode."""
+        game = self._game
+        self._loaded, self._number, self._thing = recording, recording.steps if game else 0, ""
+        self._replay = Replay(recording.home, recording.team)
+        self._house = House(self._server, recording, self._click)
+        self._panel = Panel(
+            self._server, recording, self, game.env.action_names if game else {}, game.env.symbols if game else 0,
+            self._policies, self._choice.track,
+        )  # fmt: skip
+        self._refresh()
+
+    @property
+    def _recording(self) -> Recording:
+        return self._game.recording if self._game else self._loaded
+
+    def _click(self, name: str) -> None:
+        def work() -> None:
+            self._thing = name
+            self._refresh()
+
+        self._do(work)
+
+    def _step(self) -> None:
+        if self._game:
+            self._animate(self._game.step())
+            self._show_end()
+
+    def _go_on(self) -> None:
+        """Play a step, and come back for the next one after what others have asked for."""
+        if self._panel.is_running and self._game:
+            if self._game.over:
+                self._panel.stop_running()
+            else:
+                self._step()
+                self.run()
+
+    def _animate(self, moment: Moment) -> None:
+        speed = self._panel.speed
+        for scene in moment.motion[::speed] if speed else ():
+            if self._closing or self._worker.awaited:
+                break
+            began = time.monotonic()
+            self._house.show(scene)
+            time.sleep(max(0.0, 1 / FRAME_RATE - (time.monotonic() - began)))
+
+    def _show_end(self) -> None:
+        self._number = self._recording.steps
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Bring page and scene to the moment that is looked at."""
+        recording, number = self._recording, self._number
+        scene = recording.moments[number].rest
+        pictures = {name: self._replay.picture(name, scene, IMAGE_SIZE) for name in recording.models}
+        pixels = {name: self._replay.pixels(name, scene) for name in recording.models}
+        over = number == recording.steps and (self._game.over if self._game else True)
+        self._house.show(scene)
+        self._house.show_pictures(pictures)
+        self._house.show_cones(self._panel.cones.value)
+        self._house.label(texts.seen_labels(recording, pixels) if self._panel.labels.value else {}, scene)
+        self._panel.show(recording, number, over, pictures, pixels, self._game.chosen if self._game else {})
+        if self._thing:
+            self._panel.show_thing(texts.thing_report(recording, number, self._thing))

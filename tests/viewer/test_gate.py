@@ -1,0 +1,88 @@
+"""The gate: only who brings the token gets the page or the connection behind it."""
+
+import http.client
+import re
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+import viser
+from chmarl_pb.errors import OptionError
+from chmarl_pb.viewer.live import gate as gates
+from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
+
+PROTOCOL = [Subprotocol(f"viser-v{viser.__version__}")]
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[Gate, viser.ViserServer]]:
+    gate = Gate()
+    server = guarded_server(gate, "127.0.0.1", 0)
+    yield gate, server
+    stop(server)
+
+
+Served = tuple[Gate, viser.ViserServer]
+
+
+def get(served: Served, path: str, **headers: str) -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", served[1].get_port(), timeout=30)
+    connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    return connection.getresponse()
+
+
+def cookie_of(served: Served) -> str:
+    answer = get(served, f"/?token={served[0].token}")
+    assert (answer.status, answer.headers["Location"]) == (303, "/")
+    given = answer.headers["Set-Cookie"]
+    assert "HttpOnly" in given and "SameSite=Lax" in given
+    return given.partition(";")[0]
+
+
+@pytest.mark.parametrize("path", ["/", "/?token=", "/?token=wrong", "/index.html", "/?token=%C3%A4"])
+def test_nothing_is_served_without_the_token(served: Served, path: str) -> None:
+    answer = get(served, path)
+    assert answer.status == 403
+    assert b"chmarl-pb play" in answer.read()
+
+
+def test_token_leads_to_the_page(served: Served) -> None:
+    cookie = cookie_of(served)
+    assert get(served, "/", Cookie=f"other=1; {cookie}").status == 200
+    assert get(served, "/", Cookie=cookie + "x").status == 403
+    assert get(served, "/", Cookie=re.sub("=.*", "=", cookie)).status == 403
+
+
+def test_connection_needs_the_cookie_and_the_own_origin(served: Served) -> None:
+    port, cookie = served[1].get_port(), {"Cookie": cookie_of(served)}
+    address = f"ws://127.0.0.1:{port}"
+    with connect(address, subprotocols=PROTOCOL, additional_headers=cookie, compression=None) as own:
+        assert own.recv(timeout=30)
+    for headers, origin in (({}, None), (cookie, f"http://127.0.0.1:{port + 1}"), (cookie, "null")):
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(address, subprotocols=PROTOCOL, additional_headers=headers, origin=origin)  # type: ignore[arg-type]
+
+
+def test_every_gate_has_a_token_of_its_own() -> None:
+    assert Gate().token != Gate().token
+    assert len(Gate().token) >= 32
+
+
+def test_unknown_host_is_named() -> None:
+    with pytest.raises(OptionError, match=r"--host 192\.0\.2\.1"):
+        guarded_server(Gate(), "192.0.2.1", 0)
+
+
+def test_a_viser_that_cannot_be_guarded_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Elsewhere:
+        serve = None
+
+    monkeypatch.setattr(gates, "websocket_server", Elsewhere)
+    with pytest.raises(OptionError, match="cannot be guarded"):
+        guarded_server(Gate(), "127.0.0.1", 0)
