@@ -235,7 +235,7 @@ class Panel:
         driven = self._gui.add_dropdown(
             "Keys drive", robots, hint="I J K L move, U stay, P pick, O place, 1 to 9 rooms"
         )
-        rooms = {_ROOM_KEYS[place]: (f"goto_{room}",) for place, room in enumerate(self._recording.rooms)}
+        rooms = {key: (f"goto_{room}",) for key, room in zip(_ROOM_KEYS, self._recording.rooms, strict=False)}
 
         def press(actions: tuple[str, ...]) -> None:
             own = [action for action in actions if action in self._actions[driven.value]]
