@@ -36,14 +36,14 @@ def test_board_marks_the_rooms(game: Game) -> None:
     assert all(room in texts.board(game.recording, 0) for room in ("kitchen", "living room"))
 
 
-def test_robot_report_has_its_scene_graph_with_pixels(game: Game) -> None:
+def test_robot_has_its_scene_graph_with_pixels(game: Game) -> None:
     recording, last = game.recording, game.recording.steps
     seen = recording.moments[last].visible["humanoid"]
-    report = texts.robot_report(recording, last, "humanoid", dict.fromkeys(seen, 7))
-    assert report.count("| 7 |") == len(seen)
-    assert "Did: place" in report
-    assert f"on {recording.moments[last].carriers[recording.item]}" in report
-    assert "Sees nothing" in texts.robot_report(recording, last, "humanoid", {})
+    table = texts.scene_graph(recording, last, "humanoid", dict.fromkeys(seen, 7))
+    assert table.count("| 7 |") == len(seen)
+    assert f"on {recording.moments[last].carriers[recording.item]}" in table
+    assert "sees nothing" in texts.scene_graph(recording, last, "humanoid", {})
+    assert "Did: place" in texts.robot_report(recording, last, "humanoid")
 
 
 def test_labels_say_what_is_too_small_to_count(game: Game) -> None:

@@ -124,7 +124,7 @@ class House:
     def _point(self, name: str, scene: Scene) -> None:
         """Turn a robot's view cone to where its camera looks."""
         position, quaternion = scene.eye(name, self._recording.models[name])
-        self._cones[name].position = position
+        self._cones[name].position = np.asarray(position)
         self._cones[name].wxyz = (Rotation.from_quat(quaternion) * _OPTICAL).as_quat(scalar_first=True)
 
 

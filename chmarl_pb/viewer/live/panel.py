@@ -95,7 +95,8 @@ class Panel:
             policies: names of those that robots can be handed to.
             track: the rules.
         """
-        self._gui, self._orders, self._actions = server.gui, orders, actions
+        self._gui: Any = server.gui  # its types forbid to set values
+        self._orders, self._actions = orders, actions
         self._recording, self._symbols, self._policies = recording, symbols, (PERSON, *policies)
         server.gui.reset()
         server.gui.set_panel_label("chmarl-pb play")
@@ -105,19 +106,22 @@ class Panel:
         self._views = self._gui.add_image(np.zeros((1, 2, 3), np.uint8), label="What the robots see", format="png")
         if actions:
             self._add_play()
-        self._number = self._gui.add_slider("Moment", 0, 1, 1, 0)
-        self._number.on_update(_by_person(lambda event: orders.look_at(int(event.target.value))))
-        self._board = self._gui.add_markdown("")
-        self._reports: dict[str, viser.GuiMarkdownHandle] = {}
-        self._drivers: dict[str, viser.GuiDropdownHandle[str]] = {}
+        self._reports: dict[str, Any] = {}
+        self._drivers: dict[str, Any] = {}
         tabs = self._gui.add_tab_group()
         for robot in recording.models:
             with tabs.add_tab(wording.robot_words(robot)):
                 self._add_robot(robot)
+        with tabs.add_tab("Seen"):
+            self._graphs = {robot: self._gui.add_markdown("") for robot in recording.models}
         with tabs.add_tab("Show"):
             self._add_show()
         with tabs.add_tab("Episode"):
             self._add_episode(track)
+        self._number: Any = self._gui.add_slider("Moment", 0, 1, 1, 0)
+        self._number.on_update(_by_person(lambda event: orders.look_at(int(event.target.value))))
+        self._board = self._gui.add_markdown("")
+        self._thing = self._gui.add_markdown("*Click a thing in the home.*")
         if actions:
             self._add_keys()
 
@@ -165,7 +169,9 @@ class Panel:
         self._board.content = texts.board(recording, number)
         for robot, report in self._reports.items():
             waiting = f"Next: {wording.short_action_words(chosen[robot])}\n\n" if robot in chosen else ""
-            report.content = waiting + texts.robot_report(recording, number, robot, pixels[robot])
+            report.content = waiting + texts.robot_report(recording, number, robot)
+        for robot, graph in self._graphs.items():
+            graph.content = texts.scene_graph(recording, number, robot, pixels[robot])
 
     def show_thing(self, report: str) -> None:
         """Show what is known of a thing that was clicked."""
@@ -175,11 +181,6 @@ class Panel:
         orders = {STEP: self._orders.step, BACK: self._orders.back, HINT: self._orders.hint}
         buttons = self._gui.add_button_group("Play", tuple(orders))
         buttons.on_click(_in_order(lambda event: orders[event.target.value]()))
-        self._running = self._gui.add_checkbox("Play on", False, hint="Step after step: policies act, others stay")
-        self._running.on_update(_by_person(lambda _: self._orders.run()))
-        self.at_once = self._gui.add_checkbox(
-            "Act at once", True, hint="A press plays the step; if not, it waits for Step, so that robots act together"
-        )
 
     def _add_robot(self, robot: str) -> None:
         if self._actions:
@@ -199,12 +200,20 @@ class Panel:
         self._orders.act(robot, named[event.target.value], int(symbol.value) if symbol else 0)
 
     def _add_show(self) -> None:
+        if self._actions:
+            self._add_pace()
         self._speed = self._gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="4 times")
         self.cones = self._gui.add_checkbox("View cones", True)
         self.labels = self._gui.add_checkbox("What is seen", False, hint="Pixels that the rule of visibility counts")
         for box in (self.cones, self.labels):
             box.on_update(_by_person(lambda _: self._orders.redraw()))
-        self._thing = self._gui.add_markdown("Click a thing in the home.")
+
+    def _add_pace(self) -> None:
+        self._running = self._gui.add_checkbox("Play on", False, hint="Step after step: policies act, others stay")
+        self._running.on_update(_by_person(lambda _: self._orders.run()))
+        self.at_once = self._gui.add_checkbox(
+            "Act at once", True, hint="A press plays the step; if not, it waits for Step, so that robots act together"
+        )
 
     def _add_episode(self, track: str) -> None:
         task, gui = self._recording.task, self._gui
@@ -221,12 +230,12 @@ class Panel:
             )
         )  # fmt: skip
         if self._actions:
-            gui.add_button("Save").on_click(lambda event: event.client and self._orders.save(event.client))
+            gui.add_button("Save").on_click(lambda event: self._orders.save(event.client))
         gui.add_upload_button("Load", mime_type="application/json").on_upload(
             lambda event: self._orders.load(event.target.value.content)
         )
         gui.add_button("Save as a page", hint="A 3D replay that opens from a file").on_click(
-            lambda event: event.client and self._orders.save_page(event.client)
+            lambda event: self._orders.save_page(event.client)
         )
 
     def _add_keys(self) -> None:

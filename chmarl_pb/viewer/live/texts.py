@@ -39,20 +39,17 @@ def board(recording: Recording, number: int) -> str:
     return "\n".join(rows)
 
 
-def robot_report(recording: Recording, number: int, robot: str, pixels: dict[str, int]) -> str:
-    """Return what a robot did, was told and sees.
+def robot_report(recording: Recording, number: int, robot: str) -> str:
+    """Return what a robot did and was told.
 
     Args:
         recording: the episode.
         number: of the moment.
         robot: its name.
-        pixels: thing -> its pixels in the picture that decides what the robot sees.
     """
     moment = recording.moments[number]
-    lines = [_did(moment, robot)]
-    lines += [f"Told: *{moment.feedback[robot]}*"] if moment.feedback[robot] else []
-    lines += [_graph(recording, moment, robot, pixels)]
-    return "\n\n".join(lines)
+    told = f"\n\nTold: *{moment.feedback[robot]}*" if moment.feedback[robot] else ""
+    return _did(moment, robot) + told
 
 
 def _did(moment: Moment, robot: str) -> str:
@@ -62,18 +59,25 @@ def _did(moment: Moment, robot: str) -> str:
     return f"Did: {words}" + ("" if moment.succeeded[robot] else " **(failed)**")
 
 
-def _graph(recording: Recording, moment: Moment, robot: str, pixels: dict[str, int]) -> str:
-    """Return the scene graph of what a robot sees as a table: its nodes, their states, edges and pixels."""
-    graph = moment.graphs[robot]
+def scene_graph(recording: Recording, number: int, robot: str, pixels: dict[str, int]) -> str:
+    """Return the scene graph of what a robot sees as a table: its nodes, their states, edges and pixels.
+
+    Args:
+        recording: the episode.
+        number: of the moment.
+        robot: its name.
+        pixels: thing -> its pixels in the picture that decides what the robot sees.
+    """
+    graph = recording.moments[number].graphs[robot]
     edges: dict[str, list[str]] = {}
     for source, target, relation in graph.relations():
         if relation != "near":
             edges.setdefault(source, []).append(f"{relation.replace('_', ' ')} {target}")
-    rows = ["| sees | state | where | pixels |", "|---|---|---|--:|"]
+    rows = [f"| {robot} sees | state | where | pixels |", "|---|---|---|--:|"]
     for name, state in zip(graph.names, graph.states, strict=True):
         if name in pixels:
             rows.append(f"| {name} | {state} | {', '.join(edges.get(name, ()))} | {pixels[name]} |")
-    return "\n".join(rows) if len(rows) > 2 else "Sees nothing."
+    return "\n".join(rows) if len(rows) > 2 else f"{robot} sees nothing."
 
 
 def seen_labels(recording: Recording, pixels: dict[str, dict[str, int]]) -> dict[str, str]:
@@ -111,7 +115,7 @@ def thing_report(recording: Recording, number: int, name: str) -> str:
     lines += [f"at: x {x:.2f}, y {y:.2f}, z {z:.2f} m"]
     seers = [robot for robot, seen in moment.visible.items() if name in seen]
     lines += [f"seen by: {', '.join(seers) or 'nobody'}"]
-    return "\n\n".join(lines)
+    return " · ".join(lines)
 
 
 def place_of(recording: Recording, moment: Moment, name: str) -> tuple[float, float, float]:
