@@ -175,3 +175,15 @@ def test_counted_pixels_say_what_is_visible(game: Game) -> None:
         for robot, seen in moment.visible.items():
             pixels = replay.pixels(robot, moment.rest)
             assert {name for name, count in pixels.items() if count >= 4} == set(seen)
+
+
+def test_grounded_track_is_played_by_pointing() -> None:
+    game = game_of(track="grounded")
+    solve(game)
+    assert game.recording.success and game.recording.steps <= 28
+    assert any(moment.actions.get("humanoid", "").startswith("pick_") for moment in game.recording.moments)
+    game.back()
+    game.step()
+    file = game.file()
+    game.close()
+    assert replay_episode(file) is None

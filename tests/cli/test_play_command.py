@@ -1,0 +1,49 @@
+"""``chmarl-pb play``: what it says before there is a page."""
+
+from typing import Any
+
+import pytest
+
+from chmarl_pb.cli import main
+from chmarl_pb.cli.play import _is_loopback, _reachable
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--task", "nonsense"], "unknown task 'nonsense'"),
+        (["--policy", "nobody"], "unknown policy 'nobody'"),
+        (["--host", "192.0.2.1"], "name an address of this machine"),
+    ],
+)
+def test_faults_are_one_line(words: list[str], fault: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["play", "--no-open", "--port", "0", *words]) == 2
+    out, err = capfd.readouterr()
+    assert out == "" and fault in err and err.count("\n") == 1
+
+
+def test_help_shows_an_example_and_what_a_host_means(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["play", "--help"])
+    words = " ".join(capsys.readouterr().out.split())
+    assert "example: chmarl-pb play --task" in words and "nothing is encrypted" in words
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback", "shown"),
+    [
+        ("127.0.0.1", True, "127.0.0.1"),
+        ("::1", True, "[::1]"),
+        ("localhost", True, "localhost"),
+        ("10.0.0.7", False, "10.0.0.7"),
+    ],
+)
+def test_addresses(host: str, loopback: bool, shown: str) -> None:
+    assert (_is_loopback(host), _reachable(host)) == (loopback, shown)
+
+
+def test_all_addresses_are_shown_by_the_name_of_the_machine(monkeypatch: Any) -> None:
+    monkeypatch.setattr("socket.gethostname", lambda: "lab")
+    assert (_is_loopback("0.0.0.0"), _reachable("0.0.0.0")) == (False, "lab")
