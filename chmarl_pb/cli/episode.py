@@ -1,4 +1,4 @@
-"""The commands ``chmarl-pb episode save | replay | show``."""
+"""The commands ``chmarl-pb episode save | replay | show | page``."""
 
 import argparse
 import sys
@@ -25,8 +25,11 @@ from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import Player, Setup, episode_seed, policy_seed
+from chmarl_pb.extras import check
+from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import find_task
+from chmarl_pb.viewer.record import record_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +52,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     replaying.set_defaults(run=lambda options: replay(options.file))
     showing = add_verb(all_verbs, "show", "make the demo's video and page of an episode file")
     showing.set_defaults(run=lambda options: show_episode(load_episode(options.file), options.out))
-    for verb in (replaying, showing):
+    paging = add_verb(all_verbs, "page", "make a page that plays an episode file in 3D, without a server or a network")
+    paging.set_defaults(run=lambda options: write_page(options.file, options.out))
+    paging.add_argument(
+        "--out", type=output_file, default=Path("episode.html"), metavar="FILE",
+        help="file to write (default: episode.html)",
+    )  # fmt: skip
+    for verb in (replaying, showing, paging):
         verb.add_argument("file", type=Path, metavar="FILE", help="episode file")
     showing.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
@@ -95,4 +104,14 @@ def replay(path: Path) -> int:
         return 1
     ending = "success" if file.success else "failure"
     print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
+    return 0
+
+
+def write_page(path: Path, out: Path) -> int:
+    """Write the replay page of an episode file; return the exit code."""
+    check("chmarl-pb episode page", "viewer", "viser")
+    from chmarl_pb.viewer.live.replay_page import replay_page
+
+    write_atomically(out, replay_page(record_file(load_episode(path))))
+    print(out)
     return 0

@@ -51,6 +51,7 @@ def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm"
     ("extra", "words"),
     [
         ("viewer", (*CLI, "play", "--no-open")),
+        ("viewer", (*CLI, "episode", "page", "episode.json")),
         *(("data", (*CLI, "dataset", verb)) for verb in ("generate", "verify", "stats")),
         *(("train", (*CLI, "evaluate", "--policy", name)) for name in ("best.pt", "best.zip")),
         ("train", (*CLI, "episode", "save", "--policy", "best.pt", "--task", "train-0000", "--out", "episode.json")),

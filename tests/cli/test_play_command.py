@@ -1,11 +1,13 @@
 """``chmarl-pb play``: what it says before there is a page."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from chmarl_pb.cli import main
 from chmarl_pb.cli.play import _is_loopback, _reachable
+from chmarl_pb.tasks.splits import load_tasks
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
@@ -29,6 +31,14 @@ def test_help_shows_an_example_and_what_a_host_means(capsys: pytest.CaptureFixtu
         main(["play", "--help"])
     words = " ".join(capsys.readouterr().out.split())
     assert "example: chmarl-pb play --task" in words and "nothing is encrypted" in words
+
+
+def test_episode_page_is_one_file(tmp_path: Path) -> None:
+    task = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)
+    file, page = str(tmp_path / "episode.json"), tmp_path / "episode.html"
+    assert main(["episode", "save", "--task", task.id, "--out", file]) == 0
+    assert main(["episode", "page", file, "--out", str(page)]) == 0
+    assert "__VISER_EMBED_DATA__" in page.read_text()
 
 
 @pytest.mark.parametrize(

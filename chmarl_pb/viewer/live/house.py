@@ -125,7 +125,7 @@ class House:
         """Turn a robot's view cone to where its camera looks."""
         position, quaternion = scene.eye(name, self._recording.models[name])
         self._cones[name].position = np.asarray(position)
-        self._cones[name].wxyz = (Rotation.from_quat(quaternion) * _OPTICAL).as_quat(scalar_first=True)
+        self._cones[name].wxyz = (Rotation.from_quat(quaternion) * _OPTICAL).as_quat()[[3, 0, 1, 2]]
 
 
 def _look_at(server: viser.ViserServer, home: Home) -> None:

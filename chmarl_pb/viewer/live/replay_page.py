@@ -26,6 +26,7 @@ def replay_page(recording: Recording) -> str:
             house.show(moment.rest)
             house.show_pictures({name: replay.picture(name, moment.rest, _IMAGE) for name in recording.models})
             film.insert_sleep(_PAUSE)
-        return film.as_html()
+        page: str = film.as_html()
+        return page
     finally:
         stop(server)
