@@ -31,7 +31,7 @@ NOT_RUN = "not run yet"
 HEADLINE = SPLITS[-1]
 #: Built-in policies below the learners -> what they do.
 BUILT_IN = {**SHORTCUTS, **SEARCHES}
-TEACHER = "search"  # of ours
+TEACHER = "search"  # of our rows from before there was a choice
 POOL = "mean"  # of graphs, in runs from before this was a setting
 
 INTRO = f"""# Results of the learners
@@ -57,8 +57,8 @@ with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told t
 their rows say; what searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
 *Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
 alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
-teacher, the length of the training, and whether there was feedback at test. The teacher of our own row is
-*search*, which reads the true `visible` while it teaches on pictures.
+teacher, the length of the training, and whether there was feedback at test. The teachers of our own rows, *search* and
+*belief*, are told the true classes in view while they teach on pictures.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
 robots get pictures; Pick and Place take no argument and drive by themselves; X's class stands in the scene but
@@ -214,7 +214,8 @@ def _made_with(row: Row, same: Sequence[Record]) -> str:
     checkpoint = same[0]["checkpoint"]
     config = checkpoint.get("config", {})
     encoder = _read(same[0]["observation"], config)
-    imitated = TEACHER if checkpoint.get("begun_with", {}).get("algorithm") == "imitation" else ""
+    begun = checkpoint.get("begun_with", {})
+    imitated = begun.get("config", {}).get("expert", TEACHER) if begun.get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
     teacher = f"teacher: {imitated}" if imitated else ""
