@@ -2,7 +2,8 @@
 
 Published are the maximum returns of Papoudakis et al. 2021 (https://arxiv.org/abs/2006.07869, table 3): mean and half
 of the 95 % interval over five seeds; their agents share weights, and learn from 2 million steps with a replay buffer,
-or from 20 million on policy. A run's figure is made as theirs: the best of its validations, which ours play greedily.
+or from 20 million on policy. These figures have not been compared with the paper yet: do so before you cite them. A
+run's figure is made as theirs: the best of its validations, which ours play greedily.
 Needs ``pip install mpe2 lbforaging``.
 """
 
