@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Batch, grounding, unroll
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.losses import Batch, unroll
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -91,15 +92,10 @@ class DAgger:
         losses = {
             f"{name}_loss": imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()
         }
-        losses |= grounding(self.agents, batch, self.config.grounding_coef)
-        loss = torch.stack(list(losses.values())).sum()
-        self._optimizer.zero_grad()
-        loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.max_grad_norm)
-        self._optimizer.step()
+        losses["loss"] = torch.stack(list(losses.values())).sum()
+        metrics = add_grounding(losses, self.agents, batch, self.config.grounding_coef)
         self.updates += 1
-        metrics = {name: float(part.detach()) for name, part in losses.items()}
-        return {"loss": float(loss.detach()), **metrics, "gradient_norm": float(norm)}
+        return descend(metrics, self._optimizer, self.config.max_grad_norm, self.agents.parameters())
 
     def state(self) -> dict[str, Any]:
         """Return all that the learner needs to go on."""

@@ -20,7 +20,8 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
-from chmarl_pb.learning.algorithms.losses import Batch, grounding, lambda_returns, unroll
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.losses import Batch, lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
@@ -208,7 +209,7 @@ class Mappo:
         """Take one gradient step, of the critic alone if ``actors`` is false, and return what goes with it."""
         counts = batch.acted.any(dim=-1)
         value_loss = self._value_loss(self._criticise(batch.states[:, :-1])[counts], rollout.returns[counts])
-        metrics = {"value_loss": value_loss}
+        metrics = {"value_loss": value_loss, "loss": value_loss}
         if actors:
             log_probabilities, entropy = self._log_probabilities(batch)
             ratio = (log_probabilities - rollout.log_probabilities).exp()
@@ -220,18 +221,11 @@ class Mappo:
                 "entropy": entropy[batch.acted].mean(),
                 "clipped": (ratio != bounded)[batch.acted].float().mean(),
             }
-            metrics |= grounding(self.agents, batch, self.config.grounding_coef)
-        loss = value_loss + metrics.get("policy_loss", 0.0) - self.config.ent_coef * metrics.get("entropy", 0.0)
-        loss = loss + metrics.get("grounding_loss", 0.0)
-        self._optimizer.zero_grad()
-        loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.agents.parameters(), self.config.max_grad_norm)
-        nn.utils.clip_grad_norm_(self.critic.parameters(), self.config.max_grad_norm)
-        self._optimizer.step()
+            metrics["loss"] = value_loss + metrics["policy_loss"] - self.config.ent_coef * metrics["entropy"]
+            metrics = add_grounding(metrics, self.agents, batch, self.config.grounding_coef)
         self.updates += 1
-        return {"loss": float(loss.detach()), "gradient_norm": float(norm)} | {
-            name: float(value.detach()) for name, value in metrics.items()
-        }
+        parts = self.agents.parameters(), self.critic.parameters()
+        return descend(metrics, self._optimizer, self.config.max_grad_norm, *parts)
 
     def _value_loss(self, values: Tensor, wanted: Tensor) -> Tensor:
         delta = self.config.huber_delta

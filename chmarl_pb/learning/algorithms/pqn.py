@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, grounding, q_loss, td_targets, unroll
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.losses import Aim, Batch, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
@@ -134,14 +135,9 @@ class Pqn:
     def update(self, batch: Batch, y: torch.Tensor, mask: torch.Tensor) -> dict[str, float]:
         """Take one gradient step towards targets (B, T, M) and return the loss and what goes with it."""
         metrics = q_loss(unroll(self.agents, batch), self.mixer, batch, y, mask)
-        metrics |= grounding(self.agents, batch, self.config.grounding_coef)
-        metrics["loss"] = metrics["loss"] + metrics.get("grounding_loss", 0.0)
-        self._optimizer.zero_grad()
-        metrics["loss"].backward()
-        norm = nn.utils.clip_grad_norm_(self._weights, self.config.max_grad_norm)
-        self._optimizer.step()
+        metrics = add_grounding(metrics, self.agents, batch, self.config.grounding_coef)
         self.updates += 1
-        return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norm)}
+        return descend(metrics, self._optimizer, self.config.max_grad_norm, self._weights)
 
     def state(self) -> dict[str, Any]:
         """Return all that a learner needs to go on."""

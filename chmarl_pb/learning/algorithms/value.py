@@ -15,7 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, grounding, td_loss, unroll
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
@@ -122,17 +123,12 @@ class ValueLearner:
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one gradient step and return the loss and what goes with it."""
-        metrics = self.loss(batch)
-        metrics |= grounding(self.agents, batch, self.config.grounding_coef)
-        metrics["loss"] = metrics["loss"] + metrics.get("grounding_loss", 0.0)
-        self._optimizer.zero_grad()
-        metrics["loss"].backward()
-        norm = nn.utils.clip_grad_norm_(self._weights, self.config.max_grad_norm)
-        self._optimizer.step()
+        metrics = add_grounding(self.loss(batch), self.agents, batch, self.config.grounding_coef)
+        figures = descend(metrics, self._optimizer, self.config.max_grad_norm, self._weights)
         self.updates += 1
         if self.updates % self.config.target_update_interval == 0:
             self._update_targets()
-        return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norm)}
+        return figures
 
     @torch.no_grad()
     def _update_targets(self) -> None:

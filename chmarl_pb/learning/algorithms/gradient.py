@@ -1,0 +1,34 @@
+"""One gradient step, as all learners that play take it."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb.learning.algorithms.losses import Batch, grounding
+
+
+def add_grounding(metrics: dict[str, Tensor], agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, Tensor]:
+    """Return figures whose ``loss`` also teaches encoders the classes that instructions name; see ``grounding``."""
+    taught = grounding(agents, batch, weight)
+    return metrics | taught | {"loss": metrics["loss"] + sum(taught.values())}
+
+
+def descend(
+    metrics: dict[str, Tensor], optimizer: torch.optim.Optimizer, max_norm: float, *parts: Iterable[Tensor]
+) -> dict[str, float]:
+    """Take one gradient step down ``loss``, and return all figures as numbers, with the gradient's norm.
+
+    Args:
+        metrics: figures of the step, among them ``loss``.
+        optimizer: of all weights.
+        max_norm: largest norm of the gradient of each part.
+        parts: weights whose gradients are clipped together; the norm is that of the first.
+    """
+    optimizer.zero_grad()
+    loss: Any = metrics["loss"]
+    loss.backward()
+    norms = [nn.utils.clip_grad_norm_(part, max_norm) for part in parts]
+    optimizer.step()
+    return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norms[0])}
