@@ -9,6 +9,8 @@ import torch
 from gymnasium import spaces
 from torch import nn
 
+from chmarl_pb.learning.components import Counts, counts_in
+
 Tree = Any  # an array or tensor, or a dict of them, as the space says
 
 FLAT = spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary  # what observations may be made of
@@ -21,13 +23,13 @@ class Interface:
 
     Attributes:
         observations: agent -> its observation space.
-        actions: agent -> number of its actions.
+        actions: agent -> number of its actions, or of the values of each component of one.
         state_size: numbers in the global state.
         has_state: whether the environment has ``state()``; if not, all observations are concatenated.
     """
 
     observations: dict[str, spaces.Space[Any]]
-    actions: dict[str, int]
+    actions: dict[str, Counts]
     state_size: int
     has_state: bool
 
@@ -58,27 +60,24 @@ def interface_of(env: Any) -> Interface:
     return replace(interface, state_size=len(interface.state(env, seen)))
 
 
-def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, int]]:
+def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]]:
     """Return agent -> observation space, and agent -> number of actions.
 
     Raises:
-        ValueError: an action space is not Discrete, an observation space neither Box, Discrete, MultiDiscrete,
-            MultiBinary nor Dict of them, or an agent has a name that torch keeps for itself.
+        ValueError: an action space is neither Discrete nor MultiDiscrete, an observation space neither Box, Discrete,
+            MultiDiscrete, MultiBinary nor Dict of them, or an agent has a name that torch keeps for itself.
     """
     names = list(env.possible_agents)
     for name in names:
         if "." in name or hasattr(nn.ModuleDict(), name):
             raise ValueError(f"an agent named {name!r} cannot have a network of its own in torch; give it another name")
-    actions = {name: env.action_space(name) for name in names}
-    for name, space in actions.items():
-        if not isinstance(space, spaces.Discrete) or space.start != 0:
-            raise ValueError(f"the action space of {name!r} is {space}; value factorisation needs Discrete from 0 on")
+    actions = {name: counts_in(name, env.action_space(name)) for name in names}
     observations = {name: env.observation_space(name) for name in names}
     for name, space in observations.items():
         parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
         if not all(isinstance(part, FLAT) for part in parts):
             raise ValueError(f"the observation space of {name!r} is {space}; use a {FLAT_NAMES}, or a Dict of them")
-    return observations, {name: int(space.n) for name, space in actions.items()}
+    return observations, actions
 
 
 def tree_map(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.policies.expert import as_expert
 from chmarl_pb.policies.policy import Infos, Observations, Policy
 from chmarl_pb.policies.sights import places_in_view
 from chmarl_pb.tasks.language import read_pairs
@@ -62,7 +63,8 @@ class RoomCode:
         self.shared = self.board.copy()
         self.bearings = np.full((2, len(self.rooms)), UNKNOWN)
         self._fresh, self._repeats = list[Sentence](), list[Sentence]()  # what is still to be said
-        self._saying: Sentence = ()  # what is left of a sentence
+        self._sentence, self._saying = Sentence(), Sentence()  # what is being said, and what is left of it
+        self._again = False  # whether it was among those that are repeated
         self._said = SILENT
         self._told: Fact | None = None  # the fact that it said last
         self._pointed = set[Fact]()  # facts whose direction it has found out
@@ -85,17 +87,46 @@ class RoomCode:
         return {**observation, "messages": self.board.copy(), SHARED: self.shared.copy(), **told}
 
     def speak(self) -> int:
-        """Return the symbol that is to be said now: something new, of X first, else what is to be repeated."""
+        """Return the symbol that is said now; see :meth:`propose`."""
+        symbol = self.propose()
+        self.note(symbol)
+        return symbol
+
+    def propose(self) -> int:
+        """Return the symbol that is to be said now: something new, of X first, else what is to be repeated.
+
+        Nothing counts as said before it is noted.
+        """
         if not self._saying and self._fresh:
             self._fresh.sort(key=lambda sentence: sentence[0])
-            whole = self._fresh.pop(0)
-            self._repeats += [whole] * (REPEATS - 1)
-            known = len(whole) > 1 and self.fact_of(whole[0]) == self._told
-            self._saying = whole[1:] if known else whole  # it has just named it
+            self._begin(self._fresh[0])
+            if len(self._sentence) > 1 and self.fact_of(self._sentence[0]) == self._told:
+                self._saying = self._sentence[1:]  # it has just named it
         elif not self._saying and self._repeats:
-            self._saying = self._repeats.pop(0)
-        self._said, self._saying = (self._saying[0], self._saying[1:]) if self._saying else (SILENT, ())
-        return self._said
+            self._begin(self._repeats[0])
+        return self._saying[0] if self._saying else SILENT
+
+    def note(self, symbol: int) -> None:
+        """Go on from the symbol that was said, whatever was proposed: what was left unsaid is still to be said.
+
+        A sentence that was broken off begins anew; one that begins with what was said in its place is gone on with.
+        """
+        if self._saying[:1] != (symbol,):
+            if self._saying:
+                (self._repeats if self._again else self._fresh).insert(0, self._sentence)
+                self._saying = ()
+            instead = next((one for one in (*self._fresh, *self._repeats) if one[0] == symbol), None)
+            if instead is not None:
+                self._begin(instead)
+        if len(self._saying) == 1 and not self._again:
+            self._repeats += [self._sentence] * (REPEATS - 1)
+        self._said, self._saying = symbol, self._saying[1:]
+
+    def _begin(self, sentence: Sentence) -> None:
+        """Take a sentence out of what is still to be said, to say it."""
+        self._again = sentence not in self._fresh
+        (self._repeats if self._again else self._fresh).remove(sentence)
+        self._sentence = self._saying = sentence
 
     def symbol_of(self, fact: Fact) -> int:
         """Return the symbol of a fact; that of silence if there are too few."""
@@ -148,7 +179,10 @@ class RoomCode:
 
 
 class Talking:
-    """A policy made for the paper's board, on a channel of own words: its robots tell each other what they see."""
+    """A policy made for the paper's board, on a channel of own words: its robots tell each other what they see.
+
+    As a policy it says what it proposes. A teacher's proposals are followed or not: it goes on from what was said.
+    """
 
     def __init__(self, policy: Policy, codes: dict[str, RoomCode]):
         """Let a policy talk.
@@ -157,7 +191,7 @@ class Talking:
             policy: reads ``messages`` as (2, rooms).
             codes: robot -> its side of the code.
         """
-        self.policy, self.codes = policy, codes
+        self.policy, self.codes = as_expert(policy), codes
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -167,5 +201,19 @@ class Talking:
 
     def act(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         """Return robot -> number of its action and symbol."""
+        actions = self.propose(observations, infos)
+        self.note(actions)
+        return actions
+
+    def propose(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        """Return robot -> number of the action and symbol that are to be chosen now; to be followed by :meth:`note`."""
         heard = {name: self.codes[name].listen(seen, infos[name]) for name, seen in observations.items()}
-        return {name: (action, self.codes[name].speak()) for name, action in self.policy.act(heard, infos).items()}
+        return {
+            name: (action, self.codes[name].propose()) for name, action in self.policy.propose(heard, infos).items()
+        }
+
+    def note(self, actions: dict[str, Any]) -> None:
+        """Go on from what the robots have done and said."""
+        self.policy.note({name: int(action) for name, (action, _) in actions.items()})
+        for name, (_, symbol) in actions.items():
+            self.codes[name].note(int(symbol))

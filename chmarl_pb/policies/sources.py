@@ -3,9 +3,9 @@
 import importlib
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -41,6 +41,7 @@ class Source:
         privileged: whether it is given more than observations: the environment and whole infos.
         centralized: whether one object drives all robots.
         needs_graphs: whether it is, too, where observations hold no scene graph.
+        rules: options of the environment that it was trained with, where they are not the paper's.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Source:
     privileged: bool = False
     centralized: bool = False
     needs_graphs: bool = False
+    rules: Mapping[str, Any] = field(default_factory=dict)
 
 
 def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
@@ -183,7 +185,7 @@ def _checkpoint(path: Path) -> Source:
         )
     factory = load(path)
     sha256 = file_hash(path) if path.is_file() else None
-    return Source(str(path), factory, *_declared(factory, sha256))
+    return Source(str(path), factory, *_declared(factory, sha256), rules=getattr(factory, "rules", {}))
 
 
 def name_of(given: object) -> str:

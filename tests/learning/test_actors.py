@@ -72,8 +72,8 @@ def test_an_expert_is_told_what_was_done() -> None:
 
 
 def test_steps_without_label_do_not_count() -> None:
-    logits = torch.randn(2, 3, 4, generator=torch.Generator().manual_seed(0))
-    labels = torch.tensor([[0, NO_LABEL, 2], [NO_LABEL, NO_LABEL, 3]])
+    logits = torch.randn(2, 3, 1, 4, generator=torch.Generator().manual_seed(0))
+    labels = torch.tensor([[0, NO_LABEL, 2], [NO_LABEL, NO_LABEL, 3]]).unsqueeze(-1)
     changed = logits.clone()
     changed[0, 1], changed[1, :2] = 7.0, -7.0
     assert imitation_loss(logits, labels) == imitation_loss(changed, labels)
@@ -251,8 +251,8 @@ def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
     reward = torch.from_numpy(rng.normal(size=(count, steps, 1)).astype(np.float32)).expand(count, steps, 2)
     names = ("first", "second")
     return Batch(
-        {name: states for name in names}, {name: torch.zeros(count, steps, dtype=torch.long) for name in names},
-        {name: torch.ones(count, steps + 1, 2, dtype=torch.bool) for name in names},
+        {name: states for name in names}, {name: torch.zeros(count, steps, 1, dtype=torch.long) for name in names},
+        {name: torch.ones(count, steps + 1, 1, 2, dtype=torch.bool) for name in names},
         states, reward, acted.unsqueeze(-1).expand(count, steps, 2), ends.unsqueeze(-1).expand(count, steps, 2),
     )  # fmt: skip
 

@@ -100,14 +100,14 @@ VALUES = {"a": [[1.0, 0.0], [2.0, 3.0], [5.0, 4.0]], "b": [[0.0, 1.0], [1.0, 0.0
 def batch_of(terminated: bool, acted: list[list[bool]] | None = None) -> Batch:
     done = [[False, False], [terminated, terminated]]
     return Batch(
-        {}, {"a": torch.tensor([[0, 1]]), "b": torch.tensor([[1, 1]])},
-        {name: torch.ones(1, 3, 2, dtype=torch.bool) for name in "ab"}, torch.zeros(1, 3, 1),
+        {}, {"a": torch.tensor([[[0], [1]]]), "b": torch.tensor([[[1], [1]]])},
+        {name: torch.ones(1, 3, 1, 2, dtype=torch.bool) for name in "ab"}, torch.zeros(1, 3, 1),
         torch.tensor([[[1.0, 3.0], [2.0, 2.0]]]), torch.tensor([acted or [[True, True]] * 2]), torch.tensor([done]),
     )  # fmt: skip
 
 
 def values() -> Unrolled:
-    return Unrolled({name: torch.tensor([rows]) for name, rows in VALUES.items()}, {})
+    return Unrolled({name: torch.tensor([rows]).unsqueeze(-2) for name, rows in VALUES.items()}, {})
 
 
 @pytest.mark.parametrize(("terminated", "last_target"), [(True, 2.0), (False, 2.0 + 0.5 * (5 + 2))])
@@ -160,7 +160,7 @@ def test_what_a_gone_agent_would_do_changes_nothing(algorithm: str, cut: bool) -
     histories = {name: torch.randn(1, 3, 3) for name in "ab"}
 
     def loss_with(b_when_gone: list[float]) -> float:
-        seen = values().values | {"b": torch.tensor([[VALUES["b"][0], b_when_gone, b_when_gone]])}
+        seen = values().values | {"b": torch.tensor([[VALUES["b"][0], b_when_gone, b_when_gone]]).unsqueeze(-2)}
         unrolled = Unrolled(seen, histories)
         return float(learner.td_loss(unrolled, unrolled, learner.mixer, learner.mixer, batch)["loss"].detach())
 

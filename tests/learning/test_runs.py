@@ -92,7 +92,7 @@ def test_replay_gives_back_what_it_got(collector: Collector) -> None:
     gains = sorted(batch.rewards.mul(batch.acted).sum(dim=(1, 2)).tolist())
     assert gains == pytest.approx(sorted(float(np.sum(episode.rewards)) for episode in episodes), rel=1e-5)
     assert batch.observations["short"]["time"].dtype == torch.int64
-    assert batch.action_mask["long"][0, 0].tolist() == [False, True, True]
+    assert batch.action_mask["long"][0, 0].tolist() == [[False, True, True]]
 
 
 def test_replay_forgets_the_oldest_and_leaves_no_trace_of_it() -> None:

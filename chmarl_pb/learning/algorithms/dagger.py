@@ -115,7 +115,16 @@ class DAgger:
 
 
 def imitation_loss(logits: Tensor, labels: Tensor) -> Tensor:
-    """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label; 0 without any."""
+    """Return the cross-entropy of labels (B, T, K) under logits (B, T, K, A), summed over the components.
+
+    Of each component it is the mean over the steps in which it has a label; 0 where there is none.
+    """
+    parts = zip(logits.unbind(dim=-2), labels.unbind(dim=-1), strict=True)
+    return torch.stack([_cross_entropy(of_part, wanted) for of_part, wanted in parts]).sum()
+
+
+def _cross_entropy(logits: Tensor, labels: Tensor) -> Tensor:
+    """Return the mean cross-entropy of labels (B, T) under logits (B, T, A), where there is a label."""
     labelled = labels != NO_LABEL
     if not labelled.any():
         return 0 * logits.sum()
@@ -127,13 +136,14 @@ def mixed(expert_share: float) -> Choose:
 
     def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         own = draw(values, action_mask, rng)
-        return np.where((rng.random(len(own)) < expert_share) & (labels != NO_LABEL), labels, own)
+        follows = rng.random((len(own), 1)) < expert_share  # in all components of an action
+        return np.where(follows & (labels != NO_LABEL), labels, own)
 
     return choose
 
 
 def draw(values: Tensor, action_mask: Tensor, rng: np.random.Generator) -> np.ndarray:
-    """Return allowed actions (B), drawn with the probabilities softmax(values), by the Gumbel-max trick."""
+    """Return allowed actions (B, K), drawn with the probabilities softmax(values), by the Gumbel-max trick."""
     noise = torch.from_numpy(rng.gumbel(size=tuple(values.shape)))
     return (values + noise).masked_fill(~action_mask, -torch.inf).argmax(dim=-1).numpy()
 
@@ -141,4 +151,4 @@ def draw(values: Tensor, action_mask: Tensor, rng: np.random.Generator) -> np.nd
 def _labels(batch: Batch) -> dict[str, Tensor]:
     """Return the labels of the steps in which an agent acts; ``NO_LABEL`` elsewhere."""
     acted = dict(zip(batch.labels, batch.acted.unbind(dim=-1), strict=True))
-    return {name: labels.masked_fill(~acted[name], NO_LABEL) for name, labels in batch.labels.items()}
+    return {name: labels.masked_fill(~acted[name].unsqueeze(-1), NO_LABEL) for name, labels in batch.labels.items()}

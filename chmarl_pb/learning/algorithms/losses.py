@@ -1,7 +1,7 @@
 """Whole episodes as a batch, what the networks make of them, and the loss of IQL, VDN and QMIX.
 
-A batch has T steps and T + 1 observations. An agent mask at a step if it acts there; a truncated episode is
-bootstrapped from its last observation, a terminated one is not.
+A batch has T steps and T + 1 observations. Actions have K components with A values at most. An agent counts at a step
+if it acts there; a truncated episode is bootstrapped from its last observation, a terminated one is not.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.mixers import Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
+from chmarl_pb.learning.components import taken
 from chmarl_pb.learning.networks.agents import NO_ACTION
 from chmarl_pb.learning.spaces import Tree, tree_map
 
@@ -21,13 +22,13 @@ class Batch:
 
     Attributes:
         observations: agent -> (B, T + 1, ...).
-        actions: agent -> (B, T) int64.
-        action_mask: agent -> (B, T + 1, A) bool, the actions that it may take.
+        actions: agent -> (B, T, K) int64.
+        action_mask: agent -> (B, T + 1, K, A) bool, the actions that it may take.
         states: (B, T + 1, S).
         rewards: (B, T, N).
         acted: (B, T, N) bool, whether the agent took part in the step.
         terminated: (B, T, N) bool, whether the step ended the agent's task.
-        labels: agent -> (B, T) int64, what an expert would have done, or -1.
+        labels: agent -> (B, T, K) int64, what an expert would have done, or -1.
     """
 
     observations: dict[str, Tree]
@@ -77,7 +78,7 @@ class Unrolled:
     """What the agents' networks make of a batch.
 
     Attributes:
-        values: agent -> (B, T + 1, A).
+        values: agent -> (B, T + 1, K, A).
         hidden_states: agent -> (B, T + 1, H).
     """
 
@@ -89,7 +90,7 @@ def unroll(agents: nn.ModuleDict, batch: Batch) -> Unrolled:
     """Return the values of all actions after each observation, each agent from its own history."""
     values, hidden_states = {}, {}
     for name, agent in agents.items():
-        last = nn.functional.pad(batch.actions[name], (1, 0), value=NO_ACTION)
+        last = nn.functional.pad(batch.actions[name], (0, 0, 1, 0), value=NO_ACTION)
         values[name], hidden_states[name], _ = agent(batch.observations[name], last)
     return Unrolled(values, hidden_states)
 
@@ -108,7 +109,7 @@ def grounding(agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, T
 
 
 def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
-    """Return agent -> its best allowed action after each observation, (B, T + 1)."""
+    """Return agent -> its best allowed action after each observation, (B, T + 1, K)."""
     return {name: best_action(value, batch.action_mask[name]) for name, value in values.items()}
 
 
@@ -118,9 +119,8 @@ def best_action(values: Tensor, action_mask: Tensor) -> Tensor:
 
 
 def chosen(values: dict[str, Tensor], actions: dict[str, Tensor]) -> Tensor:
-    """Return the values (B, T, N) of one action of each agent."""
-    picked = [values[name].gather(-1, action.unsqueeze(-1)) for name, action in actions.items()]
-    return torch.cat(picked, dim=-1)
+    """Return the values (B, T, N) of one action of each agent: the sums of those of its components."""
+    return torch.stack([taken(values[name], action) for name, action in actions.items()], dim=-1)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Batch, lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
+from chmarl_pb.learning.components import taken
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -234,14 +235,17 @@ class Mappo:
         return nn.functional.huber_loss(values, wanted, delta=delta)
 
     def _log_probabilities(self, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Return the log-probabilities of the actions that were taken, and the entropies, both (B, T, N)."""
-        taken, entropies = [], []
+        """Return the log-probabilities of the actions that were taken, and the entropies, both (B, T, N).
+
+        Components of an action are drawn independently of each other, so both are sums over them.
+        """
+        done, entropies = [], []
         for name, values in unroll(self.agents, batch).values.items():
             action_mask = batch.action_mask[name][:, :-1]
             logs = values[:, :-1].masked_fill(~action_mask, -1e9).log_softmax(dim=-1)
-            taken.append(logs.gather(-1, batch.actions[name].unsqueeze(-1)).squeeze(-1))
-            entropies.append(-(logs.exp() * logs).sum(dim=-1))
-        return torch.stack(taken, dim=-1), torch.stack(entropies, dim=-1)
+            done.append(taken(logs, batch.actions[name]))
+            entropies.append(-(logs.exp() * logs).sum(dim=(-2, -1)))
+        return torch.stack(done, dim=-1), torch.stack(entropies, dim=-1)
 
     def state(self) -> dict[str, Any]:
         """Return all that the learner needs to go on."""

@@ -21,6 +21,7 @@ from chmarl_pb.learning.algorithms.losses import (
     mean_square,
 )
 from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.components import of_each
 from chmarl_pb.learning.spaces import Interface
 
 
@@ -34,14 +35,15 @@ class QtranNetworks(nn.Module):
     def __init__(self, interface: Interface, hidden: int, units: int):
         """Make the layers for the agents of an environment, with histories of size ``hidden``."""
         super().__init__()
-        counts = interface.actions.values()
+        sizes = [of_each(counts) for counts in interface.actions.values()]
+        counts = [len(own) * max(own) for own in sizes]  # of one-hots, all components padded to the largest
         self.acted = nn.ModuleList(nn.Linear(hidden + count, units) for count in counts)
         self.lived = nn.ModuleList(nn.Linear(hidden, units) for _ in counts)
         self.joint = _three_layers(units + interface.state_size, units)
         self.value = _three_layers(units + interface.state_size, units)
 
     def q_joint(self, histories: list[Tensor], actions: list[Tensor], state: Tensor) -> Tensor:
-        """Return Q_jt(tau, u) (B, T, 1) from each agent's history (B, T, H) and action as one-hot (B, T, A)."""
+        """Return Q_jt(tau, u) (B, T, 1) from each agent's history (B, T, H) and action as one-hot (B, T, K * A)."""
         pairs = zip(self.acted, histories, actions, strict=True)
         parts = [torch.relu(layer(torch.cat([history, action], dim=-1))) for layer, history, action in pairs]
         q_joint: Tensor = self.joint(torch.cat([torch.stack(parts).sum(dim=0), state], dim=-1))
@@ -121,10 +123,12 @@ def _listed(histories: dict[str, Tensor], steps: slice) -> list[Tensor]:
 
 
 def _one_hot(unrolled: Unrolled, actions: dict[str, Tensor], acts: Tensor) -> list[Tensor]:
-    """Return each agent's actions (B, T, A) as one-hot; zeros where it does not act, as ``acts`` (B, T, N) says."""
+    """Return each agent's actions as one-hot (B, T, K * A); zeros where it does not act, as ``acts`` (B, T, N) says."""
     sizes = [value.shape[-1] for value in unrolled.values.values()]
     rows = zip(actions.values(), sizes, acts.unbind(dim=-1), strict=True)
-    return [nn.functional.one_hot(action, size) * acting.unsqueeze(-1).float() for action, size, acting in rows]
+    return [
+        nn.functional.one_hot(action, size).flatten(-2) * acting.unsqueeze(-1).float() for action, size, acting in rows
+    ]
 
 
 def _three_layers(inputs: int, units: int) -> nn.Sequential:

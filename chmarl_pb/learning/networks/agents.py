@@ -1,11 +1,13 @@
 """The agents' networks: each agent has its own, and it sees nothing but its own history."""
 
+from collections.abc import Mapping
 from typing import Any, cast
 
 import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.encoders import ENCODERS
@@ -17,38 +19,42 @@ NO_ACTION = -1  # last action at the first step
 class Agent(nn.Module):
     """Values of one agent's actions from its history: encoder, last action, GRU, linear, as in Rashid et al. 2018.
 
+    An action of several components has a head for each, see :mod:`chmarl_pb.learning.components`.
+
     Numbers that go past the encoder are read by the GRU and by the last layer.
     """
 
-    def __init__(self, space: spaces.Space[Any], actions: int, config: RunConfig):
-        """Make the layers for an observation space and a number of actions."""
+    def __init__(self, space: spaces.Space[Any], actions: Counts, config: RunConfig):
+        """Make the layers for an observation space and a number of actions, or of the values of their components."""
         super().__init__()
         self.actions, self.hidden = actions, config.hidden
         make = look_up("encoder", config.encoder, ENCODERS)
         self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
-        self.memory = nn.GRU(config.features + self.past + actions, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden + self.past, actions)
+        outputs = sum(of_each(actions))
+        self.memory = nn.GRU(config.features + self.past + outputs, config.hidden, batch_first=True)
+        self.head = nn.Linear(config.hidden + self.past, outputs)
         sizes = (config.features + self.past, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
     def forward(
         self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the values of the actions (B, T, A), the GRU's outputs (B, T, H), and its last state (1, B, H).
+        """Return the values of the actions (B, T, K, A), the GRU's outputs (B, T, H), and its last state (1, B, H).
 
         Args:
             observation: tensors with the leading dimensions (B, T).
-            last_action: (B, T) int64, the agent's own action of the step before, or ``NO_ACTION``.
+            last_action: (B, T, K) int64, the agent's own action of the step before, or ``NO_ACTION``.
             hidden: (1, B, H), the GRU's state before; zeros if None.
         """
-        features = self.encoder(observation).unflatten(0, last_action.shape)
+        features = self.encoder(observation).unflatten(0, last_action.shape[:2])
         numbers = features[..., features.shape[-1] - self.past :]
         features = self.norms[0](features) if self.norms else features
-        acted = nn.functional.one_hot(last_action + 1, self.actions + 1)[..., 1:]
+        acted = one_hot(last_action, self.actions)
         histories, hidden = self.memory(torch.cat([features, acted.to(features.dtype)], dim=-1), hidden)
         read = self.norms[1](histories) if self.norms else histories
-        return self.head(torch.cat([read, numbers], dim=-1)), histories, hidden
+        outputs = self.head(torch.cat([read, numbers], dim=-1))
+        return apart(outputs, self.actions), histories, hidden
 
 
 def asked_of_encoder(config: Any) -> dict[str, bool]:
@@ -60,7 +66,7 @@ def asked_of_encoder(config: Any) -> dict[str, bool]:
 
 
 def make_agents(
-    observations: dict[str, spaces.Space[Any]], actions: dict[str, int], config: RunConfig
+    observations: dict[str, spaces.Space[Any]], actions: Mapping[str, Counts], config: RunConfig
 ) -> nn.ModuleDict:
     """Return agent -> its network, from its observation space and its number of actions."""
     return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
@@ -79,11 +85,12 @@ class Player:
         self.agents, self._device = agents, device_of(agents)
         with self._device:
             self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
-            self._last = {name: torch.full((episodes,), NO_ACTION) for name in agents}
+            counts = {name: of_each(cast(Agent, agent).actions) for name, agent in agents.items()}
+            self._last = {name: torch.full((episodes, len(sizes)), NO_ACTION) for name, sizes in counts.items()}
 
     @torch.no_grad()
     def values(self, name: str, episodes: Tensor, observation: Tree) -> Tensor:
-        """Return an agent's values (B, A) in some of the episodes.
+        """Return an agent's values (B, K, A) in some of the episodes.
 
         Args:
             name: of the agent.
@@ -98,5 +105,5 @@ class Player:
         return q_values
 
     def remember(self, name: str, episodes: Tensor, actions: Tensor) -> None:
-        """Note the actions (B) that an agent takes in some of the episodes."""
+        """Note the actions (B, K) that an agent takes in some of the episodes."""
         self._last[name][episodes] = actions.to(self._device)

@@ -8,10 +8,12 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import best_action
+from chmarl_pb.learning.components import as_action, as_row, mask_of
 from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
 from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, tree_map, zeros
+from chmarl_pb.policies.expert import Expert, as_expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 NO_LABEL = -1  # nobody has said what would have been right
@@ -24,47 +26,14 @@ class Choose(Protocol):
     """How actions are chosen from what the networks give for them."""
 
     def __call__(self, values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the actions (B).
+        """Return the actions (B, K).
 
         Args:
-            values: (B, A) of the actions.
-            action_mask: (B, A) bool.
-            labels: (B) what the expert would do, or ``NO_LABEL``.
+            values: (B, K, A) of the actions.
+            action_mask: (B, K, A) bool.
+            labels: (B, K) what the expert would do, or ``NO_LABEL``.
             rng: for random choices.
         """
-
-
-class Expert(Protocol):
-    """Says in every state what to do, and goes on from what was done instead.
-
-    Any :class:`chmarl_pb.policies.policy.Policy` can teach; one that keeps count of what it has done should be able to
-    do this, as :class:`chmarl_pb.policies.search.SearchPolicy` is: ``act`` of a policy counts what it says.
-    """
-
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-
-    def propose(self, observations: dict[str, Any], infos: dict[str, Any]) -> dict[str, int]:
-        """Return agent -> what it should do."""
-
-    def note(self, actions: dict[str, int]) -> None:
-        """Learn what the agents have done."""
-
-
-class PlainExpert:
-    """A policy as an expert that does not want to know what was done."""
-
-    def __init__(self, policy: Policy):
-        """Take a policy."""
-        self.reset, self.propose = policy.reset, policy.act
-
-    def note(self, actions: dict[str, int]) -> None:
-        """Do nothing."""
-
-
-def as_expert(policy: Any) -> Expert:
-    """Return a policy as an expert."""
-    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)
 
 
 class Exploring(Protocol):
@@ -94,12 +63,12 @@ def epsilon_after(episodes: int, config: Exploring) -> float:
 
 
 def epsilon_greedy(epsilon: float) -> Choose:
-    """Return the best allowed actions, but for a share of random ones."""
+    """Return the best allowed actions, but for a share of random ones, in each component by itself."""
 
     def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         best = best_action(values, action_mask).numpy()
-        random = np.array([rng.choice(np.flatnonzero(row)) for row in action_mask.numpy()])
-        return np.where(rng.random(len(best)) < epsilon, random, best)
+        random = [rng.choice(np.flatnonzero(row)) for row in action_mask.flatten(0, -2).numpy()]
+        return np.where(rng.random(best.shape) < epsilon, np.reshape(random, best.shape), best)
 
     return choose
 
@@ -210,7 +179,7 @@ class Explorer:
         self._agents, self._choose, self._rng = agents, choose, rng
         self._counts = {name: cast(Agent, agent).actions for name, agent in agents.items()}
         self._experts, self._check = experts, check
-        self.labels: dict[int, dict[str, int]] = {}
+        self.labels: dict[int, Actions] = {}
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
@@ -227,18 +196,19 @@ class Explorer:
             asked = zip(episodes, observations, infos, strict=True)
             self.labels = {number: self._experts[number].propose(seen, info) for number, seen, info in asked}
         chosen: list[Actions] = [{} for _ in episodes]
-        for name, count in self._counts.items():
+        for name, counts in self._counts.items():
             rows = [row for row, seen in enumerate(observations) if name in seen]
             if not rows:
                 continue
             index = torch.tensor([episodes[row] for row in rows])
             values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
-            mask = torch.from_numpy(np.stack([_action_mask(infos[row].get(name, {}), count) for row in rows]))
-            labels = np.array([self.labels.get(episodes[row], {}).get(name, NO_LABEL) for row in rows])
+            mask = torch.from_numpy(np.stack([mask_of(infos[row].get(name, {}), counts) for row in rows]))
+            said = [self.labels.get(episodes[row], {}).get(name, NO_LABEL) for row in rows]
+            labels = np.array([as_row(label, counts, NO_LABEL) for label in said])
             actions = self._choose(values, mask, labels, self._rng)
             self._player.remember(name, index, torch.from_numpy(actions))
             for row, action in zip(rows, actions, strict=True):
-                chosen[row][name] = int(action)
+                chosen[row][name] = as_action(action, counts)
         for number, actions_done in zip(episodes, chosen, strict=True) if self._experts else ():
             self._experts[number].note(actions_done)
         return chosen
@@ -249,11 +219,12 @@ def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ..
     _look(interface, episode, env, *start)
 
 
-def advance(interface: Interface, episode: Episode, env: Any, actions: dict[str, int], step: tuple[Any, ...]) -> None:
+def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, step: tuple[Any, ...]) -> None:
     """Record a step, which has returned five things."""
     names = interface.agents
     observations, rewards, terminated, _, infos = step
-    episode.actions.append({name: actions.get(name, 0) for name in names})
+    gone = {name: as_action(as_row(0, counts, 0), counts) for name, counts in interface.actions.items()}
+    episode.actions.append({name: actions.get(name, gone[name]) for name in names})
     episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
     episode.acted.append(np.array([name in actions for name in names]))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
@@ -270,12 +241,6 @@ def _look(
     episode.observations.append({name: {**seen, **nothing}[name] for name in interface.agents})
     episode.states.append(interface.state(env, observations))
     episode.action_mask.append(
-        {name: _action_mask(infos.get(name, {}), count) for name, count in interface.actions.items()}
+        {name: mask_of(infos.get(name, {}), counts) for name, counts in interface.actions.items()}
     )
     episode.info = infos
-
-
-def _action_mask(info: dict[str, Any], count: int) -> np.ndarray:
-    """Return which actions the environment allows: ``info["action_mask"]``, or all."""
-    mask = np.asarray(info.get("action_mask", np.ones(count)), dtype=bool)
-    return mask if mask.any() else np.ones(count, dtype=bool)

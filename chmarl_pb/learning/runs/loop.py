@@ -18,7 +18,7 @@ from chmarl_pb.learning.algorithms.registry import check_first_weights, find_alg
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading, save
-from chmarl_pb.learning.runs.collect import Collector, Expert
+from chmarl_pb.learning.runs.collect import Collector
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
@@ -27,6 +27,7 @@ from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import Validate, by_return
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
 
 LAST, BEST = "last.pt", "best.pt"
@@ -68,7 +69,8 @@ def train(
     >>> sorted(result.agents)
     ['drone', 'humanoid']
 
-    Agents may differ in their Discrete actions and in their Box, Discrete or Dict observations. Mixers see
+    Agents may differ in their actions, Discrete or MultiDiscrete, and in their Box, Discrete or Dict observations. Each
+    component of a MultiDiscrete has a head of its own, see :mod:`chmarl_pb.learning.components`. Mixers see
     ``env.state()``, or all observations if there is none, and learn from the mean of the agents' rewards; IQL learns
     from each agent's own. Actions are masked only if infos have an ``action_mask``. With a folder, the same call goes
     on with an interrupted run from its last checkpoint, and ends with the same numbers. The first SIGINT (Ctrl-C),
@@ -84,7 +86,7 @@ def train(
         setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`.
         quiet: whether no progress is shown.
         expert: makes what is imitated in an environment: a policy, or an expert that observes the actions taken in its
-            place, see :class:`chmarl_pb.learning.runs.collect.Expert`.
+            place, see :class:`chmarl_pb.policies.expert.Expert`.
         threads: of torch, while this runs; networks as small as these are fastest with one.
         device: of torch, that the networks learn and act on; an interrupted run may go on on another.
 

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from chmarl_pb.learning.algorithms.losses import Batch
+from chmarl_pb.learning.components import as_row, of_each
 from chmarl_pb.learning.spaces import Interface, Tree, stack, tree_map, zeros
 
 GIB = 2**30
@@ -18,9 +19,9 @@ class Episode:
 
     Attributes:
         observations: T + 1 times agent -> observation.
-        actions: T times agent -> its action; 0 if it is gone.
+        actions: T times agent -> its action, a number or the numbers of its components; 0 if it is gone.
         labels: T times agent -> what an expert would have done; empty if there is none.
-        action_mask: T + 1 times agent -> (A) bool.
+        action_mask: T + 1 times agent -> (K, A) bool.
         states: T + 1 times (S).
         rewards: T times (N).
         acted: T times (N) bool.
@@ -29,8 +30,8 @@ class Episode:
     """
 
     observations: list[dict[str, Tree]] = field(default_factory=list)
-    actions: list[dict[str, int]] = field(default_factory=list)
-    labels: list[dict[str, int]] = field(default_factory=list)
+    actions: list[dict[str, Any]] = field(default_factory=list)
+    labels: list[dict[str, Any]] = field(default_factory=list)
     action_mask: list[dict[str, np.ndarray]] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     rewards: list[np.ndarray] = field(default_factory=list)
@@ -42,7 +43,7 @@ class Episode:
         """Return the number of steps."""
         return len(self.actions)
 
-    def label(self, name: str) -> int:
+    def label(self, name: str) -> Any:
         """Return what the expert would do now in an agent's place, or -1."""
         return self.labels[-1].get(name, -1) if self.labels else -1
 
@@ -100,12 +101,12 @@ class ReplayBuffer:
         if steps > self.horizon:
             raise ValueError(f"an episode has {steps} steps, more than horizon={self.horizon}; give a longer horizon")
         place, kept = self.added % self.capacity, self._kept
-        for name in self._interface.agents:
+        for name, counts in self._interface.actions.items():
             seen = stack([observation[name] for observation in episode.observations])
             tree_map(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
             _write(kept["actions"][name], place, np.array([action[name] for action in episode.actions]))
             labels = [label.get(name, -1) for label in episode.labels] or [-1] * steps
-            _write(kept["labels"][name], place, np.array(labels))
+            _write(kept["labels"][name], place, np.array([as_row(label, counts, -1) for label in labels]))
             _write(kept["action_mask"][name], place, np.array([mask[name] for mask in episode.action_mask]))
         for key in ("states", "rewards", "acted", "terminated"):
             _write(kept[key], place, np.array(getattr(episode, key)))
@@ -146,16 +147,18 @@ class ReplayBuffer:
         """Go on from a state of a buffer of the same kind."""
         self.added = state["added"]
         for array, new in zip(leaves(self._kept), leaves(state["kept"]), strict=True):
-            array[: len(new)] = new.numpy()
+            array[: len(new)] = new.numpy().reshape(-1, *array.shape[1:])  # older files have no axis of components
 
     def _arrays(self, capacity: int) -> dict[str, Any]:
         io, steps = self._interface, self.horizon
-        agents = len(io.agents)
+        agents, sizes = len(io.agents), {name: of_each(counts) for name, counts in io.actions.items()}
         return {
             "observations": {name: zeros(space, capacity, steps + 1) for name, space in io.observations.items()},
-            "actions": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
-            "labels": {name: np.zeros((capacity, steps), np.int16) for name in io.agents},
-            "action_mask": {name: np.ones((capacity, steps + 1, count), bool) for name, count in io.actions.items()},
+            "actions": {name: np.zeros((capacity, steps, len(own)), np.int16) for name, own in sizes.items()},
+            "labels": {name: np.zeros((capacity, steps, len(own)), np.int16) for name, own in sizes.items()},
+            "action_mask": {
+                name: np.ones((capacity, steps + 1, len(own), max(own)), bool) for name, own in sizes.items()
+            },
             "states": np.zeros((capacity, steps + 1, io.state_size), np.float32),
             "rewards": np.zeros((capacity, steps, agents), np.float32),
             "acted": np.zeros((capacity, steps, agents), bool),

@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from torch import nn
 
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of_parallel
+from chmarl_pb.envs.words import parted
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimal_steps
@@ -137,7 +139,7 @@ def play_tasks(
             on_step=outcomes.note,
         )  # fmt: skip
         noted = [
-            recognition(core, outcomes.noted[number], episode.actions) or Recognition()
+            recognition(core, outcomes.noted[number], _without_words(core, episode)) or Recognition()
             for number, (core, episode) in enumerate(zip(cores, episodes, strict=False))
         ]
         for task, episode, counts in zip(rollout, episodes, noted, strict=True):
@@ -147,6 +149,11 @@ def play_tasks(
                 score = path_weighted(True, len(episode), known[task.id])
             found.append(PlayedTask(won, score, counts))
     return found
+
+
+def _without_words(core: HouseholdEnv, episode: Episode) -> list[dict[str, int]]:
+    """Return robot -> number of its action, in every step of an episode."""
+    return [{name: int(parted(name, row[name], core.symbols)[0]) for name in row} for row in episode.actions]
 
 
 def play_greedily(collector: Collector, agents: nn.ModuleDict, seeds: Sequence[int]) -> list[Episode]:

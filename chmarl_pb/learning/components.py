@@ -1,0 +1,82 @@
+"""Actions of one number (Discrete) or of several components (MultiDiscrete), laid out alike for all learners.
+
+With K components, of which the largest has A values, an action is (K), its values are (K, A), and a mask (K, A) says
+which values there are and may be taken. A Discrete action is one component.
+
+Every component has a head of its own, not their product: value learners add the values of an agent's components, which
+is VDN inside the agent; actor-critics draw them independently of each other, so that log-probabilities and entropies
+add up. So 26 actions and 16 symbols have 42 outputs in the place of 416.
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+NEVER = -1e9  # value of what lies beyond a component's last value: no mask is needed to leave it out
+
+#: Number of an agent's actions; or of the values of each component.
+Counts = int | tuple[int, ...]
+
+
+def counts_in(agent: str, space: spaces.Space[Any]) -> Counts:
+    """Return how many actions a space has.
+
+    Raises:
+        ValueError: it is neither Discrete nor a MultiDiscrete of one dimension, both from 0 on.
+    """
+    if isinstance(space, spaces.Discrete) and space.start == 0:
+        return int(space.n)
+    if isinstance(space, spaces.MultiDiscrete) and space.nvec.ndim == 1 and not np.any(space.start):
+        return tuple(map(int, space.nvec))
+    raise ValueError(f"the action space of {agent!r} is {space}; learners need Discrete or MultiDiscrete from 0 on")
+
+
+def of_each(counts: Counts) -> tuple[int, ...]:
+    """Return the number of values of each component."""
+    return (counts,) if isinstance(counts, int) else counts
+
+
+def as_row(action: Any, counts: Counts, missing: int) -> NDArray[np.int64]:
+    """Return an action as (K) numbers; components that it does not name are ``missing``."""
+    row = np.full(len(of_each(counts)), missing)
+    named = np.ravel(action)
+    row[: len(named)] = named
+    return row
+
+
+def as_action(row: NDArray[np.integer[Any]], counts: Counts) -> Any:
+    """Return what an environment is given for (K) numbers: a number for Discrete, else an array."""
+    return int(row[0]) if isinstance(counts, int) else np.array(row, np.int64)
+
+
+def mask_of(info: dict[str, Any], counts: Counts) -> NDArray[np.bool_]:
+    """Return (K, A) what the environment allows: ``info["action_mask"]`` is about the first component, or all."""
+    sizes = np.array(of_each(counts))
+    mask: NDArray[np.bool_] = np.arange(sizes.max()) < sizes[:, None]
+    allowed = np.asarray(info.get("action_mask", True), dtype=bool)
+    if allowed.any():
+        mask[0, : sizes[0]] &= allowed
+    return mask
+
+
+def one_hot(actions: Tensor, counts: Counts) -> Tensor:
+    """Return (..., sum of the components' values) from actions (..., K); zeros for -1, which is none."""
+    parts = zip(actions.unbind(dim=-1), of_each(counts), strict=True)
+    return torch.cat([nn.functional.one_hot(part + 1, count + 1)[..., 1:] for part, count in parts], dim=-1)
+
+
+def apart(outputs: Tensor, counts: Counts) -> Tensor:
+    """Return values (..., K, A) from the outputs of all heads in a row (..., sum of the components' values)."""
+    sizes = of_each(counts)
+    parts = outputs.split(sizes, dim=-1)
+    most = max(sizes)
+    return torch.stack([nn.functional.pad(part, (0, most - part.shape[-1]), value=NEVER) for part in parts], dim=-2)
+
+
+def taken(values: Tensor, actions: Tensor) -> Tensor:
+    """Return the sum (...) over the components of what values (..., K, A) have for actions (..., K)."""
+    return values.gather(-1, actions.unsqueeze(-1)).squeeze(-1).sum(dim=-1)

@@ -1,0 +1,38 @@
+"""Experts: policies that say in every state what to do, and go on from what was done instead."""
+
+from typing import Any, Protocol
+
+from chmarl_pb.policies.policy import Infos, Observations, Policy
+
+
+class Expert(Protocol):
+    """Says in every state what to do, and goes on from what was done instead.
+
+    Any :class:`chmarl_pb.policies.policy.Policy` can teach; one that keeps count of what it has done should be able to
+    do this, as :class:`chmarl_pb.policies.search.SearchPolicy` is: ``act`` of a policy counts what it says.
+    """
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+
+    def propose(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        """Return agent -> what it should do."""
+
+    def note(self, actions: dict[str, Any]) -> None:
+        """Learn what the agents have done."""
+
+
+class PlainExpert:
+    """A policy as an expert that does not want to know what was done."""
+
+    def __init__(self, policy: Policy):
+        """Take a policy."""
+        self.reset, self.propose = policy.reset, policy.act
+
+    def note(self, actions: dict[str, Any]) -> None:
+        """Do nothing."""
+
+
+def as_expert(policy: Any) -> Expert:
+    """Return a policy as an expert."""
+    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)
