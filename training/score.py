@@ -1,4 +1,4 @@
-"""`python -m training.score`: evaluate one checkpoint on the four splits of the tables; killed, it goes on."""
+"""`python -m training.score`: evaluate one checkpoint on the splits of the tables; killed, it goes on."""
 
 import argparse
 import importlib
@@ -13,7 +13,9 @@ import torch
 
 import chmarl_pb
 from chmarl_pb import learning
+from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.evaluation.protocol import Plays
 from chmarl_pb.evaluation.provenance import machine, source_hash, versions
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import Lock, file_hash, sealed, write_atomically
@@ -23,6 +25,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.policies.sources import register_loader
+from chmarl_pb.tasks.splits import GENERATED_HOMES
 
 SCORES = "scores.json"
 STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
@@ -33,17 +36,22 @@ LOADERS = {
 
 
 def score(
-    checkpoint: Path, observation: str, messages: bool, feedback: bool, folder: Path, splits: Sequence[str] = SPLITS
+    checkpoint: Path,
+    observation: str,
+    folder: Path,
+    splits: Sequence[str] = SPLITS,
+    messages: bool = OF_TRACK,
+    feedback: bool = OF_TRACK,
 ) -> dict[str, Any]:
     """Evaluate a checkpoint and return what a table keeps of it; the same call goes on where it was interrupted.
 
     Args:
         checkpoint: file of weights.
         observation: "scene_graph" or "visual".
-        messages: whether the robots hear each other.
-        feedback: whether they get language feedback.
         folder: for one result with all episodes for each split, and for ``scores.json``, which is returned.
         splits: to evaluate on.
+        messages: whether the robots hear each other; as the checkpoint's rules have it if it is not given.
+        feedback: whether they get language feedback, likewise.
 
     Raises:
         ChmarlError: the checkpoint cannot be used.
@@ -53,20 +61,19 @@ def score(
         raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
     register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
     with Lock(folder / SCORES):
-        return _score(checkpoint, observation, messages, feedback, folder, splits)
+        return _score(checkpoint, observation, folder, splits, {"messages": messages, "feedback": feedback})
 
 
 def _score(
-    checkpoint: Path, observation: str, messages: bool, feedback: bool, folder: Path, splits: Sequence[str]
+    checkpoint: Path, observation: str, folder: Path, splits: Sequence[str], rules: dict[str, Any]
 ) -> dict[str, Any]:
     learners = source_hash(learning)
-    _forget_other_code(folder, learners)
+    _forget_other_code(folder, learners, splits)
     goal = _observes_goal(checkpoint)
     reports = {
         split: chmarl_pb.evaluate(
-            str(checkpoint), split, observation, workers=1, messages=messages, feedback=feedback,
-            out=folder / f"{split}.json", reuse=True, progress=partial(_show, split), plays=play_side_by_side,
-            goal=goal,
+            str(checkpoint), split, observation, workers=1, out=folder / f"{split}.json", reuse=True,
+            progress=partial(_show, split), plays=_plays(split), goal=goal, **rules,
         )
         for split in splits
     }  # fmt: skip
@@ -76,11 +83,16 @@ def _score(
     return kept
 
 
-def _forget_other_code(folder: Path, learners: str) -> None:
+def _plays(split: str) -> Plays | None:
+    """Return how a split is played: side by side, unless each environment would have to enter many homes by itself."""
+    return None if split in GENERATED_HOMES else play_side_by_side
+
+
+def _forget_other_code(folder: Path, learners: str, splits: Sequence[str]) -> None:
     """Remove what was played with other code of the learners, also episodes of an interrupted evaluation."""
     stamp = folder / STAMP
     if not stamp.is_file() or stamp.read_text(encoding="utf-8") != learners:
-        for split in SPLITS:
+        for split in splits:
             for name in (f"{split}.json", f"{split}.json.partial"):
                 (folder / name).unlink(missing_ok=True)
         write_atomically(stamp, learners)
@@ -163,16 +175,16 @@ def main(arguments: list[str] | None = None) -> int:
     switch = argparse.BooleanOptionalAction
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
-    parser.add_argument("--messages", action=switch, default=True, help="whether the robots hear each other")
-    parser.add_argument("--feedback", action=switch, default=True, help="whether they get language feedback")
+    parser.add_argument("--messages", action=switch, default=OF_TRACK, help="whether the robots hear each other")
+    parser.add_argument("--feedback", action=switch, default=OF_TRACK, help="whether they get language feedback")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
-    parser.add_argument("--splits", nargs="+", choices=SPLITS, default=SPLITS)
+    parser.add_argument("--splits", nargs="+", choices=(*SPLITS, *GENERATED_HOMES), default=SPLITS)
     return run_command(partial(_main, parser.parse_args(arguments)))
 
 
 @threads(1)  # these networks are too small for more
 def _main(chosen: argparse.Namespace) -> int:
-    score(chosen.checkpoint, chosen.observation, chosen.messages, chosen.feedback, chosen.out, chosen.splits)
+    score(chosen.checkpoint, chosen.observation, chosen.out, chosen.splits, chosen.messages, chosen.feedback)
     return 0
 
 

@@ -35,9 +35,9 @@ def add_robots(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_track(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names the track."""
-    parser.add_argument("--track", choices=tuple(TRACKS), default=PAPER, help="rules (default: paper)")
+def add_track(parser: argparse.ArgumentParser, default: str = PAPER, text: str = "paper") -> None:
+    """Add the option that names the track; ``text`` says what its default is."""
+    parser.add_argument("--track", choices=tuple(TRACKS), default=default, help=f"rules (default: {text})")
 
 
 def add_lookalikes(parser: argparse.ArgumentParser) -> None:
@@ -48,9 +48,9 @@ def add_lookalikes(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_rules(parser: argparse.ArgumentParser) -> None:
-    """Add the options that name the track and its rules one by one."""
-    add_track(parser)
+def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str = "paper") -> None:
+    """Add the options that name the track, with its default and what is said of that, and its rules one by one."""
+    add_track(parser, default, text)
     words = parser.add_mutually_exclusive_group()
     for flag, value, text in (
         ("--messages", True, "the message board (default of the track paper)"),
@@ -59,8 +59,8 @@ def add_rules(parser: argparse.ArgumentParser) -> None:
     ):
         words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
     parser.add_argument(
-        "--feedback", choices=("paper", "planner"), default=OF_TRACK,
-        help="style of the language feedback (default: paper; grounded: none)",
+        "--feedback", nargs="?", const=True, choices=("paper", "planner"), default=OF_TRACK,
+        help="style of the language feedback; without a value: paper (default: paper; grounded: none)",
     )  # fmt: skip
     parser.add_argument(
         "--no-feedback", dest="feedback", action="store_const", const=False, default=OF_TRACK,
@@ -80,9 +80,9 @@ def add_rules(parser: argparse.ArgumentParser) -> None:
 
 
 def rules_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of the environment that ``add_rules`` has added."""
+    """Return the options of the environment that ``add_rules`` has added and that were given."""
     names = ("track", "messages", "feedback", "pointing", "lookalikes", "templates", "max_steps")
-    return {name: getattr(options, name) for name in names}
+    return {name: value for name in names if (value := getattr(options, name)) is not OF_TRACK}
 
 
 def add_played(parser: argparse.ArgumentParser) -> None:

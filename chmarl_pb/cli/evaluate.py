@@ -16,7 +16,7 @@ from chmarl_pb.cli.arguments import (
     output_file,
     rules_of,
 )
-from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
@@ -26,6 +26,7 @@ from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
+from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.progress import LateProgress
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -37,7 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
     )
-    add_rules(parser)
+    add_rules(parser, OF_TRACK, "that of the checkpoint, whose rules hold where no option says otherwise; else paper")
     add_played(parser)
     parser.add_argument("--goal", action="store_true", help=GOAL)
     add_robots(parser)
@@ -59,7 +60,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
-    tasks, where = options.task, TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
+    rules = {**find_policy(options.policy).rules, **rules_of(options)}
+    tasks, track = options.task, rules.get("track", PAPER)
+    where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:
         if tasks:
             raise OptionError("--task names its home already; leave out --home")
@@ -69,8 +72,8 @@ def run_evaluation(options: argparse.Namespace) -> int:
             0,
             options.catalog,
             options.robots,
-            lookalikes=options.lookalikes,
-            track=options.track,
+            lookalikes=rules.get("lookalikes", OF_TRACK),
+            track=track,
         )
         where = options.home
     with progress_bar() as bar:
@@ -78,7 +81,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, goal=options.goal,
-            robots=options.robots, catalog=options.catalog, **rules_of(options),
+            robots=options.robots, catalog=options.catalog, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)

@@ -1,5 +1,6 @@
 """``chmarl-pb train``: train one learner on the benchmark; killed at any moment, the same command goes on."""
 
+import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -7,17 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
+from chmarl_pb.cli.arguments import add_rules, rules_of
+from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.benchmark_env import Observation, benchmark
+from chmarl_pb.learning.benchmark_env import rules_of as rules_of_run
 from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import BEST, train
 from chmarl_pb.learning.runs.validation import Validate, by_home, by_tasks
-from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.policies.registry import make_expert
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.splits import STREAM
 
@@ -36,29 +41,37 @@ class Env:
 
     Attributes:
         observation: what the robots observe.
-        messages: whether the robots hear each other.
-        feedback: whether the robots get language feedback.
         goal: whether the classes that the instruction names are observed, with what of them is in view.
         image_size: pixels of an image.
         robots: names and robot files (.toml), with commas between them.
-        split: whose tasks are trained on; "generated" has a new home every 100 episodes.
+        split: whose tasks are trained on; "generated" has a new home every 100 episodes. None: train, in the track
+            grounded generated.
         home: name or path of a home to train in instead of the split's; weights are chosen on tasks drawn for it.
         catalog: catalogue file of own things; None: the one that CHMARL_CATALOG names, if any.
+        rules: the track, and what differs from it; read as `chmarl-pb evaluate` does.
     """
 
     observation: Observation = "scene_graph"
-    messages: bool = True
-    feedback: bool = True
     goal: bool = False
     image_size: int = count(128)
     robots: str = ",".join(TEAM)
-    split: Literal["train", "generated"] = "train"
+    split: Literal["train", "generated"] | None = None
     home: str | None = None
     catalog: str | None = None
+    rules: tyro.conf.Suppress[tyro.conf.Fixed[dict[str, Any]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits."""
         check(self)
+
+    @property
+    def options(self) -> Options:
+        """The options of the environment."""
+        split: dict[str, Any] = {} if self.split is None else {"split": self.split}
+        return Options(
+            self.observation, image_size=self.image_size, robots=listed(self.robots), home=self.home,
+            catalog=self.catalog, goal=self.goal, **split, **self.rules,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -175,7 +188,8 @@ def _run(arguments: Sequence[str]) -> int:
     catalog = getattr(command.setting, "catalog", None)
     own = f" --catalog {catalog}" if catalog else ""
     home = getattr(command.setting, "home", None)
-    where = f"--home {home}" if home else "--split test-unseen"
+    rules = getattr(command.setting, "rules", {})
+    where = f"--home {home}" if home else f"--split {TEST_SPLITS[rules.get('track', PAPER)]}"
     robots += " --goal" if getattr(command.setting, "goal", False) else ""
     options = f"--observation {command.setting.observation}{robots}{own}"
     print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
@@ -190,10 +204,30 @@ def parse(arguments: Sequence[str]) -> Command:
     """
     commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
     kinds: Any = Union[tuple(commands)]  # noqa: UP007
-    found: Command = tyro.cli(
-        kinds, args=_algorithm_first(arguments), prog="chmarl-pb train --algo", description=__doc__.split("``: ")[1]
+    words = _algorithm_first(arguments)
+    rules, words = _rules_first(words)
+    found: Command = tyro.cli(kinds, args=words, prog="chmarl-pb train --algo", description=__doc__.split("``: ")[1])
+    return replace(found, env=replace(found.env, rules=rules)) if isinstance(found, Play) else found
+
+
+def _rules_first(words: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return the rules that are among arguments, read as `chmarl-pb evaluate` reads them, and what else is there.
+
+    Raises:
+        ValueError: clones are to learn by other rules than the paper's.
+    """
+    if words[0] == "bc":
+        if any(word.split("=")[0] == "--track" for word in words):
+            raise ValueError("--track: bc learns from stored episodes of the paper's rules; use --algo imitation")
+        return {}, list(words)
+    parser = argparse.ArgumentParser(
+        usage=argparse.SUPPRESS, description="The rules, as in chmarl-pb evaluate:", add_help=False, allow_abbrev=False
     )
-    return found
+    add_rules(parser)
+    if "-h" in words or "--help" in words:
+        print(parser.format_help())
+    given, rest = parser.parse_known_args(words)
+    return {name: value for name, value in rules_of(given).items() if (name, value) != ("track", PAPER)}, rest
 
 
 def _algorithm_first(arguments: Sequence[str]) -> list[str]:
@@ -208,11 +242,13 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 
 
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
+    options = env.options
+    config = replace(config, horizon=max(config.horizon, options.max_steps))
     env_fn, setting = benchmark(
-        env.observation, env.messages, env.feedback, config.image_encoder, image_size=env.image_size,
-        robots=listed(env.robots), split=env.split, home=env.home, catalog=env.catalog, goal=env.goal,
+        env.observation, image_encoder=config.image_encoder, image_size=env.image_size, robots=listed(env.robots),
+        split=options.split, home=env.home, catalog=env.catalog, goal=env.goal, **env.rules,
     )  # fmt: skip
-    imitated = partial(make_policy, config.expert) if isinstance(config, DAggerConfig) else None
+    imitated = partial(make_expert, config.expert) if isinstance(config, DAggerConfig) else None
     validate = _validation(env)
     train(env_fn, algorithm, config, folder, validate, setting, False, imitated, place.threads, place.device)
 
@@ -220,14 +256,20 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
 def _validation(env: Env) -> Validate:
     """Return how the best weights are chosen: in homes like those of training."""
     if env.home:
-        return by_home(env.home, robots=listed(env.robots), catalog=env.catalog)
-    return by_tasks(("generated-val",)) if env.split == STREAM else by_tasks()
+        lookalikes = env.options.lookalikes
+        return by_home(env.home, robots=listed(env.robots), catalog=env.catalog, lookalikes=lookalikes)
+    return by_tasks(("generated-val",)) if env.options.split == STREAM else by_tasks()
 
 
 def name_of(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
     setting = command.setting
-    words = [word for word in ("centralized", "messages", "feedback", "goal") if getattr(setting, word, False)]
-    words += [split for split in (getattr(setting, "split", "train"),) if split != "train"]
+    rules = setting.options if isinstance(setting, Env) else setting
+    own = rules_of_run(setting.options) if isinstance(setting, Env) else {}
+    words = [own.pop("track")] if "track" in own else []
+    words += ["centralized"] if getattr(setting, "centralized", False) else []
+    words += [word for word in ("messages", "feedback", "goal") if getattr(rules, word, False)]
+    words += [f"{name}-{value}".lower() for name, value in own.items()]
+    words += [split for split in (getattr(setting, "split", None),) if split not in (None, "train")]
     words += [Path(file).stem for file in (getattr(setting, name, None) for name in ("home", "catalog")) if file]
     return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])

@@ -81,6 +81,11 @@ class JointEnv(gymnasium.Env):
         """The world of the home that the present episode is played in."""
         return self.parallel.world
 
+    @property
+    def episodes_in_a_home(self) -> int:
+        """See :attr:`HouseholdEnv.episodes_in_a_home`."""
+        return self.parallel.episodes_in_a_home
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], Info]:
@@ -169,6 +174,11 @@ class HumanoidEnv(gymnasium.Env):
     def world(self) -> World:
         """The world of the home that the present episode is played in."""
         return self.parallel.world
+
+    @property
+    def episodes_in_a_home(self) -> int:
+        """See :attr:`HouseholdEnv.episodes_in_a_home`."""
+        return self.parallel.episodes_in_a_home
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

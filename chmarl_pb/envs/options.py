@@ -141,9 +141,15 @@ class Options:
         """Return what every robot observes the classes of a catalogue with, in order."""
         parts = self._observed()
         own = [self._sensor(part, known) if isinstance(part, str) else part for part in parts]
-        if "scene_graph" in parts:
-            own += [NodeViewSensor()] * self.pointing + [NodeColourSensor()] * self.lookalikes
-        return tuple(own)
+        return (*own, *self._beside_graphs) if "scene_graph" in parts else tuple(own)
+
+    def graph_sensors(self, known: Catalog) -> tuple[Sensor, ...]:
+        """Return what a robot would observe scene graphs with, whether it does or not."""
+        return (SceneGraphSensor(known), *self._beside_graphs)
+
+    @property
+    def _beside_graphs(self) -> tuple[Sensor, ...]:
+        return (*[NodeViewSensor()] * self.pointing, *[NodeColourSensor()] * self.lookalikes)
 
     def _sensor(self, name: str, known: Catalog) -> Sensor:
         if name in CAMERA_SENSORS:

@@ -226,6 +226,15 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             task = self._simulations.enter(task.home).definite(task, self._kind)
         return self._kind.instruction(task)
 
+    def true_graph(self, robot: str) -> Observation:
+        """Return the scene graph of a robot's view, also where it observes none, for teachers.
+
+        It is the truth, which the robot itself would have to recognise.
+        """
+        view = self._view(robot, "", np.zeros(0), True)
+        parts = [sensor.observe(view) for sensor in self.options.graph_sensors(self.catalog)]
+        return {key: value for part in parts for key, value in part.items() if not isinstance(value, str)}
+
     def go_on(self) -> None:
         """Let an episode that was truncated go on: somebody else counts its steps."""
         self.agents = list(self._models)
@@ -311,21 +320,27 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             messages = self._channel.update(messages, part, goal, self.rooms, self._rng)
         return messages
 
+    def _view(self, robot: str, advice: str, heard: np.ndarray, succeeded: bool) -> View:
+        """Return what a robot's sensors may read."""
+        outcome, simulation, state = self.outcome, self.simulation, self.outcome.state
+        return View(
+            robot, self._models, self.action_names[robot], state, simulation.room_names[state.robots[robot].room],
+            simulation.renderer, simulation.graphs, outcome.seen[robot], self.setting.states, self.rooms,
+            self.instruction, advice, heard, succeeded, self._rng,
+        )  # fmt: skip
+
     def _observe(
         self, feedback: dict[str, str], succeeded: dict[str, bool]
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return the robots' observations and infos."""
-        outcome, simulation, state = self.outcome, self.simulation, self.outcome.state
-        observations, infos = {}, {}
+        outcome, observations, infos = self.outcome, {}, {}
         for name in self._models:
             advice = feedback.get(name, "")
             heard = self._channel.hear(self.messages, name, self._rng)
-            view = View(
-                name, self._models, self.action_names[name], state, simulation.room_names[state.robots[name].room],
-                simulation.renderer, simulation.graphs, outcome.seen[name], self.setting.states, self.rooms,
-                self.instruction, advice, heard, succeeded[name], self._rng,
-            )  # fmt: skip
-            observations[name], texts = self._observer.observe(simulation, view, self._instruction_tokens, self._wanted)
+            view = self._view(name, advice, heard, succeeded[name])
+            observations[name], texts = self._observer.observe(
+                self.simulation, view, self._instruction_tokens, self._wanted
+            )
             infos[name] = {
                 "instruction": self.instruction,
                 "feedback": advice,

@@ -76,7 +76,8 @@ def evaluate(
         env_fn: makes the environment, as ``module:callable`` or itself: it takes the keyword arguments of
             :func:`chmarl_pb.parallel_env` and returns that environment, in wrappers of its own. The result names it,
             its wrappers, and the options that it leaves the environment with.
-        **options: of the environment, see :class:`chmarl_pb.envs.options.Options`; tasks name their homes.
+        **options: of the environment, see :class:`chmarl_pb.envs.options.Options`; tasks name their homes. A
+            checkpoint plays by the rules that it was trained with where no option says otherwise.
 
     Raises:
         OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder.
@@ -87,9 +88,10 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
+    source = find_policy(policy)
+    options = {**source.rules, **{name: value for name, value in options.items() if value is not OF_TRACK}}
     split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
-    source = find_policy(policy)
     if tasks is None and split == STREAM:
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     if tasks is None and not setup.options.kind.tasks(split):

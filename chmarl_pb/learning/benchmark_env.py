@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 import chmarl_pb
 from chmarl_pb.envs.options import Options
-from chmarl_pb.learning.config import CATALOG, FROZEN, HOME
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, RULES
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -19,8 +20,8 @@ Observation = Literal["scene_graph", "visual"]
 
 def benchmark(
     observation: str,
-    messages: bool = True,
-    feedback: bool = True,
+    messages: Any = OF_TRACK,
+    feedback: Any = OF_TRACK,
     image_encoder: str = "resnet18",
     image_size: int = VISIBILITY_SIZE,
     **options: Any,
@@ -29,11 +30,11 @@ def benchmark(
 
     Args:
         observation: "scene_graph" or "visual".
-        messages: whether the robots hear each other.
-        feedback: whether they get language feedback.
+        messages: whether the robots hear each other, and how; as the track has it if it is not given.
+        feedback: whether they get language feedback, likewise.
         image_encoder: of pictures; if it is frozen, the environment gives its features in their place.
         image_size: of pictures, in pixels.
-        options: more options of the environment.
+        options: more options of the environment, its track among them.
 
     Raises:
         ValueError: there is no such encoder.
@@ -41,13 +42,32 @@ def benchmark(
     """
     look_up("image_encoder", image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
     frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in FROZEN_ENCODERS else None
-    shared = {"messages": messages, "feedback": feedback, "image_size": image_size}
-    env_fn = partial(_environment, frozen, observation, **shared, **options)
-    known = Options(catalog=options.get("catalog")).things.content
+    given = {"messages": messages, "feedback": feedback, "image_size": image_size, **options}
+    asked = Options(observation, **given)
+    env_fn = partial(_environment, frozen, observation, **given)
+    shared = {name: asked.recorded()[name] for name in ("messages", "feedback", "image_size")}
+    known = asked.things.content
     own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
     own |= {GOAL: True} if options.get(GOAL) else {}
     own |= {HOME: str(options[HOME])} if options.get(HOME) else {}
+    own |= {RULES: rules} if (rules := rules_of(asked)) else {}
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
+
+
+def rules_of(options: Options) -> dict[str, Any]:
+    """Return the options by which a policy plays as it was trained: the track, and what differs from it.
+
+    By the paper's rules whether there are messages and feedback is none of them: without, they read as zeros. Nor are
+    objects of the user's own, which a checkpoint does not hold.
+    """
+    track, usual = options.track, TRACKS[options.track]
+    own = {name: getattr(options, name) for name in usual if name != "split"}
+    differs = {
+        name: value for name, value in own.items()
+        if value != usual[name] and isinstance(value, bool | int | str)
+        and not (track == PAPER and isinstance(value, bool) and isinstance(usual[name], bool) and usual[name])
+    }  # fmt: skip
+    return ({"track": track} if track != PAPER else {}) | differs
 
 
 def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:

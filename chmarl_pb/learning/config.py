@@ -11,6 +11,7 @@ from typing import Any
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
+RULES = "rules"  # options of the environment by which a policy plays again; absent by the paper's rules
 CATALOG = "catalog_sha256"  # the same of a catalogue file and all that it names; absent without one
 
 

@@ -7,6 +7,7 @@ from chmarl_pb.policies.belief.policy import BeliefPolicy
 from chmarl_pb.policies.blind import BlindPolicy
 from chmarl_pb.policies.code import RoomCode, Talking
 from chmarl_pb.policies.cooperative_planner import PlannerPolicy
+from chmarl_pb.policies.expert import Expert, Informed, as_expert
 from chmarl_pb.policies.feedback_only import FeedbackOnlyPolicy
 from chmarl_pb.policies.instruction_blind import InstructionBlindPolicy
 from chmarl_pb.policies.open_loop import OpenLoopPolicy
@@ -134,6 +135,18 @@ USES: dict[str, tuple[str, ...]] = {
 
 #: Those that have a code for own words; others neither say nor understand any.
 TALKING = frozenset({"search", "belief"})
+
+
+def make_expert(name: str, env: Any) -> Expert:
+    """Return a policy that comes with the benchmark, as what a learner imitates.
+
+    With pictures it is privileged: it is told the true classes in view, and where Pick and Place point the graphs.
+
+    Raises:
+        OptionError: there is no such policy.
+    """
+    core, expert = core_of(env), as_expert(make_policy(name, env))
+    return Informed(expert, core) if core.options.pointing and not core.options.shows_graphs else expert
 
 
 def make_policy(name: str, env: Any) -> Policy:

@@ -146,12 +146,12 @@ def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkey
     monkeypatch.setattr(chmarl_pb, "evaluate", interrupted)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
-            score(folder / BEST, "scene_graph", True, True, tmp_path, ("val-seen", "val-unseen"))
+            score(folder / BEST, "scene_graph", tmp_path, ("val-seen", "val-unseen"))
     assert (tmp_path / "val-seen.json").read_text() == "new"
     assert not list(tmp_path.glob("*.partial")) and not (tmp_path / "val-unseen.json").exists()
 
 
 def test_scores_are_of_weights(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match=r"\.pt or \.zip"):
-        score(tmp_path / "weights.bin", "scene_graph", True, True, tmp_path / "scores")
+        score(tmp_path / "weights.bin", "scene_graph", tmp_path / "scores")
     assert not (tmp_path / "scores").exists()

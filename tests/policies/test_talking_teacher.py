@@ -9,7 +9,7 @@ import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.policies.code import RoomCode, Talking
 from chmarl_pb.policies.expert import PlainExpert, as_expert
-from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.policies.registry import make_expert, make_policy
 
 SILENCE = np.zeros((1, 16), np.int8)
 X_IN_2, X_IN_0, Y_IN_0, DIRECTION = 3, 1, 5, 10  # of the code with four rooms; the angle 1.0
@@ -114,3 +114,19 @@ def test_policies_that_count_nothing_teach_too(env: HouseholdEnv) -> None:
     proposed = told.propose(observations, infos)
     told.note(proposed)
     assert set(proposed) == {"humanoid", "drone"}
+
+
+def test_a_teacher_of_those_who_see_pictures_points_as_one_who_sees_graphs(env: HouseholdEnv) -> None:
+    pictures = chmarl_pb.parallel_env("visual", split="val-unseen", track="grounded", image_size=32)
+    found: list[list[dict[str, tuple[int, int]]]] = []
+    for seen in (env, pictures):
+        observations, infos = seen.reset(seed=0, options={"task": "val-unseen-008"})
+        teacher, proposed = make_expert("belief", seen), []
+        teacher.reset(0)
+        while seen.agents:
+            proposed.append(teacher.propose(observations, infos))
+            teacher.note(proposed[-1])
+            observations, *_, infos = seen.step(proposed[-1])
+        found.append(proposed)
+    assert found[0] == found[1] and infos["humanoid"]["success"]
+    pictures.close()

@@ -14,7 +14,9 @@ from typing import Any
 import pytest
 
 from chmarl_pb.cli.sb3 import parse as parse_sb3
+from chmarl_pb.cli.train import Play
 from chmarl_pb.cli.train import parse as parse_train
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.gain import gain, points
@@ -113,15 +115,20 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
         arguments = run.command("train")[1:]
         if row.module == "training.train":
             command = parse_train(arguments)
-            setting = command.setting
-            given = (setting.observation, setting.messages, setting.feedback, command.config.seed, command.place.out)
+            rules: Any = command.env.options if isinstance(command, Play) else command.config
+            given = (rules.observation, bool(rules.messages), rules.feedback, command.config.seed, command.place.out)
             assert given == (row.observation, row.messages, row.feedback, 3, run.folder)
+            assert getattr(rules, "track", PAPER) == row.track
         if row.module == "training.sb3":
             config, out, workers, _ = parse_sb3(arguments)
             assert (config.observation, config.messages, config.feedback, config.seed) == (
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip
             assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
+            assert config.track == row.track
+            if row.track != PAPER:
+                assert (config.preset, config.partner) == ("encoder", "belief")
+                continue
             strong = row.name.endswith("goal observed")
             # The others as the published rows were trained, beside the older drone.
             assert (config.preset, config.envs) == (("goal", 16) if strong else ("encoder", 8))
@@ -354,7 +361,9 @@ def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
 def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert text.count(f"| {NOT_RUN} |") == 2 * sum(map(len, TABLES.values()))
+    assert text.count(f"| {NOT_RUN} |") == sum(
+        len(rows) * (1 if table in TRACKS else 2) for table, rows in TABLES.items()
+    )
     for published in (row.published for rows in TABLES.values() for row in rows if row.published):
         for value in (*published.success, *published.plw):
             assert f" {value:.2f} |" in text
@@ -366,7 +375,8 @@ def test_built_in_policies_stand_below_with_the_numbers_of_the_benchmark(tmp_pat
     text = (tmp_path / "results.md").read_text()
     lines = [line for line in text.splitlines() if line.startswith(f"| *{policy}* |")]
     apart = [line for line in lines if ", " in line.split("|")[4]]  # for seen and for held-out wording
-    assert len(lines) == 2 * len(TABLES) + len(apart) and len(apart) == len(TABLES) - 1
+    papers = [name for name in TABLES if name not in TRACKS]
+    assert len(lines) == 2 * len(papers) + len(apart) and len(apart) == len(papers) - 1
     measured = Path(__file__).parents[2].joinpath("docs", "benchmark.md").read_text()
     assert apart[0].replace("*", "") in measured
     for line, title in zip(lines[:2], ("PLW", "success"), strict=True):
@@ -488,3 +498,38 @@ def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monke
     assert begun == [["training.pretrain", "--network", "detector"]]
     with pytest.raises(ChmarlError, match=r"training\.pretrain has failed"):
         table.prepare(runs, tmp_path, 1)
+
+
+# The grounded track
+
+
+def test_rows_of_the_grounded_track_are_trained_by_its_rules_and_scored_on_its_split(tmp_path: Path) -> None:
+    rows = TABLES[GROUNDED]
+    assert len(rows) == 8 and {(row.table, row.splits, row.seeds) for row in rows} == {
+        (GROUNDED, ("generated-test",), 1)
+    }
+    assert {row.slug.split("-")[0] for row in rows} == {"graphs", "pictures"}
+    for row in rows:
+        run = Run(row, 0, tmp_path, tmp_path, tmp_path)
+        train, score = (" ".join(run.command(step)) for step in ("train", "score"))
+        assert "--track grounded" in train or "CHMARL/Grounded" in train
+        assert "--splits generated-test" in score and "messages" not in score, "a checkpoint knows its rules"
+
+
+def test_the_grounded_track_has_a_table_of_its_own(tmp_path: Path, launch: Launch) -> None:
+    row = TABLES[GROUNDED][0]
+    run = run_of(tmp_path, row.name, table_name=GROUNDED)
+    work([run], launch)
+    assert not run.result.exists(), "the scores are not those of its split"
+    figure = {"mean": 0.25, "deviation": None, "low": None, "high": None}
+    split = {"tasks": 4, "summary": {"success_rate": figure, "plw": figure}, "recognition": {"pick_share": 0.5}}
+    kept = {
+        "checkpoint": {"config": {"episodes": 4}, "sha256": "0"},
+        "evaluation": {"source_sha256": "f" * 64, "splits": {"generated-test": split}},
+    }
+    (run.folder / "scores.json").write_text(json.dumps(kept))
+    run.finish("score")
+    write_page(run.results, tmp_path / "results.md")
+    part = (tmp_path / "results.md").read_text().split("## The grounded track")[1]
+    assert "| QMIX | graphs | 1 of 1 |" in part or "| QMIX | graphs | 1 |" in part
+    assert "| 25.0 | 25.0 | 50.0 |  |" in part

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
 from chmarl_pb.evaluation import paper
 
 
@@ -21,6 +22,7 @@ class Row:
         checkpoint: file of the run's folder with the weights that were best on the validation tasks.
         seeds: trainings that the table wants of it.
         image_encoder: the frozen network that encodes pictures, if there are any.
+        track: rules of the environment; in the grounded track messages are own words, and there is no feedback.
     """
 
     name: str
@@ -33,25 +35,53 @@ class Row:
     checkpoint: str = "best.pt"
     seeds: int = 3
     image_encoder: str = "resnet18"
+    track: str = PAPER
 
     @property
     def table(self) -> str:
         """Name of the table that the row is at home in, and of its folders."""
+        if self.track != PAPER:
+            return self.track
         return self.observation.replace("_", "-") if self.feedback else "feedback"
 
     @property
     def slug(self) -> str:
         """Short name, unique in its table, e.g. ``qmix-messages`` or ``visual-qmix-no-feedback``."""
         words = self.name.lower().replace("+ ", "").replace(",", "").split()
-        if not self.feedback:
+        if self.track != PAPER:
+            words = [_SEEN[self.observation], *words]
+        elif not self.feedback:
             words = [*self.observation.split("_"), *words, "no", "feedback"]
         return "-".join(words)
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that it is evaluated on."""
+        return splits_of(self.table)
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """Options of the training command that name the rules; ids of Gymnasium have their track."""
+        if self.track != PAPER and self.module == "training.train":
+            return "--track", self.track
+        return _switch("messages", self.messages), _switch("feedback", self.feedback)
 
     @property
     def clones(self) -> bool:
         """Whether it learns from stored episodes."""
         return self.options[:2] == ("--algo", "bc")
 
+
+def splits_of(table: str) -> tuple[str, ...]:
+    """Return the splits that the rows of a table are evaluated on."""
+    return (TEST_SPLITS[table],) if table in TRACKS else paper.SPLITS
+
+
+def _switch(name: str, on: bool) -> str:
+    return f"--{name}" if on else f"--no-{name}"
+
+
+_SEEN = {"scene_graph": "graphs", "visual": "pictures"}
 
 #: Trainings of a row: pictures take about three times as long as scene graphs.
 _SEEDS = {"scene_graph": 3, "visual": 1}
@@ -139,6 +169,39 @@ OURS: tuple[Row, ...] = (
 )
 
 
+def _grounded(observation: str) -> tuple[Row, ...]:
+    """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
+
+    Budgets are estimates: a core plays some 40 joint steps a second with an expert and 60 without, the first in a new
+    home far fewer, and an episode has up to 28; so 12,000 episodes are about two hours of playing alone.
+    """
+    kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
+    seeing = ("--image-encoder", "detector") if observation == "visual" else ()
+    features = ("--image-encoder", "resnet18") if observation == "visual" else ()
+    ppo = ("--algo", "ppo", "--env", f"CHMARL/Grounded{kind}Humanoid-v0", "--preset", "encoder", "--workers", "1")
+    ppo += ("--steps", "300000", *features)
+    rows = {
+        "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
+        "MAPPO": ("--algo", "mappo", "--episodes", "12000", *_GROUNDED, *seeing),
+        "Imitation of belief, then MAPPO": (
+            "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", "6000",
+            "--episodes", "12000", *_GROUNDED, *seeing,
+        ),
+    }  # fmt: skip
+    learners = tuple(
+        Row(
+            name, observation, options, messages=True, feedback=False, seeds=1, track=GROUNDED,
+            image_encoder="resnet18" if name == "QMIX" else "detector",
+        )
+        for name, options in rows.items()
+    )  # fmt: skip
+    alone = Row(
+        "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
+        checkpoint="best.zip", seeds=1, track=GROUNDED,
+    )  # fmt: skip
+    return (*learners[:2], alone, learners[2])
+
+
 def _with_ours(table: paper.PaperTable) -> tuple[Row, ...]:
     own = tuple(row for row in OURS if row.observation == table.rows[0].observation)
     return (*map(_row, table.rows), *own)
@@ -149,4 +212,5 @@ TABLES: dict[str, tuple[Row, ...]] = {
     "scene-graph": _with_ours(paper.SCENE_GRAPH),
     "visual": _with_ours(paper.VISUAL),
     "feedback": (*_isolated("scene_graph"), *_isolated("visual")),
+    GROUNDED: (*_grounded("scene_graph"), *_grounded("visual")),
 }

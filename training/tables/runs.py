@@ -2,18 +2,18 @@
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from chmarl_pb import learning
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import ResultError
-from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from training.tables.rows import Row
+from training.tables.rows import Row, splits_of
 
 FORMAT = "chmarl-pb table run 1"
 STATE, SCORES = "state.json", "scores.json"
@@ -65,10 +65,11 @@ class Run:
     def command(self, step: str) -> list[str]:
         """Return the command of a step, to be run by Python's ``-m``."""
         row = self.row
-        options = ["--observation", row.observation, _switch("messages", row.messages)]
-        options += [_switch("feedback", row.feedback)]
-        if step == "score":
+        options = ["--observation", row.observation]
+        if step == "score":  # a checkpoint knows its track
+            options += row.rules if row.track == PAPER else ("--splits", *row.splits)
             return ["training.score", str(self.checkpoint), *options, "--out", str(self.folder)]
+        options += row.rules
         data = ["--data", str(self.data)] if row.clones else []
         seed = ["--seed", str(self.seed), "--out", str(self.folder)]
         return [row.module, *row.options, *options, *data, *self.extra, *seed]
@@ -135,7 +136,7 @@ class Run:
         row, scores = self.row, self.folder / SCORES
         try:
             kept = unsealed_or_plain(scores.read_text(encoding="utf-8"))
-            _check_scores(kept)
+            _check_scores(kept, row.splits)
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{scores}: not the scores of all splits: {error!r}; remove it") from error
         return {
@@ -154,10 +155,6 @@ class Run:
             BusyError: another process works on this run, perhaps one left over from a killed command.
         """
         return Lock(self.folder / STATE)
-
-
-def _switch(name: str, on: bool) -> str:
-    return f"--{name}" if on else f"--no-{name}"
 
 
 def curve(metrics: Path) -> dict[str, Any]:
@@ -206,10 +203,10 @@ def _lines(record: Record) -> str:
     return "{\n" + ",\n".join(f" {json.dumps(key)}: {text}" for key, text in texts.items()) + "\n}\n"
 
 
-def _check_scores(kept: dict[str, Any]) -> None:
+def _check_scores(kept: dict[str, Any], splits: Sequence[str]) -> None:
     """Raise an error if what a page shows of a run's scores is missing."""
     kept["checkpoint"]["sha256"], kept["evaluation"]["source_sha256"]
-    for split in SPLITS:
+    for split in splits:
         summary = kept["evaluation"]["splits"][split]["summary"]
         float(summary["plw"]["mean"]), float(summary["success_rate"]["mean"])
 
@@ -226,7 +223,7 @@ def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], 
             record = json.loads(path.read_text(encoding="utf-8"))
             if record["format"] != FORMAT:
                 raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
-            _check_scores(record)
+            _check_scores(record, splits_of(record["table"]))
             for key in ("name", "seed", "observation", "seconds", "curve"):
                 record[key]
             found.setdefault((record["table"], record["row"]), []).append(record)

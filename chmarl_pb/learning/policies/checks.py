@@ -4,9 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.learning.config import CATALOG
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.tasks.symbols import Talk
 
 
 def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
@@ -36,6 +39,23 @@ def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> 
     if setting.get(CATALOG, "") != env.catalog.content:
         wanted = "the catalogue file that it was trained with" if setting.get(CATALOG) else "no catalog"
         raise CheckpointError(f"{path}: was trained with other classes of things; give {wanted}")
+
+
+def check_rules(env: HouseholdEnv, rules: Mapping[str, Any], path: Path) -> None:
+    """Check that actions and observations mean what they did in training; wording and time limit may be others.
+
+    Raises:
+        CheckpointError: they do not.
+    """
+    wanted = Options(**rules)
+    theirs, own = (
+        {"pointing": one.pointing, "lookalikes": one.lookalikes, "own words": isinstance(one.channel, Talk)}
+        for one in (wanted, env.options)
+    )
+    if theirs != own:
+        told = ", ".join(f"{name}={value!r}" for name, value in rules.items()) or f"track={PAPER!r}"
+        differ = ", ".join(name for name in own if own[name] != theirs[name])
+        raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

@@ -9,12 +9,12 @@ from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
-from chmarl_pb.learning.config import FROZEN, RunConfig
+from chmarl_pb.learning.config import FROZEN, RULES, RunConfig
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_catalog, check_size, silenced
+from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.runs.collect import Explorer, greedy
 from chmarl_pb.learning.runs.threads import threads
@@ -57,8 +57,14 @@ class ValuePolicies:
     deterministic = True
 
     def __init__(self, path: Path):
-        """Remember the path of a checkpoint."""
+        """Remember the path of a checkpoint, and the rules that it was trained by.
+
+        Raises:
+            CheckpointError: it is damaged, or of another kind.
+        """
         self.path = path
+        with reading(path):
+            self.rules: dict[str, Any] = dict(load(path, "value")["setting"].get(RULES, {}))
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -75,6 +81,7 @@ class ValuePolicies:
         check_catalog(env, content["setting"], self.path)
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
+        check_rules(env, self.rules, self.path)
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)
         seen = {name: str(space) for name, space in observations.items()}
         for what, own in (("observations", seen), ("actions", actions)):

@@ -54,7 +54,13 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
     return _by({split: spread_tasks(split, most) for split in splits})
 
 
-def by_home(home: str, most: int = 50, robots: tuple[str, ...] = TEAM, catalog: str | None = None) -> Validate:
+def by_home(
+    home: str,
+    most: int = 50,
+    robots: tuple[str, ...] = TEAM,
+    catalog: str | None = None,
+    lookalikes: bool = False,
+) -> Validate:
     """Return a validation by PLW on tasks that are drawn for a home, none of which is one of training.
 
     Args:
@@ -62,17 +68,20 @@ def by_home(home: str, most: int = 50, robots: tuple[str, ...] = TEAM, catalog: 
         most: how many tasks.
         robots: names and robot files.
         catalog: catalogue file of own things.
+        lookalikes: whether they are to be solved among lookalikes.
 
     Raises:
         HomeError: the home cannot be used.
         TaskError: the home offers no task that can be solved.
     """
-    return _by({"home": home_tasks(home, most, robots, catalog)})
+    return _by({"home": home_tasks(home, most, robots, catalog, lookalikes)})
 
 
-def home_tasks(home: str, most: int, robots: tuple[str, ...], catalog: str | None) -> list[Task]:
+def home_tasks(
+    home: str, most: int, robots: tuple[str, ...], catalog: str | None, lookalikes: bool = False
+) -> list[Task]:
     """Return tasks that are drawn for a home, with seeds that training never draws; see :func:`by_home`."""
-    return list(draw_tasks(home, most, 0, catalog, robots, SEEDS_FROM))
+    return list(draw_tasks(home, most, 0, catalog, robots, SEEDS_FROM, lookalikes))
 
 
 def _by(tasks: Mapping[str, Sequence[Task]]) -> Validate:

@@ -33,6 +33,13 @@ class HouseholdVecEnv(Uncopied, VecEnv):
         signature = engine.signature
         super().__init__(count, signature.observation_space, signature.action_space)
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Set the seeds of the next reset: one after the other; in the endless split so far apart that homes differ."""
+        first = super().seed(seed)[0] or 0
+        apart = self.get_attr("episodes_in_a_home")[0] if self.has_attr("episodes_in_a_home") else 1
+        self._seeds = [first + number * apart for number in range(self.num_envs)]
+        return self._seeds
+
     def reset(self) -> Any:
         """Reset all environments by the seeds and options that were set, and return their observations."""
         if self._engine.pending:  # a step that has begun is finished for nothing, as VecEnv asks

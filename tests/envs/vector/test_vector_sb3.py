@@ -99,3 +99,18 @@ def test_sb3_takes_the_homes(sb3: Any) -> None:
         assert info["terminal_observation"].keys() == space.spaces.keys()
         assert begun["humanoid"]["task_id"] != info["humanoid"]["task_id"]
     env.close()
+
+
+class Staying(ToyEnv):
+    """An environment that plays a hundred episodes in a home, by seeds of a hundred in a row."""
+
+    episodes_in_a_home = 100
+
+
+@pytest.mark.parametrize(("make", "apart"), [(ToyEnv, 1), (Staying, 100)])
+def test_seeds_are_so_far_apart_that_homes_differ(make: type[ToyEnv], apart: int) -> None:
+    envs = chmarl_pb.sb3_vec_env(3, make, workers=0)
+    assert envs.seed(7) == [7, 7 + apart, 7 + 2 * apart]
+    envs.reset()
+    assert envs.env_method("whoami") == [str(7 + apart * number) for number in range(3)]
+    envs.close()
