@@ -129,9 +129,9 @@ def test_who_names_an_action_alone_says_nothing_of_the_second_head() -> None:
 def test_learners_learn_to_tell_and_to_listen() -> None:
     """What the doer is paid for only the teller sees: without words it gets 1 + 0.5 in the mean, with them 2."""
     sizes: dict[str, Any] = {"validation_interval": 10_000, "envs": 8, "batch_size": 32, "hidden": 16, "features": 16}
-    imitation = replace(IMITATION, episodes=400, learning_rate=0.01, buffer_size=400, **sizes)
+    imitation = replace(IMITATION, episodes=200, learning_rate=0.02, buffer_size=200, **sizes)
     values = replace(
-        SMALL, episodes=1_600, learning_rate=5e-3, buffer_size=1_600, exploration_fraction=0.6, gradient_steps=4,
+        SMALL, episodes=600, learning_rate=1e-2, buffer_size=600, exploration_fraction=0.6, gradient_steps=4,
         target_update_interval=20, **sizes,
     )  # fmt: skip
     for algorithm, config in (("imitation", imitation), ("vdn", values)):

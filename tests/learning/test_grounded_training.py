@@ -17,6 +17,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.benchmark_env import benchmark, rules_of
 from chmarl_pb.learning.networks.agents import Agent
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
@@ -97,7 +98,7 @@ def test_graphs_colours_places_and_symbols_reach_the_networks() -> None:
     env_fn, _ = benchmark("scene_graph", **RULES)
     collector = Collector(env_fn, 1)
     env = collector.envs[0]
-    agents = train(env_fn, "qmix", CONFIGS["qmix"]).agents
+    agents = make_learner("qmix", collector.interface, CONFIGS["qmix"]).agents
     observations, _ = env.reset(options={"task": TASKS[1]})
     seen = observations["drone"]
     assert seen["node_color"].any() and seen["node_view"].any()
