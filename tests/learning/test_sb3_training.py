@@ -171,13 +171,16 @@ def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
     assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
-    options: dict[str, Any] = {"goal": True, "max_steps": 4, "track": config.track}
+    assert find_policy(str(tmp_path / BEST)).rules == {"track": "grounded"}, "nobody has to say so again"
+    options: dict[str, Any] = {"goal": True, "max_steps": 4}
     for plays in (None, play_side_by_side):
         tasks = load_tasks("generated-val")[:2]
         report = chmarl_pb.evaluate(
             str(tmp_path / BEST), "generated-val", seeds=[0], workers=1, tasks=tasks, plays=plays, **options
         )
-        assert len(report.episodes) == 2
+        assert len(report.episodes) == 2 and report.track == "grounded"
+    with pytest.raises(CheckpointError, match="trained by other rules"):
+        chmarl_pb.evaluate(str(tmp_path / BEST), "val-unseen", seeds=[0], workers=1, **options, track="paper")
 
 
 def test_values_of_single_numbers_cannot_choose_words() -> None:

@@ -172,8 +172,8 @@ OURS: tuple[Row, ...] = (
 def _grounded(observation: str) -> tuple[Row, ...]:
     """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
 
-    Budgets are estimates: a core plays some 40 joint steps a second with an expert and 60 without, the first in a new
-    home far fewer, and an episode has up to 28; so 12,000 episodes are about two hours of playing alone.
+    Budgets are estimates: a core plays some 60 joint steps a second with an expert and 100 without, a third of it the
+    draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
     """
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = ("--image-encoder", "detector") if observation == "visual" else ()

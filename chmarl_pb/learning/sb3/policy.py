@@ -20,13 +20,14 @@ from stable_baselines3.common.vec_env import VecTransposeImage
 
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, IMAGE, named
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_catalog, check_size, silenced
+from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
@@ -72,6 +73,9 @@ class Sb3Policies:
         # As `evaluate` asks; where pictures are observed, the others are told what is in view, as in training.
         self.deterministic, self.centralized = not config.sampled, not config.alone
         self.privileged = config.alone and config.observation == "visual"
+        self.rules: dict[str, Any] = {"track": config.track} if config.track != PAPER else {}
+        if self.rules and not config.messages:
+            self.rules["messages"] = False
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -82,6 +86,7 @@ class Sb3Policies:
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
         check_catalog(env, asdict(config), self.path)
+        check_rules(env, self.rules, self.path)
         if PRESETS[config.preset].goal and not env.options.goal:
             raise CheckpointError(
                 f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
