@@ -21,7 +21,7 @@ from rich.table import Table
 
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.files import append_line
+from chmarl_pb.files import append_line, write_atomically
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.generate.names import home_name
 from chmarl_pb.homes.home import home_names
@@ -192,7 +192,7 @@ def table(kept: Sequence[dict[str, Any]]) -> Table:
         motions = [motion for row in rows for motion in row["motions"]]
         counted = sum(motion["counted"] for motion in motions)
         by_phase = [[motion["depths"][phase] for motion in motions if phase in motion["depths"]] for phase in PHASES]
-        worst = [max(motion["depths"].values(), default=0.0) for motion in motions]
+        worst = [depth for row in rows for depth in deepest(row)]
         missed = sum(depth > DEEP and not motion["counted"] for depth, motion in zip(worst, motions, strict=True))
         speed = sum(row["moved"] for row in rows) / max(1e-9, sum(row["seconds"] for row in rows))
         shown.add_row(
@@ -204,6 +204,11 @@ def table(kept: Sequence[dict[str, Any]]) -> Table:
     return shown
 
 
+def deepest(row: dict[str, Any]) -> list[float]:
+    """Return how deep each motion of an episode went, metres."""
+    return [max(motion["depths"].values(), default=0.0) for motion in row["motions"]]
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -211,8 +216,12 @@ def main() -> None:
     parser.add_argument("--generated", type=int, default=20, help="how many generated homes are among the homes")
     parser.add_argument("--home", action="append", help="home_1, generated-7, loft; may be given several times")
     parser.add_argument("--json", type=Path, default=Path("results/collisions.jsonl"))
+    parser.add_argument("--again", action="store_true", help="play what went deeper than 5 mm in the file again")
     options = parser.parse_args()
     kept = [json.loads(line) for line in options.json.read_text().splitlines()] if options.json.exists() else []
+    if options.again:
+        kept = [row for row in kept if all(depth <= DEEP for depth in deepest(row))]
+        write_atomically(options.json, "".join(f"{json.dumps(row)}\n" for row in kept))
     done, homes = {(row["home"], row["seed"]) for row in kept}, options.home or all_homes(options.generated)
     env, probe, entered = None, None, ""
     with tempfile.TemporaryDirectory() as folder:

@@ -18,13 +18,15 @@ Array: TypeAlias = NDArray[np.float64]
 Depths: TypeAlias = Callable[[Array, float], Array]
 #: Postures at which a path may start, and at which it may end.
 Ends: TypeAlias = tuple[Sequence[Array], Sequence[Array]]
+#: Postures, and the number of the one that each was reached from; -1: none.
+_Tree: TypeAlias = tuple[list[Array], list[int]]
 
 MARGIN = 0.015  # metres that a path keeps free where it can
 ALLOWED = 0.003  # metres of depth that count as free without the margin: things touch where they stand
 
 _TIGHT = 0.006  # metres that it keeps free where it cannot keep more
 _STEP, _TIGHT_STEP = 0.07, 0.035  # rad or m of the joint that moves most, between two postures that are looked at
-_TRIES = 240  # draws of the random tree
+_ROUNDS, _TOGETHER = 240, 16  # of the random trees; draws of one round
 _WIDE = 1.0  # radians by which the tree goes beyond start and goal
 
 
@@ -88,16 +90,23 @@ def search(
     Returns:
         Numbers of its start and its goal, and the path; None if none was found.
     """
-    # No deeper than where it has to begin or end.
-    allowed = max(ALLOWED, *(float(depths(np.stack(some), 0.0).min()) for some in ends))
-    tree = _grow(depths, ends, ways, limits, allowed, np.random.default_rng(seed))
-    if tree is None:
-        return None
-    first, last = (
-        next(number for number, one in enumerate(some) if one is tree[place])
-        for some, place in zip(ends, (0, -1), strict=True)
-    )
-    return first, last, Path(_shortened(depths, tree, allowed), _counted(allowed))
+    for margin in (_TIGHT, 0.0):
+
+        def clear(postures: Array, _: float, margin: float = margin) -> Array:
+            return depths(postures, margin)
+
+        # No deeper than where it has to begin or end.
+        allowed = max(0.0 if margin else ALLOWED, *(float(clear(np.stack(some), 0.0).min()) for some in ends))
+        if margin and allowed > 0:
+            continue
+        tree = _grow(clear, ends, ways, limits, allowed, np.random.default_rng(seed))
+        if tree is not None:
+            first, last = (
+                next(number for number, one in enumerate(some) if one is tree[place])
+                for some, place in zip(ends, (0, -1), strict=True)
+            )
+            return first, last, Path(_shortened(clear, tree, allowed), _counted(allowed))
+    return None
 
 
 def _by_ways(
@@ -155,35 +164,47 @@ def _grow(
     """Grow two random trees towards each other; return the postures from a start to a goal, or None."""
     both = np.stack([*ends[0], *ends[1]])
     low, high = np.maximum(limits[0], both.min(axis=0) - _WIDE), np.minimum(limits[1], both.max(axis=0) + _WIDE)
-    trees: list[tuple[list[Array], list[int]]] = [([*some], [-1] * len(some)) for some in ends]
-    for turn in range(_TRIES):
+    trees: list[_Tree] = [([*some], [-1] * len(some)) for some in ends]
+    for turn in range(_ROUNDS):
         one, other = trees[turn % 2], trees[1 - turn % 2]
-        aim = ways[turn // 2] if turn // 2 < len(ways) else rng.uniform(low, high)
-        reached = _extend(depths, one, aim, allowed)
-        if reached is None:
-            continue
-        met = _extend(depths, other, one[0][reached], allowed)
-        if met is not None and np.array_equal(other[0][met], one[0][reached]):
-            both_ways = [_back(one, reached), _back(other, met)]
-            first, second = both_ways if turn % 2 == 0 else both_ways[::-1]
-            return [*first[::-1], *second[1:]]
+        drawn = rng.uniform(low, high, (_TOGETHER, len(low)))
+        aims = [*ways, *drawn] if turn < 2 else [*drawn]
+        grown = [number for number in _extend(depths, one, aims, allowed) if number is not None]
+        met = _extend(depths, other, [one[0][number] for number in grown], allowed)
+        for here, there in zip(grown, met, strict=True):
+            if there is not None and np.array_equal(other[0][there], one[0][here]):
+                both_ways = [_back(one, here), _back(other, there)]
+                first, second = both_ways if turn % 2 == 0 else both_ways[::-1]
+                return [*first[::-1], *second[1:]]
     return None
 
 
-def _extend(depths: Depths, tree: tuple[list[Array], list[int]], goal: Array, allowed: float) -> int | None:
-    """Go straight from the nearest posture of a tree towards a goal while it is free; return the last one's number."""
+def _extend(depths: Depths, tree: _Tree, aims: Sequence[Array], allowed: float) -> list[int | None]:
+    """Go straight from the nearest posture of a tree towards each of some aims while that is free.
+
+    Returns:
+        The number of the last posture on the way to each aim; None if there is none.
+    """
+    if not aims:
+        return []
     postures, parents = tree
-    nearest = int(np.abs(np.stack(postures) - goal).max(axis=1).argmin())
-    steps = line(postures[nearest], goal)
-    bad = np.flatnonzero(depths(steps, 0.0) > allowed)
-    count = int(bad[0]) if len(bad) else len(steps)
-    for step in sorted({count // 2, count} - {0}):
-        postures.append(steps[step - 1])
-        parents.append(len(postures) - 2 if step == count and count > 1 else nearest)
-    return len(postures) - 1 if count else None
+    known = np.stack(postures)
+    nearest = [int(np.abs(known - aim).max(axis=1).argmin()) for aim in aims]
+    lines = [line(known[start], aim) for start, aim in zip(nearest, aims, strict=True)]
+    free = np.split(depths(np.concatenate(lines), 0.0) <= allowed, np.cumsum([len(steps) for steps in lines])[:-1])
+    last = list[int | None]()
+    for start, steps, good in zip(nearest, lines, free, strict=True):
+        count = len(steps) if good.all() else int(good.argmin())
+        parent = start
+        for step in sorted({count // 2, count} - {0}):
+            postures.append(steps[step - 1])
+            parents.append(parent)
+            parent = len(postures) - 1
+        last.append(parent if count else None)
+    return last
 
 
-def _back(tree: tuple[list[Array], list[int]], number: int) -> list[Array]:
+def _back(tree: _Tree, number: int) -> list[Array]:
     """Return the postures from one of a tree back to its root."""
     postures, parents = tree
     found = [postures[number]]
