@@ -27,6 +27,7 @@ ALLOWED = 0.003  # metres of depth that count as free without the margin: things
 _TIGHT = 0.006  # metres that it keeps free where it cannot keep more
 _STEP, _TIGHT_STEP = 0.07, 0.035  # rad or m of the joint that moves most, between two postures that are looked at
 _ROUNDS, _TOGETHER = 240, 16  # of the random trees; draws of one round
+_NEAR = 0.4  # radians, deviation of every second draw from what a tree has
 _WIDE = 1.0  # radians by which the tree goes beyond start and goal
 
 
@@ -168,6 +169,8 @@ def _grow(
     for turn in range(_ROUNDS):
         one, other = trees[turn % 2], trees[1 - turn % 2]
         drawn = rng.uniform(low, high, (_TOGETHER, len(low)))
+        near = rng.integers(len(one[0]), size=_TOGETHER // 2)  # of the way out of a narrow place the first part is hard
+        drawn[1::2] = np.clip([one[0][k] + rng.normal(0, _NEAR, len(low)) for k in near], low, high)
         aims = [*ways, *drawn] if turn < 2 else [*drawn]
         grown = [number for number in _extend(depths, one, aims, allowed) if number is not None]
         met = _extend(depths, other, [one[0][number] for number in grown], allowed)

@@ -17,6 +17,7 @@ Back: TypeAlias = Callable[[Array, bool], Path]
 
 _BLOCKS = (1, 150)  # postures that are looked at together, the most comfortable first; then all others
 _SPREAD = 8  # free postures, as different as can be, that the arm tries to get to
+_ENDS = 64  # as many, that random trees look for a way to
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +73,19 @@ def choose_reach(
     if tried:
         best = min(tried)[2]
     else:
-        some = _spread(targets, np.flatnonzero(deep <= ALLOWED)) or [int(deep.argmin())]
+        some = _spread(targets, np.flatnonzero(deep <= ALLOWED), _ENDS) or [int(deep.argmin())]
         row, start, path = there(above[some], True)
         best = Reach(targets[some[row]], above[some[row]], start, path, back(above[some[row]], False))
     return best if best.back.depth <= 0 else replace(best, back=back(best.above, True))
 
 
-def _spread(postures: Array, numbers: NDArray[np.intp]) -> list[int]:
+def _spread(postures: Array, numbers: NDArray[np.intp], most: int = _SPREAD) -> list[int]:
     """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
     if not len(numbers):
         return []
     some = postures[numbers]
     chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
-    while len(chosen) < min(_SPREAD, len(numbers)):
+    while len(chosen) < min(most, len(numbers)):
         chosen.append(int(apart.argmax()))
         apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
     return [int(number) for number in numbers[chosen]]
