@@ -1,6 +1,6 @@
 """Set up a task in a world: where everything lies, and where robots start, drawn from the task's seed alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from weakref import WeakKeyDictionary
 
@@ -82,12 +82,13 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
         move.check(space.home.catalog)
     goals = tuple(_goal(world, space.home, move) for move in moves)
     kept = _layouts.setdefault(space, {})
-    layout = kept.get(task)
+    drawn = replace(task, optimal_steps=0)  # the planner adds the steps to what it has laid out and solved
+    layout = kept.get(drawn)
     if layout is None:
         layout = _lay_out(world, space, task, moves, goals)
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
-        kept[task] = layout
+        kept[drawn] = layout
     world.arrange(layout.objects)
     names = (*(thing.name for thing in space.home.things), *world.objects)
     states = dict(zip(names, layout.states, strict=True))
