@@ -233,7 +233,8 @@ def _home(path: Path, found: Findings, known: Catalog) -> Home | None:
     source = Source(path)
     links = read_links(source, found)
     known = looks_in(known, (link.name for link in links))
-    found.locate({link.name: middle_of(link) for link in links})
+    by_name = {link.name: link for link in links}
+    found.locate(lambda name: middle_of(by_name[name]) if name in by_name else None)
     links = tuple(link for link in links if link.visuals or link.collisions)
     links = tuple(link for link in links if _is_well_named(link.name, found))
     things = [Thing(link.name, link.frame, link.solids) for link in links]

@@ -1,6 +1,6 @@
 """What is wrong with a home, as data, and the list that all checks of one home add to."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -52,12 +52,13 @@ class Findings:
     def __init__(self, file: Path):
         """Begin with none."""
         self._known: dict[Problem, None] = {}
-        self._file, self._places = str(file), dict[str, Position]()
+        self._file = str(file)
+        self._place_of: Callable[[str], Position | None] = lambda _: None
 
     def copy(self) -> "Findings":
         """Return findings of the same problems, to add others to."""
         copy = Findings(Path(self._file))
-        copy._known, copy._places = dict(self._known), self._places
+        copy._known, copy._place_of = dict(self._known), self._place_of
         return copy
 
     @property
@@ -82,19 +83,17 @@ class Findings:
         """Return a context that adds a ``ValueError`` which ends it as an error, its message after a label."""
         return _Listing(self, link, label)
 
-    def locate(self, places: Mapping[str, Position]) -> None:
-        """Say where links are, for problems found before and after."""
-        self._places = dict(places)
+    def locate(self, place_of: Callable[[str], Position | None]) -> None:
+        """Tell where the links of problems found before and after are: it is asked for those alone."""
+        self._place_of = place_of
         self._known = {
-            replace(problem, position=_rounded(self._places.get(problem.link)))
-            if problem.position is None
-            else problem: None
+            replace(problem, position=_rounded(place_of(problem.link))) if problem.position is None else problem: None
             for problem in self._known
         }
 
     def _add(self, severity: Severity, message: str, link: str, position: Position | None) -> None:
         measured, _, fix = message.rpartition("; ")
-        at = _rounded(position or self._places.get(link))
+        at = _rounded(position or self._place_of(link))
         self._known[Problem(severity, self._file, link, at, measured or fix, fix if measured else "")] = None
 
 

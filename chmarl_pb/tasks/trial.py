@@ -48,7 +48,10 @@ def try_home(simulation: Simulation) -> tuple[Problem, ...]:
     home = simulation.home
     found = Findings(home.path)
     found.locate(
-        {thing.name: (*thing.centre.tolist(), max((s.top for s in thing.solids), default=0.0)) for thing in home.things}
+        {
+            thing.name: (*thing.centre.tolist(), max((s.top for s in thing.solids), default=0.0))
+            for thing in home.things
+        }.get
     )
     _try_tops(simulation, found)
     for model in simulation.models.values():
