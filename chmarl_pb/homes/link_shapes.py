@@ -1,7 +1,7 @@
 """Read the shapes of a home's links, with the meshes that they name, within limits on what they hold in all."""
 
 import math
-from collections import Counter
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import PurePosixPath
@@ -43,7 +43,11 @@ def check_numbers_of(part: Element) -> None:
     Raises:
         ValueError: they are not finite numbers, or out of range.
     """
-    for element in part.iter():
+    _check_numbers(part.iter())
+
+
+def _check_numbers(elements: Iterable[Element]) -> None:
+    for element in elements:
         for name, count in _NUMBERS.get(element.tag, _NONE).items():
             text = element.get(name)
             if text is not None or name not in _OPTIONAL:
@@ -96,10 +100,9 @@ class Shapes:
         """Return the visuals and the collisions of a link, each with its number, without those that are broken."""
         name = link.get("name", "")
         shapes: dict[str, Numbered] = {"visual": [], "collision": []}
-        counts: Counter[str] = Counter()
+        counts: dict[str, int] = {}
         for part in link:
-            counts[part.tag] += 1
-            number = counts[part.tag]
+            number = counts[part.tag] = counts.get(part.tag, 0) + 1
             if part.tag not in shapes:
                 with self._found.listing(name):
                     self._check_part(part)
@@ -127,9 +130,13 @@ class Shapes:
 
     def _check_part(self, part: Element) -> None:
         """Check the numbers of an element, and the files of textures in it."""
-        check_numbers_of(part)
-        for texture in part.iter("texture"):
-            self._named("texture", texture.get("filename", ""))
+        self._check_elements(list(part.iter()))
+
+    def _check_elements(self, elements: Sequence[Element]) -> None:
+        _check_numbers(elements)
+        for element in elements:
+            if element.tag == "texture":
+                self._named("texture", element.get("filename", ""))
 
     def _shape(self, part: Element, link: str) -> Shape:
         """Return a <visual> or <collision> of a link.
@@ -138,12 +145,14 @@ class Shapes:
             ValueError: it is broken.
             Refused: there are too many triangles or pixels.
         """
-        for geometry in part.iter("geometry"):
-            if len(geometry) != 1 or geometry[0].tag not in SIZES:
+        elements = list(part.iter())
+        for element in elements:
+            if element.tag == "geometry" and (len(element) != 1 or element[0].tag not in SIZES):
                 raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
-        self._check_part(part)
-        for element in part.iter("mesh"):
-            self._add_mesh(element.get("filename", ""), link, part.tag)
+        self._check_elements(elements)
+        for element in elements:
+            if element.tag == "mesh":
+                self._add_mesh(element.get("filename", ""), link, part.tag)
         return read_shape(part, self._colours, self._meshes)
 
     def _add_mesh(self, name: str, link: str, tag: str) -> None:

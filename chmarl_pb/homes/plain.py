@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from threading import Lock
 from xml.sax.saxutils import quoteattr
@@ -21,7 +21,7 @@ import numpy as np
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.mesh import Mesh
-from chmarl_pb.homes.shape import Origin, Shape
+from chmarl_pb.homes.shape import Numbers, Origin
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.homes.urdf import Link
 
@@ -157,24 +157,27 @@ def _urdf(links: Sequence[Link], name: str, meshes: _Meshes) -> Iterator[str]:
     yield f'<?xml version="1.0"?>\n<robot name={quoteattr(name)}>\n<link name="{ROOT}">{_STATIC}</link>'
     for link in links:
         yield f'<link name="{link.name}">{_STATIC}'
-        for shape in link.visuals:
-            yield from _shape("visual", shape, meshes)
-        for shape in link.collisions:
-            yield from _shape("collision", shape, meshes)
+        for tag, shapes in (("visual", link.visuals), ("collision", link.collisions)):
+            for shape in shapes:
+                file = "" if shape.mesh is None else meshes.name(shape.mesh, tag == "visual")
+                yield _shape(tag, shape.kind, tuple(shape.sizes.items()), shape.origin, shape.colour, file)
         yield f'</link>\n<joint name="fix {link.name}" type="fixed"><parent link="{ROOT}"/><child link="{link.name}"/>'
         yield f"{_origin(link.origin)}</joint>"
     yield "</robot>"
 
 
-def _shape(tag: str, shape: Shape, meshes: _Meshes) -> Iterator[str]:
-    yield f"<{tag}>{_origin(shape.origin)}<geometry>"
-    sizes = " ".join(f'{name}="{_words(numbers)}"' for name, numbers in shape.sizes.items())
-    file = "" if shape.mesh is None else f" filename={quoteattr(meshes.name(shape.mesh, tag == 'visual'))}"
-    yield f"<{shape.kind} {sizes}{file}/></geometry>"
-    if shape.colour is not None:
-        words = _words(shape.colour)
-        yield f'<material name="{words}"><color rgba="{words}"/></material>'
-    yield f"</{tag}>"
+@lru_cache(maxsize=4096)
+def _shape(
+    tag: str, kind: str, sizes: tuple[tuple[str, Numbers], ...], origin: Origin, colour: Numbers | None, file: str
+) -> str:
+    """Return the lines of a shape; homes share those of their furniture."""
+    lines = [f"<{tag}>{_origin(origin)}<geometry>"]
+    words = " ".join(f'{name}="{_words(numbers)}"' for name, numbers in sizes)
+    lines.append(f"<{kind} {words}{file and f' filename={quoteattr(file)}'}/></geometry>")
+    if colour is not None:
+        words = _words(colour)
+        lines.append(f'<material name="{words}"><color rgba="{words}"/></material>')
+    return "\n".join([*lines, f"</{tag}>"])
 
 
 def _is_plain(path: str) -> bool:

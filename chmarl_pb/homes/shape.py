@@ -110,9 +110,12 @@ class Shape:
         Raises:
             ValueError: it spans no volume.
         """
-        points, ring = self.points(frame), _RINGS.get(self.kind)
-        if ring is not None and (frame @ self.origin.frame)[:3, 2].tolist() == [0.0, 0.0, 1.0]:
-            return prism(points[ring, :2], float(points[:, 2].min()), float(points[:, 2].max()))
+        place, ring = frame @ self.origin.frame, _RINGS.get(self.kind)
+        points = (place @ self._hull_points().T).T[:, :3]
+        if ring is not None and place[:3, 2].tolist() == [0.0, 0.0, 1.0]:
+            corners = points.tolist()
+            heights = [z for _, _, z in corners]
+            return prism([corners[number][:2] for number in ring], min(heights), max(heights))
         return solid_from_vertices(points)
 
     def check_place(self, frame: Points) -> None:
@@ -121,21 +124,22 @@ class Shape:
         Raises:
             ValueError: it does not.
         """
+        reach = math.hypot(*self._reach())
+        if math.hypot(*frame[:3, 3].tolist()) + math.hypot(*self.origin.xyz) + reach < FARTHEST / 2:
+            return  # however the link is turned
         centre = (frame[:3, :3] @ self.origin.xyz + frame[:3, 3]).tolist()
-        if not math.hypot(*centre) + math.hypot(*self._reach()) <= FARTHEST:  # False for NaN, too
+        if not math.hypot(*centre) + reach <= FARTHEST:  # False for NaN, too
             raise ValueError(f"it reaches farther than {FARTHEST:,} m from the origin; a URDF's unit is the metre")
 
     def points(self, frame: Points) -> Points:
         """Return points (n, 3) in the world whose convex hull it is, from its link's frame."""
-        return self._placed(self._hull_points(), frame)
+        return (frame @ self.origin.frame @ self._hull_points().T).T[:, :3]
 
     def triangles(self, frame: Points) -> Points:
         """Return the corners (n, 3, 3) in the world of a mesh's triangles, from its link's frame."""
         assert self.mesh is not None
-        return self._placed(self.mesh.vertices * self.sizes["scale"], frame)[self.mesh.corners[..., 0]]
-
-    def _placed(self, points: Points, frame: Points) -> Points:
-        return (frame @ self.origin.frame @ np.column_stack([points, np.ones(len(points))]).T).T[:, :3]
+        points = _with_ones(self.mesh.vertices * self.sizes["scale"])
+        return (frame @ self.origin.frame @ points.T).T[self.mesh.corners[..., 0], :3]
 
     def _reach(self) -> Numbers:
         """Return how far from its origin, in metres along each axis, a box ends that holds it however it is turned."""
@@ -144,17 +148,27 @@ class Shape:
         return tuple(number for numbers in self.sizes.values() for number in numbers)
 
     def _hull_points(self) -> Points:
-        """Return points (n, 3) whose convex hull it is, in its own frame."""
+        """Return points (n, 4) whose convex hull it is, in its own frame, each with a 1 behind it."""
         if self.mesh is not None:
-            return self.mesh.used_vertices * self.sizes["scale"]
+            return _with_ones(self.mesh.used_vertices * self.sizes["scale"])
         if self.kind == "box":
-            return _BOX * self.sizes["size"]
+            return _corners(self.kind, self.sizes["size"])
         (radius,) = self.sizes["radius"]
         if self.kind == "cylinder":
-            return _CYLINDER * (radius, radius, self.sizes["length"][0])
+            return _corners(self.kind, (radius, radius, self.sizes["length"][0]))
         import trimesh  # only here: it takes a while to load, and most homes are boxes and cylinders
 
-        return np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices)
+        return _with_ones(np.asarray(trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices))
+
+
+@lru_cache(maxsize=4096)
+def _corners(kind: str, extents: Numbers) -> Points:
+    """Return the corners of a box or cylinder, each with a 1 behind it; most of furniture have one of a few sizes."""
+    return _with_ones((_BOX if kind == "box" else _CYLINDER) * extents)
+
+
+def _with_ones(points: Points) -> Points:
+    return np.column_stack([points, np.ones(len(points))])
 
 
 def read_mesh(name: str, source: Source) -> Mesh:
@@ -203,9 +217,16 @@ def read_shape(element: Element, colours: Mapping[str, Numbers], meshes: Mapping
     if geometry is None or not len(geometry):
         raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
     shape = geometry[0]
-    sizes = {name: numbers_of(shape, name, (1.0, 1.0, 1.0)) for name in SIZES[shape.tag]}
+    sizes = tuple([numbers_of(shape, name, (1.0, 1.0, 1.0)) for name in SIZES[shape.tag]])
     material = element.find("material")
     own = () if material is None else numbers_of(material.find("color"), "rgba")
     colour = own or (None if material is None else colours.get(material.get("name", "")))
     mesh = meshes[shape.get("filename", "")] if shape.tag == "mesh" else None
-    return Shape(shape.tag, sizes, read_origin(element), colour, mesh)
+    make = _shape if mesh is None else _shape.__wrapped__  # a mesh may be large: it is not to outlive its home
+    return make(shape.tag, sizes, read_origin(element), colour, mesh)
+
+
+@lru_cache(maxsize=4096)
+def _shape(kind: str, sizes: tuple[Numbers, ...], origin: Origin, colour: Numbers | None, mesh: Mesh | None) -> Shape:
+    """Return a shape; homes share those of their furniture."""
+    return Shape(kind, dict(zip(SIZES[kind], sizes, strict=True)), origin, colour, mesh)

@@ -76,34 +76,33 @@ def solid_from_vertices(vertices: Points) -> Solid:
     outline = vertices[:, :2]
     polygon = outline[ConvexHull(outline).vertices]
     rows = np.round(hull.equations, 9) + 0.0  # without negative zeros
-    planes = _sorted(rows)
+    planes = np.array(sorted(set(map(tuple, rows.tolist()))))  # np.unique is many times as slow on so few
     bottom, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     return Solid(polygon, bottom, top, planes, _facet(vertices[hull.vertices], planes, top, polygon))
 
 
-def prism(outline: Points, bottom: float, top: float) -> Solid:
+def prism(corners: list[list[float]], bottom: float, top: float) -> Solid:
     """Return an upright prism, many times as fast as from its vertices.
 
     Args:
-        outline: (k, 2) corners of a convex outline, counter-clockwise.
+        corners: (k, 2) of a convex outline, counter-clockwise.
         bottom: its lowest z.
         top: its highest z.
     """
-    corners = outline.tolist()
     first = corners.index(min(corners))
     corners = corners[first:] + corners[:first]
-    rows = [(0.0, 0.0, 1.0, -top), (0.0, 0.0, -1.0, bottom)]
+    rows = {(0.0, 0.0, 1.0, _rounded(-top)), (0.0, 0.0, -1.0, _rounded(bottom))}
     for (x, y), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
         length = math.hypot(x1 - x, y1 - y)
         across, along = (y1 - y) / length, (x - x1) / length
-        rows.append((across, along, 0.0, -(across * x + along * y)))
+        rows.add((_rounded(across), _rounded(along), 0.0, _rounded(-(across * x + along * y))))
     polygon = np.array(corners)
-    return Solid(polygon, bottom, top, _sorted(np.round(rows, 9) + 0.0), polygon)  # without negative zeros
+    return Solid(polygon, bottom, top, np.array(sorted(rows)), polygon)
 
 
-def _sorted(rows: Points) -> Points:
-    """Return the distinct rows in order; np.unique is many times as slow on so few."""
-    return np.array(sorted(set(map(tuple, rows.tolist()))))
+def _rounded(number: float) -> float:
+    """Return what ``np.round`` makes of a number with 9 decimals, without negative zeros."""
+    return round(number * 1e9) / 1e9
 
 
 def _facet(corners: Points, planes: Points, top: float, polygon: Points) -> Points | None:
@@ -134,16 +133,24 @@ HalfPlanes = tuple[Points, NDArray[np.floating]]
 
 def half_planes(polygon: Points) -> HalfPlanes:
     """Return a convex polygon (k, 2), counter-clockwise, as half-planes."""
-    edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = _normals(polygon)
+    normals /= np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     return normals, np.einsum("kd,kd->k", normals, polygon)
+
+
+def _normals(polygon: Points) -> Points:
+    """Return the outward normals of a convex polygon's edges, each as long as the edge."""
+    normals = np.empty(polygon.shape)
+    normals[:-1, 0], normals[-1, 0] = polygon[1:, 1] - polygon[:-1, 1], polygon[0, 1] - polygon[-1, 1]
+    normals[:-1, 1], normals[-1, 1] = polygon[:-1, 0] - polygon[1:, 0], polygon[-1, 0] - polygon[0, 0]
+    return normals
 
 
 def within(sides: HalfPlanes, points: Points, margin: float = 0.0) -> NDArray[np.bool_]:
     """Return whether points (..., 2) lie in a convex polygon of these sides, at most ``margin`` outside its edges."""
     normals, offsets = sides
-    return np.asarray(((points @ normals.T - offsets) <= margin + 1e-9).all(axis=-1))
+    beyond = points.reshape(-1, 2) @ normals.T - offsets
+    return np.asarray((beyond <= margin + 1e-9).all(axis=-1).reshape(points.shape[:-1]))
 
 
 class Outlines:
@@ -155,8 +162,7 @@ class Outlines:
         shape = (len(polygons), most)
         self._normals, self._offsets = np.zeros((*shape, 2)), np.zeros(shape)
         for row, polygon in enumerate(polygons):
-            edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
-            normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+            normals = _normals(polygon)
             offsets = (normals * polygon).sum(axis=1)
             order = np.minimum(np.arange(most), len(polygon) - 1)
             self._normals[row], self._offsets[row] = normals[order], offsets[order]

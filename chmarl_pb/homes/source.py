@@ -4,6 +4,7 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -66,6 +67,12 @@ def _is_link(path: str) -> bool:
         return False
 
 
+@lru_cache(maxsize=4096)
+def _path(folder: str, name: str) -> Path:
+    """Return the path of a file in a folder; homes share the meshes of their furniture."""
+    return Path(folder, name)
+
+
 def shown(name: str) -> str:
     """Return a name as messages show it: without control characters, and cut where it is long."""
     return repr(name if len(name) <= _LONGEST_SHOWN else f"{name[:_LONGEST_SHOWN]}...")
@@ -112,7 +119,7 @@ class Source:
             ValueError: see :meth:`inside` and :func:`read_regular`.
         """
         content = self.read(self._inside(self._beside, name))
-        self._named[name] = Path(self._beside, name)
+        self._named[name] = _path(self._beside, name)
         return self._named[name], content
 
     def inner(self, beside: Path, name: str, most: int = MOST_FILE_BYTES) -> tuple[Path, bytes]:
