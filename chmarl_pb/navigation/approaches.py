@@ -101,7 +101,7 @@ class Approaches:
     @cached_property
     def _boxes(self) -> Points:
         """Lower and upper corner (n, 4) of the outlines of the home's solids."""
-        return np.array([[*solid.low, *solid.high] for solid in self._solids]).reshape(-1, 4)
+        return np.array([[solid.low, solid.high] for solid in self._solids]).reshape(-1, 4)
 
     @cached_property
     def _outlines(self) -> Outlines:

@@ -6,14 +6,14 @@ other solids of the home cover, with the free height above each cell.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, binary_opening
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home, Thing
-from chmarl_pb.homes.solids import Points, Solid, inside, within
+from chmarl_pb.homes.solids import Points, Solid, half_planes, within
 from chmarl_pb.navigation.reach import REACH
 
 CELL = 0.05  # metres
@@ -52,8 +52,8 @@ class Surface:
         rows, columns = (int(np.ceil((extent + 2 * _GAP) / CELL - 1e-9)) | 1 for extent in size[:2])
         key = (rows, columns, int(np.ceil((size[2] + _GAP) * 1000)))
         if key not in self._fits:
-            room = binary_erosion(self.free >= key[2] / 1000, np.ones((rows, columns), dtype=bool))
-            self._fits[key] = np.argwhere(room)
+            room = _rectangles(self.free >= key[2] / 1000, rows, columns)
+            self._fits[key] = np.argwhere(room) + np.array([rows // 2, columns // 2])
         return self._fits[key]
 
 
@@ -64,8 +64,8 @@ def find_surfaces(home: Home) -> tuple[Surface, ...]:
         HomeError: they are larger than a home can have.
     """
     grids = _grids(home)
-    lows = np.array([[*solid.low, solid.bottom] for solid in home.solids])
-    highs = np.array([[*solid.high, solid.top] for solid in home.solids])
+    lows = np.column_stack([[solid.low for solid in home.solids], [solid.bottom for solid in home.solids]])
+    highs = np.column_stack([[solid.high for solid in home.solids], [solid.top for solid in home.solids]])
     surfaces = [_surface(home, *grid, lows, highs) for grid in grids]
     return tuple(surface for surface in surfaces if (surface.free > 0).any())
 
@@ -116,7 +116,9 @@ def _grid(thing: Thing, tops: list[Solid]) -> tuple[float, list[Points]]:
     return yaw, [_ticks(a, b) for a, b in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
 
 
+@lru_cache(maxsize=64)
 def _axes(yaw: float) -> Points:
+    """Return the axes of a grid as columns; most receptacles have one of four yaws."""
     return np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
 
 
@@ -125,21 +127,45 @@ def _surface(
     highs: Points,
 ) -> Surface:  # fmt: skip
     """Return the surface that some tops of a thing make, on a grid; lows and highs (n, 3) bound the home's solids."""
-    points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1) @ _axes(yaw).T
-    on = np.logical_or.reduce([inside(solid.facet, points, 1e-3) for solid in tops if solid.facet is not None])
-    free = np.where(on, _TALLEST, 0.0)
+    grid = np.empty((len(ticks[0]), len(ticks[1]), 2))
+    grid[..., 0], grid[..., 1] = ticks[0][:, None], ticks[1]
+    points = grid @ _axes(yaw).T
+    free = np.zeros(grid.shape[:2])
+    for solid in tops:
+        assert solid.facet is not None
+        sides = solid.sides if solid.facet is solid.polygon else half_planes(solid.facet)
+        free[within(sides, points, 1e-3)] = _TALLEST
     low = np.array([*points.min(axis=(0, 1)) - CELL, height + 2 * _SAME_LEVEL])
     high = np.array([*points.max(axis=(0, 1)) + CELL, height + _TALLEST])
     for number in np.flatnonzero(((low < highs) & (high > lows)).all(axis=1)):
         solid = home.solids[number]
         under = within(solid.sides, points, margin=CELL / 2)
-        free = np.where(under, np.minimum(free, max(solid.bottom - height, 0.0)), free)
+        np.minimum(free, max(solid.bottom - height, 0.0), out=free, where=under)
     free[free < _HEADROOM] = 0.0
-    free[~binary_opening(free > 0, np.ones((_NARROW, _NARROW), dtype=bool))] = 0.0
-    covered = any(
-        solid.bottom > height + _HEADROOM and within(solid.sides, points[free > 0]).any() for solid in thing.solids
-    )
+    free[~_wide_parts(free > 0)] = 0.0
+    used = points[free > 0]
+    covered = any(solid.bottom > height + _HEADROOM and within(solid.sides, used).any() for solid in thing.solids)
     return Surface(thing.name, height, yaw, points, free, covered)
+
+
+def _wide_parts(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells that lie in a square of ``_NARROW`` cells a side, all of which are true."""
+    corners = _rectangles(cells, _NARROW, _NARROW)
+    rows, columns = corners.shape
+    strips, squares = np.zeros((len(cells), columns), dtype=bool), np.zeros(cells.shape, dtype=bool)
+    for shift in range(_NARROW if corners.size else 0):
+        strips[shift : shift + rows] |= corners
+    for shift in range(_NARROW if corners.size else 0):
+        squares[:, shift : shift + columns] |= strips
+    return squares
+
+
+def _rectangles(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """Return at which cells a rectangle of so many cells begins, all of which are true; without its last rows."""
+    height, width = (max(length - taken + 1, 0) for length, taken in zip(cells.shape, (rows, columns), strict=True))
+    strips = np.logical_and.reduce([cells[shift : shift + height] for shift in range(rows)])
+    found: NDArray[np.bool_] = np.logical_and.reduce([strips[:, shift : shift + width] for shift in range(columns)])
+    return found
 
 
 def _ticks(low: float, high: float) -> Points:
