@@ -5,7 +5,7 @@ import numpy as np
 from chmarl_pb.errors import AssetError
 from chmarl_pb.rendering import bounds, placing, raster
 from chmarl_pb.rendering.camera import Picture, light
-from chmarl_pb.rendering.meshes import models_of, parts_of
+from chmarl_pb.rendering.meshes import Part, models_of, parts_of
 from chmarl_pb.rendering.triangles import Lens, clean_canvas, depth_of
 from chmarl_pb.world.bullet import pybullet
 
@@ -24,16 +24,19 @@ class HomeModel:
         """
         links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
         (parts,) = parts_of(client, [body])
-        things = [[part for part in parts if part.link == link] for link in links]
+        things: list[list[Part]] = [[] for _ in links]
+        for part in parts:
+            things[part.link + 1].append(part)
         self._models = models_of(things, [{link: number} for number, link in enumerate(links)])
         self._scratch = np.empty((len(self._models.vertices), 6), np.float32)
         frames, inverses = np.zeros((2, len(things), 4, 4), np.float32)
         sides, balls = np.zeros((len(self._models.corners), 6)), np.zeros((len(things), 4))
         self._placed = placing.Placed(frames, inverses, sides, balls)
-        self._shown = np.array([number for number, thing in enumerate(things) if thing], dtype=np.int32)
-        for number in self._shown.tolist():
-            pose = _pose(client, body, number - 1)
-            placing.put(number, number, np.array([[*pose[0], *pose[1]]]), self._models, self._placed)
+        shown = np.array([number for number, thing in enumerate(things) if thing], dtype=np.int64)
+        poses = [_pose(client, body, number - 1) for number in shown.tolist()]
+        rows = np.array([[*position, *orientation] for position, orientation in poses]).reshape(-1, 7)
+        placing.put_each(shown, shown, rows, self._models, self._placed)
+        self._shown = shown.astype(np.int32)
 
     def draw(self, lens: Lens, size: int) -> Picture:
         """Return the picture that a camera takes; its segmentation holds link indices, -1 for nothing.

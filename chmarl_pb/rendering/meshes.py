@@ -1,9 +1,10 @@
 """The triangles of a body, as TinyRenderer holds them after loading it."""
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.rendering.placing import Models
-from chmarl_pb.world import Vector
+from chmarl_pb.world import Pose, Vector
 from chmarl_pb.world.bullet import pybullet
 
 Floats = NDArray[np.float32]
@@ -72,13 +73,15 @@ def _parts(shapes: Sequence["_Shape"]) -> list[Part]:
     counts = np.array([[len(rows) for rows in shape.mesh] for shape in shapes])
     vertices, normals, _ = (np.concatenate(rows) for rows in zip(*(shape.mesh for shape in shapes), strict=True))
     bases, shifts, scales = (np.array(rows) for rows in zip(*(shape[2:5] for shape in shapes), strict=True))
-    of_vertex, of_normal, _ = (np.repeat(np.arange(len(shapes)), number) for number in counts.T)
+    of_vertex, of_normal = (np.repeat(np.arange(len(shapes)), number) for number in counts.T[:2])
     points = (vertices.astype(float) * scales[of_vertex]).astype(np.float32)
     moved = _moved(points, bases[of_vertex], shifts[of_vertex])
     turned = _settled(_moved(normals, bases[of_normal], np.zeros((1, 3))))
-    ends = np.cumsum(counts, axis=0)[:-1].T
-    rows = zip(shapes, np.split(moved, ends[0]), np.split(turned, ends[1]), strict=True)
-    return [Part(shape.link, shape.colour, own, directions, shape.mesh[2]) for shape, own, directions in rows]
+    own, directions = (pairwise([0, *np.cumsum(number).tolist()]) for number in counts.T[:2])
+    return [
+        Part(shape.link, shape.colour, moved[slice(*rows)], turned[slice(*others)], shape.mesh[2])
+        for shape, rows, others in zip(shapes, own, directions, strict=True)
+    ]
 
 
 class _Shape(NamedTuple):
@@ -94,7 +97,7 @@ class _Shape(NamedTuple):
 
 def _shapes(client: int, body: int, read: dict[bytes, Mesh]) -> Iterator[_Shape]:
     """Yield what there is to see of a body; what is read is added to the meshes by the names of their files."""
-    inertial: dict[int, tuple[Vector, NDArray[np.float64]]] = {}
+    inertial: dict[int, tuple[Vector, Vector]] = {}
     flags = pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS
     for shape in pybullet.getVisualShapeData(body, flags, physicsClientId=client):
         _, link, kind, size, name, position, quaternion, rgba, texture = shape[:9]
@@ -106,14 +109,16 @@ def _shapes(client: int, body: int, read: dict[bytes, Mesh]) -> Iterator[_Shape]
         if rgba[3] == 0 or not len(mesh[2]):
             continue  # nothing to see
         if link not in inertial:
-            centre, turn = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
-            # PyBullet's own functions for transforms round to single precision.
-            inertial[link] = centre, _turn(turn).T
-        centre, inverse = inertial[link]
+            inertial[link] = pybullet.getDynamicsInfo(body, link, physicsClientId=client)[3:5]
         scale = [0.5 * side for side in size] if kind == pybullet.GEOM_BOX else size
-        yield _Shape(
-            link, _colour(rgba[:3]), inverse @ _turn(quaternion), inverse @ np.subtract(position, centre), scale, mesh
-        )
+        yield _Shape(link, _colour(rgba[:3]), *_seen_from(inertial[link], (position, quaternion)), scale, mesh)
+
+
+@lru_cache(maxsize=4096)
+def _seen_from(frame: Pose, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return basis and shift of a pose as seen from a frame; homes share those of their furniture."""
+    inverse = _turn(frame[1]).T  # PyBullet's own functions for transforms round to single precision
+    return inverse @ _turn(pose[1]), inverse @ np.subtract(pose[0], frame[0])
 
 
 @lru_cache(maxsize=1024)
@@ -122,9 +127,9 @@ def _colour(rgb: tuple[float, ...]) -> NDArray[np.uint8]:
     return (np.float32(255) * np.array(rgb, dtype=np.float32)).astype(np.uint8)
 
 
-def _obj_path(kind: int, name: bytes) -> Path:
-    path = Path(name.decode())
-    if kind != pybullet.GEOM_MESH or path.suffix.lower() != ".obj":
+def _obj_path(kind: int, name: bytes) -> str:
+    path = name.decode()
+    if kind != pybullet.GEOM_MESH or os.path.splitext(path)[1].lower() != ".obj":
         raise AssetError(f"{path or 'a visual shape'}: only boxes and OBJ meshes can be drawn by our own rasteriser")
     return path
 
@@ -138,15 +143,15 @@ def _box() -> Mesh:
     return np.array(_BOX_CORNERS, np.float32), normals, np.hstack([numbers, numbers]).astype(np.int32)
 
 
-def _read(path: Path) -> Mesh:
+def _read(path: str) -> Mesh:
     """Return what is in a Wavefront file; homes share many, so an unchanged one is read once."""
-    status = path.stat()
+    status = os.stat(path)
     return _read_once(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=1024)
-def _read_once(path: Path, _modified: int, _size: int) -> Mesh:
-    return _read_obj(path)
+def _read_once(path: str, _modified: int, _size: int) -> Mesh:
+    return _read_obj(Path(path))
 
 
 def _read_obj(path: Path) -> Mesh:
@@ -224,10 +229,9 @@ def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]
     parts = [(part, frames[number][part.link]) for number, body in enumerate(bodies) for part in body]
     every = [part for part, _ in parts]
     vertices, normals = _starts([part.vertices for part in every]), _starts([part.normals for part in every])
-    corners = [
-        part.corners + np.repeat((vertices[number], normals[number]), 3).astype(np.int32)
-        for number, part in enumerate(every)
-    ]
+    corners = [part.corners for part in every]
+    owners = np.repeat(np.arange(len(every), dtype=np.int32), [len(rows) for rows in corners])
+    firsts = np.column_stack([vertices, vertices, vertices, normals, normals, normals])[owners]
     return Models(
         _starts(bodies),
         np.array([frame for _, frame in parts], dtype=np.int32),
@@ -237,8 +241,8 @@ def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]
         np.array([part.colour for part in every], dtype=np.uint8),
         np.concatenate([part.vertices for part in every]),
         np.concatenate([part.normals for part in every]),
-        np.concatenate(corners),
-        np.repeat(np.arange(len(every), dtype=np.int32), [len(rows) for rows in corners]),
+        np.concatenate(corners) + firsts,
+        owners,
         np.repeat(np.arange(len(bodies), dtype=np.int32), [len(body) for body in bodies]),
     )
 

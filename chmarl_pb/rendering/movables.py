@@ -4,14 +4,14 @@ One :class:`Movables` serves all worlds of a process with the same robots and cl
 holds where the bodies of one world are, ready to be drawn; only what has moved since the last look is worked out again.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
 from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.home_views import HomeView
@@ -48,20 +48,15 @@ class Movables:
 
     def __init__(self, robots: Team, known: Catalog = BENCHMARK) -> None:
         """Load all graspables of a catalogue and the robots once, to read their meshes."""
-        self._connection = Client()
-        self._client = client = self._connection.number
-        with quiet(), loaded_graspables(client, known) as objects:
-            self._robots = {name: model.load(client) for name, model, _ in robots}
-            bodies = {name: thing.body for name, thing in objects.items()} | self._robots
-            parts = dict(zip(bodies, parts_of(client, [*bodies.values()]), strict=True))
-        self._joints = {name: joints for name, _, joints in robots}
+        with quiet(), closing(Client()) as client, loaded_graspables(client.number, known) as objects:
+            things = parts_of(client.number, [thing.body for thing in objects.values()])
+        self._robots = _robots(robots)
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
-        for thing in objects.values():
-            pybullet.removeBody(thing.body, physicsClientId=client)
-        self.numbers = {name: number for number, name in enumerate(bodies)}
+        parts = dict(zip(objects, things, strict=True)) | self._robots.parts
+        self.numbers = {name: number for number, name in enumerate(parts)}
         self._links = {name: _links(own) for name, own in parts.items()}
         *starts, self.frames = np.cumsum([0, *map(len, self._links.values())]).tolist()
-        self.first_frame = dict(zip(bodies, starts, strict=True))
+        self.first_frame = dict(zip(parts, starts, strict=True))
         self.models = models_of(
             list(parts.values()),
             [{link: start + place for place, link in enumerate(self._links[name])} for name, start in
@@ -103,19 +98,41 @@ class Movables:
 
     def _ask(self, name: str, pose: Pose, joints: Joints) -> Frames:
         """Let PyBullet work out a robot's frames."""
-        body = self._robots[name]
-        pybullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=self._client)
+        return np.array([[*where[0], *where[1]] for where in self._robots.poses(name, self._links[name], pose, joints)])
+
+
+class _Robots:
+    """The robots of a team in a client of their own, which stays to tell where their links are.
+
+    Attributes:
+        parts: name -> what there is to see of each.
+    """
+
+    def __init__(self, team: Team) -> None:
+        """Load them."""
+        self._connection = Client()
+        self._client = self._connection.number
+        with quiet():
+            self._bodies = {name: model.load(self._client) for name, model, _ in team}
+        self.parts = dict(zip(self._bodies, parts_of(self._client, [*self._bodies.values()]), strict=True))
+        self._joints = {name: joints for name, _, joints in team}
+
+    def poses(self, name: str, links: Iterable[int], pose: Pose, joints: Joints) -> Iterator[Pose]:
+        """Yield the poses of a robot's links, at a pose of its base and positions of its movable joints."""
+        body, client = self._bodies[name], self._client
+        pybullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=client)
         for index, value in zip(self._joints[name], joints, strict=True):
-            pybullet.resetJointState(body, index, value, physicsClientId=self._client)
-        rows = []
-        for link in self._links[name]:
-            where: Pose = pose
-            if link >= 0:
-                where = pybullet.getLinkState(
-                    body, link, computeForwardKinematics=True, physicsClientId=self._client
-                )[:2]  # fmt: skip
-            rows.append([*where[0], *where[1]])
-        return np.array(rows)
+            pybullet.resetJointState(body, index, value, physicsClientId=client)
+        for link in links:
+            if link < 0:
+                yield pose
+            else:
+                yield pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)[:2]
+
+
+@lru_cache(maxsize=8)
+def _robots(team: Team) -> _Robots:
+    return _Robots(team)
 
 
 def _links(parts: Iterable[Part]) -> list[int]:
@@ -155,7 +172,7 @@ class Bodies:
             frames = np.concatenate([self._movables.object_frames(name, pose) for name, pose in moved.items()])
             numbers = np.array([self._movables.numbers[name] for name in moved])
             first_frames = np.array([self._movables.first_frame[name] for name in moved])
-            _put_objects(numbers, first_frames, frames, self.models, self.placed)
+            placing.put_each(numbers, first_frames, frames, self.models, self.placed)
 
     def put_robot(self, name: str, pose: Pose, joints: Joints) -> None:
         """Put a robot at the pose of its base, and its joints into their positions."""
@@ -165,13 +182,6 @@ class Bodies:
             placing.put(
                 self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
             )  # fmt: skip
-
-
-@compiled
-def _put_objects(bodies, first_frames, frames, models, placed):  # type: ignore[no-untyped-def]
-    """Put bodies of one frame each in their places; see :func:`chmarl_pb.rendering.placing.put`."""
-    for number, body in enumerate(bodies):
-        placing.put(body, first_frames[number], frames[number : number + 1], models, placed)
 
 
 def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:

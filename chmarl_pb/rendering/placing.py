@@ -145,6 +145,13 @@ def put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-de
 
 
 @compiled
+def put_each(bodies, first_frames, poses, models, placed):  # type: ignore[no-untyped-def]
+    """Put bodies of one frame each in their places, see :func:`put`."""
+    for number, body in enumerate(bodies):
+        put(body, first_frames[number], poses[number : number + 1], models, placed)
+
+
+@compiled
 def _set_ball(points, ball):  # type: ignore[no-untyped-def]
     for i in range(3):
         low, high = np.inf, -np.inf
