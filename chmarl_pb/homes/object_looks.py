@@ -4,7 +4,7 @@ A home asks for a set by an empty link ``object_looks_<n>``; without one its obj
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -114,8 +114,8 @@ def packaged_model(class_name: str) -> Files:
     """Return the files of a packaged class as it looks in the benchmark's homes."""
     urdf = graspable_urdf(class_name)
     root = ElementTree.fromstring(urdf.read_bytes())
-    _resize(root, np.ones(3), urdf.parent)
-    return ((urdf.name, ElementTree.tostring(root)),)
+    _resize(root, (1.0, 1.0, 1.0), urdf.parent)
+    return ((urdf.name, _written(root)),)
 
 
 def _model(row: ThingClass, number: int, place: int) -> Files:
@@ -125,10 +125,14 @@ def _model(row: ThingClass, number: int, place: int) -> Files:
     colour = [None, *(RGB[name] for name in colours)][(number + place) % (len(colours) + 1)]
     width, height = _WIDTHS[int(rng.integers(len(_WIDTHS)))], _HEIGHTS[int(rng.integers(len(_HEIGHTS)))]
     root = ElementTree.fromstring(urdf.read_bytes())
-    _resize(root, np.array([width, width, height]), urdf.parent)
+    _resize(root, (width, width, height), urdf.parent)
     if colour is not None:
         paint(root, material, colour)
-    return ((urdf.name, ElementTree.tostring(root)),)
+    return ((urdf.name, _written(root)),)
+
+
+def _written(root: ElementTree.Element) -> bytes:
+    return ElementTree.tostring(root, "unicode").encode("ascii", "xmlcharrefreplace")  # as bytes it takes far longer
 
 
 def paint(root: ElementTree.Element, material: str, colour: tuple[float, float, float]) -> None:
@@ -138,26 +142,27 @@ def paint(root: ElementTree.Element, material: str, colour: tuple[float, float, 
             _set_numbers(element.find("color"), "rgba", (*colour, 1.0))
 
 
-def _resize(root: ElementTree.Element, scale: np.ndarray, folder: Path) -> None:
+def _resize(root: ElementTree.Element, scale: tuple[float, float, float], folder: Path) -> None:
     """Scale all lengths of an object; its meshes are named where they lie, from the folder of its URDF."""
     for element in root.iter():
         if element.tag == "origin":
-            _set_numbers(element, "xyz", _numbers(element, "xyz") * scale)
+            _scale_numbers(element, "xyz", scale)
         elif element.tag == "box":
-            _set_numbers(element, "size", _numbers(element, "size") * scale)
+            _scale_numbers(element, "size", scale)
         elif element.tag == "mesh":
             element.set("filename", str(folder / element.attrib["filename"]))
             _set_numbers(element, "scale", scale)
         elif element.tag == "inertia":
-            squares = np.array([scale[1] * scale[2], scale[0] * scale[2], scale[0] * scale[1]])  # near enough
+            squares = scale[1] * scale[2], scale[0] * scale[2], scale[0] * scale[1]  # near enough
             for name, factor in zip(("ixx", "iyy", "izz"), squares, strict=True):
-                _set_numbers(element, name, _numbers(element, name) * factor)
+                _scale_numbers(element, name, (factor,))
 
 
-def _numbers(element: ElementTree.Element, name: str) -> np.ndarray:
-    return np.array([float(word) for word in element.attrib[name].split()])
+def _scale_numbers(element: ElementTree.Element, name: str, factors: Sequence[float]) -> None:
+    words = zip(element.attrib[name].split(), factors, strict=True)
+    _set_numbers(element, name, [float(word) * factor for word, factor in words])
 
 
-def _set_numbers(element: ElementTree.Element | None, name: str, numbers: "np.ndarray | tuple[float, ...]") -> None:
+def _set_numbers(element: ElementTree.Element | None, name: str, numbers: Sequence[float]) -> None:
     assert element is not None, "every material of a packaged object has a colour"
-    element.set(name, " ".join(f"{float(number):.6g}" for number in numbers))
+    element.set(name, " ".join([f"{number:.6g}" for number in numbers]))

@@ -52,12 +52,17 @@ def find_model(robot: str | Path) -> RobotModel:
         path = FOLDER / f"{robot}.toml"
     try:
         content, path = read_regular(path, _MOST_BYTES), path.resolve()
-        urdf = _urdf(path, _table(path, content).text("urdf"))
+        urdf = _urdf(path, _urdf_name(path, content))
         return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]))
     except ValueError as error:
         if isinstance(error, AssetError):
             raise
         raise AssetError(f"{path}: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _urdf_name(path: Path, content: bytes) -> str:
+    return _table(path, content).text("urdf")
 
 
 def _table(path: Path, content: bytes) -> "_Table":
