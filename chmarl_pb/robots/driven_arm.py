@@ -195,9 +195,9 @@ class DrivenArm:
         free = self._free(base, self._grip)
 
         def depths(targets: Array, above: Array) -> Array:
-            both = np.concatenate([targets, above])
+            both = np.concatenate([targets, (targets + above) / 2, above])
             each = [self._depths(base, grip, level)(self._grasping(both, grip), 0.0) for grip in grips]
-            deepest: Array = np.maximum(*each).reshape(2, -1).max(axis=0)
+            deepest: Array = np.maximum(*each).reshape(3, -1).max(axis=0)
             return deepest
 
         def go_there(above: Array, searching: bool) -> tuple[int, int, Path]:

@@ -52,7 +52,7 @@ def choose_reach(
     Args:
         targets: (n, d) postures that reach it, the most comfortable first.
         above: (n, d) the postures above it.
-        depths: how deep (k,) pairs of such postures stand in something.
+        depths: how deep (k,) pairs of such postures, and the way between the two, stand in something.
         there: how the arm gets to a posture above the point.
         back: how it gets away from there.
     """
