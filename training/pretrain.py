@@ -1,15 +1,15 @@
 """Train a frozen encoder of pictures on views of the homes of training: which classes are to be seen, and where.
 
-``python -m training.pretrain`` draws views of homes 1 to 5 by both robots' cameras, with labels from the segmentation,
-learns from them, and measures on views of home 6. Interrupted, it goes on where it was. Neither the home of the unseen
-tests nor any layout of a validation or test task of homes 1 to 5 is used.
+``python -m training.pretrain`` draws views of homes 1 to 5, and for the detector of generated homes of the endless
+split, by both robots' cameras, with labels from the segmentation, learns from them, and measures on views of home 6 and
+of the generated homes of validation. Interrupted, it goes on where it was. Neither a home of the unseen tests nor any
+layout of a validation or test task of homes 1 to 5 is used.
 """
 
 import argparse
 import json
 import time
 from collections.abc import Iterator
-from copy import deepcopy
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,26 +17,26 @@ from typing import Any
 import numpy as np
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from torch import Tensor
 
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, weights_file
-from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
-from chmarl_pb.learning.networks.labelled_views import Views, random_views
-from chmarl_pb.learning.networks.residual import folded
+from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
 from chmarl_pb.learning.runs.seal import seal
+from training.onnx_file import read_detector, write_onnx
 
 KIND = "pretraining"
 WEIGHT_DECAY = 0.02
-CHECKED = 2_000  # views of home 6
+CHECKED = 2_000  # views of each kind that it is measured on
 RANGED = 256  # views that the ranges are taken from
 
-#: Name of an encoder -> what is trained for it; beside its ``network``, each has ``loss``, ``weights``, ``features``
-#: and ``measure``.
+#: Whether the processor computes in bfloat16; where it has to be imitated, it is ten times as slow as float32.
+_HALF: bool = torch.ops.mkldnn._is_mkldnn_bf16_supported()
+
+#: Name of an encoder -> what is trained for it; each has ``loss``, ``weights``, ``features`` and ``measure``.
 NETWORKS: dict[str, type[Classifier] | type[Detector]] = {"resnet18": Classifier, "detector": Detector}
 
 
@@ -48,7 +48,7 @@ def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iter
 
 
 def pretrain(
-    name: str, out: Path, views: Views, checked: Views, epochs: int, seed: int, bar: Progress
+    name: str, out: Path, views: Views, checked: dict[str, Views], epochs: int, seed: int, bar: Progress
 ) -> dict[str, Any]:
     """Train, write the weights, and return the figures.
 
@@ -56,7 +56,7 @@ def pretrain(
         name: one of ``NETWORKS``.
         out: file of the weights; the state of an unfinished training is kept beside it.
         views: to learn from.
-        checked: to measure on.
+        checked: name -> what to measure on.
         epochs: passes over the views.
         seed: of weights and order.
         bar: shows the batches.
@@ -76,14 +76,15 @@ def pretrain(
             training.save()
             raise signals.interrupted(f"{training.done} of {training.total} batches", training.kept) from None
     model = training.model.eval()
-    weights = with_ranges(model, views.images)
+    weights = model.weights(ranged(views.images))
     with replacing(out) as temporary:
         torch.save(weights, temporary)
         seal(temporary)
     frozen = FrozenEncoder(name, weights)
-    measured, exact = model.measure(frozen, checked), model.measure(model.features, checked)
-    measured["mean_average_precision_in_float32"] = exact["mean_average_precision"]
-    figures = {**training.facts, "fingerprint": frozen.fingerprint, "home_6": measured}
+    figures = {**training.facts, "fingerprint": frozen.fingerprint}
+    for kind, others in checked.items():
+        figures[kind], exact = model.measure(frozen, others), model.measure(model.features, others)
+        figures[kind]["mean_average_precision_in_float32"] = exact["mean_average_precision"]
     training.kept.unlink(missing_ok=True)
     return figures
 
@@ -118,7 +119,7 @@ class _Training:
             epoch, begun = divmod(self.done, self._per_epoch)
             self.model.train()
             for rows in batches(len(self._views), self.model.batch, self.facts["seed"], epoch, begun):
-                with torch.autocast("cpu", torch.bfloat16):
+                with torch.autocast("cpu", torch.bfloat16, enabled=_HALF):
                     loss = self.model.loss(self._views, rows, epoch / self.facts["epochs"])
                 self._optimizer.zero_grad()
                 loss.backward()
@@ -151,12 +152,9 @@ class _Training:
                 self.done = content["done"] if "done" in content else content["epoch"] * self._per_epoch
 
 
-@torch.no_grad()
-def with_ranges(model: Classifier | Detector, images: np.ndarray) -> dict[str, Tensor]:
-    """Return the weights that are kept, with the ranges of the network on some pictures."""
-    weights = {name: value.clone().contiguous() for name, value in model.weights().items()}
-    chosen = images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
-    return weights | {RANGES: ranges_of(folded(deepcopy(model.network)), torch.from_numpy(chosen))}
+def ranged(images: np.ndarray) -> np.ndarray:
+    """Return the pictures that the ranges of a network are taken from: some of all."""
+    return images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -165,12 +163,13 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m training.pretrain", description="Train a frozen encoder on views of the homes of training."
     )
     parser.add_argument("--network", choices=NETWORKS, default="resnet18", help="(default %(default)s)")
-    parser.add_argument("--views", type=int, help="to learn from (default 20000, detector 60000; 65 kB each on disk)")
+    parser.add_argument("--views", type=int, help="to learn from (default 20000, detector 32000; 82 kB each on disk)")
     parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 4)")
     parser.add_argument("--seed", type=int, default=0, help="of views, weights and order (default 0)")
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
     parser.add_argument("--out", type=Path, help="file of the weights; default: where they are looked for")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
+    parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
     model = NETWORKS[chosen.network]
     chosen.views = model.views if chosen.views is None else chosen.views
@@ -178,10 +177,20 @@ def main(arguments: list[str] | None = None) -> int:
     for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
-    for name in ("out", "figures"):
+    if chosen.onnx and chosen.network != "detector":
+        parser.error("--onnx: goes with --network detector")
+    for name in ("out", "figures", "onnx"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
-    return run_command(partial(_make, chosen))
+    return run_command(partial(_export if chosen.onnx else _make, chosen))
+
+
+def _export(chosen: argparse.Namespace) -> int:
+    """Write trained weights to an ONNX file."""
+    source = chosen.out or weights_file("detector")
+    write_onnx(read_detector(source), chosen.onnx)
+    print(f"{chosen.onnx}: the detector of {source}")
+    return 0
 
 
 def _make(chosen: argparse.Namespace) -> int:
@@ -191,8 +200,11 @@ def _make(chosen: argparse.Namespace) -> int:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()
     with Lock(out), Progress(*columns) as bar:
-        views = _drawn(bar, "train", chosen.views, chosen.seed, folder, chosen.workers)
-        checked = _drawn(bar, "val-unseen", min(CHECKED, chosen.views), chosen.seed, folder, chosen.workers)
+        network, draw = NETWORKS[chosen.network], partial(_drawn, bar, chosen.seed, folder, chosen.workers)
+        files = [draw(round(share * chosen.views), *source) for source, share in network.sources.items()]
+        views = read_views([file for part in files for file in part])
+        few = min(CHECKED, chosen.views)
+        checked = {kind: read_views(draw(few, *source)) for kind, source in network.checks.items()}
         figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar)
     figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
     text = json.dumps(figures, indent=2)
@@ -202,10 +214,12 @@ def _make(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def _drawn(bar: Progress, split: str, count: int, seed: int, folder: Path, workers: int) -> Views:
+def _drawn(
+    bar: Progress, seed: int, folder: Path, workers: int, count: int, split: str, lookalikes: bool
+) -> list[Path]:
     task = bar.add_task(f"draw views of {split}", total=None)
-    return random_views(
-        split, count, seed, folder, workers, lambda done, all: bar.update(task, completed=done, total=all)
+    return drawn_views(
+        split, count, seed, folder, workers, lambda done, all: bar.update(task, completed=done, total=all), lookalikes
     )
 
 

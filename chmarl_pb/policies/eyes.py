@@ -26,12 +26,14 @@ class Sight(NamedTuple):
         across: column of its middle, from 0 at the left to 1.
         down: row of its middle, from 0 at the top to 1.
         share: part of the picture that it fills, 0 to 1.
+        colour: id in ``COLOUR_IDS`` of an object's colour, by which lookalikes are told apart; 0: it is not known.
     """
 
     name: str
     across: float
     down: float
     share: float
+    colour: int = 0
 
 
 class Eyes(Protocol):
@@ -60,7 +62,7 @@ class Seeing:
             if "image" not in env.observation_space(robot).spaces:
                 raise OptionError("eyes need pictures; use observation='visual', or a policy without eyes")
         self.policy, self.eyes = policy, eyes
-        self._rooms, self._catalog, self._pointing = env.rooms, env.catalog, env.options.pointing
+        self._rooms, self._catalog, self._options = env.rooms, env.catalog, env.options
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
@@ -88,7 +90,9 @@ class Seeing:
             "node_state": np.zeros(len(things) + 1, np.int16),
             "edges": np.array(edges, np.int16).reshape(-1, 3),
         }
-        if self._pointing:
+        if self._options.lookalikes:
+            graph["node_color"] = np.array([*(thing.colour for thing in things), 0], np.int16)
+        if self._options.pointing:
             views = [(thing.across, thing.down, thing.share) for thing in things]
             graph["node_view"] = np.array([*views, (0.0, 0.0, 0.0)], np.float32)
         return graph

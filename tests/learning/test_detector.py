@@ -6,19 +6,26 @@ import numpy as np
 import pytest
 import torch
 
+from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning.networks import build_encoder
+from chmarl_pb.errors import MissingExtraError
+from chmarl_pb.learning.networks import build_encoder, int8
+from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
 from chmarl_pb.learning.networks.detections import LABELS, SHAPE, detections
-from chmarl_pb.learning.networks.detector import CELL, Detector, targets
+from chmarl_pb.learning.networks.detector import OUTPUTS, Detector, build, read
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.learning.networks.pyramid import CELL, IntegerPyramid, Pyramid, pyramid_ranges
 from chmarl_pb.learning.policies.eyes import DetectorEyes
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures
-from training.pretrain import with_ranges
+from training.onnx_file import Exported, write_onnx
 
 NOTHING = len(LABELS)
 GRASPABLE, RECEPTACLE = LABELS.index("mug"), LABELS.index("sofa")
+
+
+RED = catalog.COLOUR_IDS["red"]
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +33,19 @@ def weights() -> dict[str, torch.Tensor]:
     """Random weights with ranges."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        return with_ranges(Detector().eval(), pictures(8, 64).numpy())
+        detector = Detector()
+        torch.nn.init.normal_(detector.cells.weight)
+        torch.nn.init.zeros_(detector.cells.bias)  # so that something is seen
+        return detector.weights(pictures(8, 64).numpy())
+
+
+def logits_of(*cells: tuple[int, int | slice, int | slice, float], size: int = 32) -> torch.Tensor:
+    """Return logits of one picture: what is not named is not there."""
+    logits = torch.full((OUTPUTS, size, size), -20.0)
+    logits[NOTHING:] = 0.0
+    for output, row, column, value in cells:
+        logits[output, row, column] = value
+    return logits
 
 
 @pytest.fixture(scope="module")
@@ -37,30 +56,58 @@ def encoder(weights: dict[str, torch.Tensor]) -> FrozenEncoder:
 
 def test_a_cell_shows_what_can_be_picked_up_before_what_carries_it() -> None:
     labels = torch.full((1, 8, 12), NOTHING, dtype=torch.uint8)
+    colours = torch.zeros_like(labels)
     labels[0, :, :6] = RECEPTACLE
-    labels[0, 3, 0] = GRASPABLE
-    assert targets(labels)[0].tolist() == [[GRASPABLE, RECEPTACLE, NOTHING], [RECEPTACLE, RECEPTACLE, NOTHING]]
+    labels[0, 3, 0], colours[0, 3, 0] = GRASPABLE, RED
+    wanted, colour = targets(labels, colours)
+    assert wanted[0].tolist() == [[GRASPABLE, RECEPTACLE, NOTHING], [RECEPTACLE, RECEPTACLE, NOTHING]]
+    assert colour[0].tolist() == [[RED, 0, 0], [0, 0, 0]]
     assert CELL == 4
 
 
-def test_detections_say_how_sure_where_and_how_large() -> None:
-    logits = torch.zeros(NOTHING + 1, 32, 32)
-    logits[NOTHING] = 20.0
-    logits[GRASPABLE, 0, 30:] = 40.0  # two cells in the corner at the top right
-    found = detections(logits)
+def test_what_is_told_well_has_a_small_loss() -> None:
+    labels, colours = (torch.zeros(1, 32, 32, dtype=torch.uint8) for _ in range(2))
+    labels[:] = NOTHING
+    labels[0, :4, 4:8], colours[0, :4, 4:8] = GRASPABLE, RED
+    hue = NOTHING + RED - 1
+    told = logits_of((GRASPABLE, 0, 1, 20.0), (hue, 0, 1, 20.0), size=8)
+    other = logits_of((GRASPABLE, 0, 1, 20.0), (hue + 1, 0, 1, 20.0), size=8)
+    too_much = logits_of((GRASPABLE, 0, 1, 20.0), (hue, 0, 1, 20.0), (RECEPTACLE, 5, 5, 20.0), size=8)
+    losses = [float(detection_loss(part[None], labels, colours)) for part in (told, other, too_much, logits_of(size=8))]
+    assert losses[0] < 1e-3 and min(losses[1:]) > 1
+
+
+def test_detections_say_how_sure_where_how_large_and_in_which_colour() -> None:
+    hue = NOTHING + RED - 1
+    found = detections(logits_of((GRASPABLE, 0, slice(30, 32), 20.0), (hue, 0, slice(30, 32), 5.0)))
     assert found.shape == SHAPE
-    confidence, *rest = found[GRASPABLE].tolist()
+    confidence, *rest, colour, sure = found[GRASPABLE].tolist()  # two cells in the corner at the top right
     assert confidence == pytest.approx(1.0)
     assert rest == pytest.approx([1 - 1 / 31, -1.0, np.log2(3) / np.log2(1025)], abs=1e-4)
+    assert colour == RED and sure == pytest.approx(np.exp(5) / (np.exp(5) + 10), abs=1e-3)
     assert not found[torch.arange(NOTHING) != GRASPABLE].any()
 
 
-def test_half_a_confidence_halves_all() -> None:
-    logits = torch.zeros(NOTHING + 1, 4, 4)
-    logits[NOTHING] = logits[RECEPTACLE] = 30.0
-    sure = logits.clone()
-    sure[NOTHING] = 0.0
-    torch.testing.assert_close(detections(logits)[RECEPTACLE], detections(sure)[RECEPTACLE] / 2)
+def test_half_a_confidence_halves_place_and_size() -> None:
+    half, sure = (detections(logits_of((RECEPTACLE, 3, 4, value), size=8))[RECEPTACLE] for value in (0.0, 30.0))
+    torch.testing.assert_close(half, sure / 2)
+    assert not sure[4:].any()  # receptacles have no colour by name
+
+
+def test_whole_numbers_are_near_floats_and_the_same_by_either_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        network = Pyramid().eval().requires_grad_(False).fold()
+    images = pictures(3, 70)  # no multiple of 32: maps are cut to each other
+    ranges = pyramid_ranges(network, images)
+    whole = IntegerPyramid(network, ranges)
+    found, exact = whole(images), network(images)
+    assert found.dtype == torch.uint8 and found.shape == exact.shape
+    assert (found * whole.unit - exact).abs().mean() < 0.03 * exact.abs().mean()
+    monkeypatch.setattr("chmarl_pb.learning.networks.pyramid.convolution", lambda: int8.by_floats)
+    assert torch.equal(IntegerPyramid(network, ranges)(images), found)
+    with pytest.raises(RuntimeError, match="ranges are needed"):
+        IntegerPyramid(network, ranges[1:])
 
 
 def test_a_picture_is_seen_alike_whatever_it_is_seen_with(encoder: FrozenEncoder) -> None:
@@ -94,16 +141,52 @@ def test_weights_without_ranges_are_refused(weights: dict[str, torch.Tensor], tm
         frozen_encoder("detector", str(tmp_path / "none.pt"))
 
 
+def test_agents_are_told_whether_the_colour_is_asked_for(encoder: FrozenEncoder) -> None:
+    env = FeatureEnv(HouseholdEnv("visual", split="val-unseen", image_size=64), encoder)
+    observations, _ = env.reset(seed=0)
+    torch.manual_seed(0)
+    encode = build_encoder(env.observation_space("humanoid"), 16, "detector", "grounded")
+    seen = {key: torch.from_numpy(part)[None] for key, part in observations["humanoid"].items()}
+    image = torch.zeros_like(seen["image"])
+    image[0, GRASPABLE] = torch.tensor([1.0, 0.0, 0.0, 0.5, RED, 0.9])
+    other = image.clone()
+    other[0, GRASPABLE, 4] = RED + 1
+    assert not torch.equal(encode(seen | {"image": image}), encode(seen | {"image": other}))
+    env.close()
+
+
 def test_eyes_see_what_the_detector_is_sure_of(encoder: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
-    logits = torch.zeros(NOTHING + 1, 32, 32)
-    logits[NOTHING] = 20.0
-    logits[GRASPABLE, 0, 30:] = 40.0
-    logits[RECEPTACLE, 16:, :] = 20.5  # 62 per cent
+    logits = logits_of(
+        (GRASPABLE, 0, slice(30, 32), 20.0), (NOTHING + RED - 1, 0, slice(30, 32), 5.0),
+        (RECEPTACLE, slice(16, 32), slice(None), 0.5),  # 62 per cent
+    )  # fmt: skip
     found = detections(logits).half()[None]
     monkeypatch.setattr(encoder, "_network", lambda images: found.float())
     picture = np.zeros((128, 128, 3), np.uint8)
     mug, sofa = DetectorEyes(encoder, 0.5)(picture)
-    assert (mug.name, sofa.name) == ("mug", "sofa")
+    assert (mug.name, sofa.name) == ("mug", "sofa") and (mug.colour, sofa.colour) == (RED, 0)
     assert (mug.across, mug.down) == pytest.approx((30.5 / 31, 0.0), abs=2e-3)
     assert mug.share == pytest.approx(2 / 1024, rel=0.05) and sofa.share == pytest.approx(0.5, rel=0.05)
     assert [sight.name for sight in DetectorEyes(encoder, 0.9)(picture)] == ["mug"]
+
+
+def test_an_onnx_file_computes_the_same(weights: dict[str, torch.Tensor], tmp_path: Path) -> None:
+    pytest.importorskip("onnxscript")
+    onnxruntime = pytest.importorskip("onnxruntime")
+    detector, images = read(weights), pictures(3, 128)
+    write_onnx(detector, tmp_path / "detector.onnx")
+    confidence, cells = onnxruntime.InferenceSession(tmp_path / "detector.onnx").run(None, {"images": images.numpy()})
+    expected = Exported(detector)(images)
+    np.testing.assert_allclose(confidence, expected[0], atol=1e-5)
+    np.testing.assert_allclose(cells, expected[1], atol=1e-4)
+    whole = build(weights)(images)[..., 0]
+    np.testing.assert_allclose(confidence * (whole > 0).numpy(), whole, atol=0.05)
+
+
+def test_without_its_packages_no_onnx_file_is_written(
+    weights: dict[str, torch.Tensor], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("chmarl_pb.extras.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match="an ONNX file needs the extra 'onnx'"):
+        write_onnx(read(weights), tmp_path / "detector.onnx")
+    assert not list(tmp_path.iterdir())

@@ -9,17 +9,30 @@ import pytest
 import torch
 from rich.progress import Progress
 
+from chmarl_pb import catalog
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import ChmarlError
+from chmarl_pb.homes.lookalikes import colours_of
 from chmarl_pb.learning.networks import (
     classifier,
+    pyramid,
     residual,
 )
 from chmarl_pb.learning.networks.detection_metrics import average_precision
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.int8 import RANGES
-from chmarl_pb.learning.networks.labelled_views import GRID, Views, _read, labels_of
+from chmarl_pb.learning.networks.labelled_views import (
+    GRID,
+    Job,
+    Views,
+    _chosen_tasks,
+    labels_of,
+    layout_views,
+    read_views,
+)
 from chmarl_pb.learning.runs.seal import is_sealed
+from chmarl_pb.tasks.generated_homes import numbered_homes
 from tests.helpers.damage import flipped
 from tests.helpers.stopping import in_pieces
 from training.pretrain import NETWORKS, pretrain
@@ -41,6 +54,22 @@ def test_average_precision_is_that_of_the_order() -> None:
     present = np.array([True, False, True, False])
     assert average_precision(np.array([4.0, 3.0, 2.0, 1.0]), present) == pytest.approx((1 + 2 / 3) / 2)
     assert average_precision(np.array([4.0, 1.0, 3.0, 2.0]), present) == 1
+
+
+@pytest.mark.parametrize("split", ["generated", "val-unseen"])
+def test_views_among_lookalikes_know_their_colours(split: str) -> None:
+    views = layout_views(Job(split, 3, 3, lookalikes=True))
+    graspable = views.labels < len(BENCHMARK.graspables)
+    assert graspable.any() and views.colours[graspable].all() and not views.colours[~graspable].any()
+    for name in LABELS[: len(BENCHMARK.graspables)]:
+        seen = set(views.colours[views.labels == LABELS.index(name)].tolist())
+        assert seen <= {catalog.COLOUR_IDS[colour] for colour in colours_of(BENCHMARK.graspables[name])}
+
+
+def test_views_of_the_endless_split_are_in_ever_new_homes() -> None:
+    assert _chosen_tasks("generated", 3, 0) == [0, 1, 2]
+    homes = {next(numbered_homes(task // 2)) for seed in (0, 1) for task in _chosen_tasks("generated", 4, seed)}
+    assert len(homes) == 4
 
 
 class Stopped(Exception):
@@ -65,6 +94,7 @@ def views(monkeypatch: pytest.MonkeyPatch) -> Views:
     """Noise, for a narrow network and small batches."""
     monkeypatch.setattr(residual, "WIDTH", 8)
     monkeypatch.setattr(classifier, "FEATURES", 64)
+    monkeypatch.setattr(pyramid, "WIDTHS", (8,) * 5)
     for network in NETWORKS.values():
         monkeypatch.setattr(network, "batch", COUNT // 2)
     rng = np.random.default_rng(0)
@@ -74,17 +104,18 @@ def views(monkeypatch: pytest.MonkeyPatch) -> Views:
         rng.random((COUNT, len(LABELS), GRID, GRID)) < 0.2,
         rng.random((COUNT, len(LABELS))) < 0.8,
         rng.random((COUNT, len(LABELS), 2)).astype(np.float16),
+        rng.integers(0, 12, (COUNT, 128, 128), dtype=np.uint8),
     )
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize("stop", [2, 5])  # in the first epoch, with small pictures; in the last, with whole ones
 def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views, stop: int, name: str) -> None:
-    whole = pretrain(name, tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+    whole = pretrain(name, tmp_path / "whole.pt", views, {"home_6": views}, 3, 0, Bar(99))
     with pytest.raises(Stopped):
-        pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(stop))
+        pretrain(name, tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(stop))
     assert not (tmp_path / "cut.pt").exists()
-    assert pretrain(name, tmp_path / "cut.pt", views, views, 3, 0, Bar(99)) == whole
+    assert pretrain(name, tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(99)) == whole
     assert sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
     assert frozen_encoder(name, str(tmp_path / "cut.pt")).fingerprint == whole["fingerprint"]
     assert (torch.load(tmp_path / "cut.pt", weights_only=True)[RANGES] > 0).all()
@@ -95,9 +126,9 @@ def test_pretraining_goes_on_after_an_interruption(tmp_path: Path, views: Views,
 def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
     tmp_path: Path, views: Views, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = pretrain("resnet18", tmp_path / "whole.pt", views, views, 3, 0, Bar(99))
+    whole = pretrain("resnet18", tmp_path / "whole.pt", views, {"home_6": views}, 3, 0, Bar(99))
     again, times = in_pieces(
-        lambda: pretrain("resnet18", tmp_path / "cut.pt", views, views, 3, 0, Bar(99)), 2, monkeypatch
+        lambda: pretrain("resnet18", tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(99)), 2, monkeypatch
     )
     assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
 
@@ -105,9 +136,9 @@ def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
 def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:
     path = tmp_path / "views.npz"
     np.savez(path, **vars(views))
-    assert np.array_equal(_read([path]).labels, views.labels)
+    assert np.array_equal(read_views([path]).labels, views.labels)
     whole = path.read_bytes()
     for place in (len(whole) // 3, len(whole) // 2, len(whole) - 30):
         path.write_bytes(flipped(whole, place))
         with pytest.raises(ChmarlError, match=r"views\.npz: .*remove it"):
-            _read([path])
+            read_views([path])

@@ -1,6 +1,7 @@
 """What ResNet-18 learns from views of homes: which classes a picture shows, and where; and how well it does."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,9 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
 from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
 from chmarl_pb.learning.networks.labelled_views import Views
-from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
+from chmarl_pb.learning.networks.residual import FEATURES, ResNet18, folded
 
 SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
 
@@ -20,6 +22,10 @@ class Classifier(nn.Module):
 
     learning_rate, batch = 2e-3, 64
     views, epochs = 20_000, 6  # to learn from, and passes over them
+    #: (split, whether among lookalikes) -> share of the views.
+    sources = {("train", False): 1.0}  # noqa: RUF012
+    #: Name of a measurement -> its views.
+    checks = {"home_6": ("val-unseen", False)}  # noqa: RUF012
 
     def __init__(self) -> None:
         """Make the layers."""
@@ -56,9 +62,15 @@ class Classifier(nn.Module):
         loss: Tensor = 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
         return loss
 
-    def weights(self) -> dict[str, Tensor]:
-        """Return what is kept of it."""
-        return self.network.state_dict()
+    @torch.no_grad()
+    def weights(self, images: np.ndarray) -> dict[str, Tensor]:
+        """Return what is kept of it, with the ranges of the network on some pictures.
+
+        Args:
+            images: uint8 (B, height, width, 3).
+        """
+        weights = {name: value.clone().contiguous() for name, value in self.network.state_dict().items()}
+        return weights | {RANGES: ranges_of(folded(deepcopy(self.network).eval()), torch.from_numpy(images))}
 
     def features(self, images: Tensor) -> Tensor:
         """Return what the frozen network gives, in float32."""

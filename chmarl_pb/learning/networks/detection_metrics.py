@@ -9,6 +9,10 @@ from chmarl_pb.learning.networks.detections import LABELS
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
+_FEWEST = 5  # views that show a class, for it to count
+_SIZES = ((4, 16), (16, 64), (64, 256), (256, 1024), (1024, 16385))  # pixels: from, and below
+_VISIBLE = 4  # pixels of an object whose colour counts
+
 
 def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views") -> dict[str, Any]:
     """Return figures of how well classes are recognised.
@@ -24,7 +28,7 @@ def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views")
     each = {
         name: average_precision(scores[:, number], views.present[:, number])
         for number, name in enumerate(LABELS)
-        if views.present[:, number].sum() >= 5
+        if views.present[:, number].sum() >= _FEWEST
     }
     known = [LABELS.index(name) for name in each]
     errors = np.linalg.norm(centres - views.centres, axis=2)[views.present]
@@ -35,6 +39,49 @@ def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views")
         "centre_error": round(float(errors.mean()), 4),
         "average_precision": {name: round(value, 4) for name, value in each.items()},
     }
+
+
+def detection_metrics(found: np.ndarray, views: "Views") -> dict[str, Any]:
+    """Return figures of detections: those of ``recognition_metrics``, by size and of colours, too.
+
+    ``by_pixels`` is the mean average precision of things of some sizes: views that show a class in another size are
+    left out. ``colour_accuracy`` is the share of the objects in view, one of their class in the view, whose colour is
+    told, whether their class is or not; it is missing where objects have no colours by name.
+
+    Args:
+        found: (V, C, 6) detections, see :mod:`chmarl_pb.learning.networks.detections`.
+        views: with labels.
+    """
+    scores = found[..., 0]
+    figures = recognition_metrics(scores, found[..., 1:3] / np.maximum(scores[..., None], 1e-3), views)
+    pixels = np.stack([np.bincount(label.ravel(), minlength=len(LABELS) + 1)[: len(LABELS)] for label in views.labels])
+    by_pixels = {}
+    for least, most in _SIZES:
+        fits = (pixels >= least) & (pixels < most)
+        each = [
+            average_precision(scores[rows, number], fits[rows, number])
+            for number in range(len(LABELS))
+            if fits[:, number].sum() >= _FEWEST
+            for rows in [fits[:, number] | ~views.present[:, number]]
+        ]
+        by_pixels[f"{least} to {most - 1}"] = round(float(np.mean(each)), 4) if each else None
+    figures["by_pixels"] = by_pixels
+    told, known = _colours(found[..., 4], views)
+    return figures if not known else {**figures, "colour_accuracy": round(told / known, 4), "colours": known}
+
+
+def _colours(ids: np.ndarray, views: "Views") -> tuple[int, int]:
+    """Return how many colours of objects are told, of how many."""
+    told = known = 0
+    for number in np.flatnonzero(views.colours.any(axis=(1, 2))).tolist():
+        both = views.labels[number].astype(int) * 256 + views.colours[number]
+        codes, count = np.unique(both[views.colours[number] > 0], return_counts=True)
+        kinds, colours = np.divmod(codes, 256)
+        for kind, colour, size in zip(kinds.tolist(), colours.tolist(), count.tolist(), strict=True):
+            if (kinds == kind).sum() == 1 and size >= _VISIBLE:
+                known += 1
+                told += int(ids[number, kind] == colour)
+    return told, known
 
 
 def average_precision(scores: np.ndarray, present: np.ndarray) -> float:

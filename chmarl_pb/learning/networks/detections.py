@@ -1,9 +1,11 @@
 """What a detector tells of a picture, and how agents read it.
 
-A row for each of ``LABELS``, with four numbers: how sure it is that the picture shows the class, and that times the
-column, the row and the size of what is shown.
+A row for each of ``LABELS``, with six numbers: how sure it is that the picture shows the class, that times the column,
+the row and the size of what is shown, the id of the colour, and how sure it is of that. The direction follows from the
+column: with half the opening angle a, what is in the column x lies atan(x tan a) to the right of the camera's axis.
 """
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -14,39 +16,59 @@ from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, cl
 from chmarl_pb.tasks.language.vectors import class_vectors
 
 LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
-SHAPE = (len(LABELS), 4)
+PLACE = 4  # numbers of a class before those of its colour
+SHAPE = (len(LABELS), PLACE + 2)
 _IDS = tuple(catalog.BENCHMARK.class_ids[name] for name in LABELS)
 HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
-_LEAST = 0.05  # confidence below which a class counts as not shown
+_LEAST = 0.02  # confidence below which a class counts as not shown
+_STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
 
 
 def detections(logits: Tensor) -> Tensor:
-    """Return (C, 4) from the logits (C + 1, rows, columns) of one picture.
+    """Return (C, 6) from the logits (C + colours, rows, columns) of one picture.
 
-    In a row: the confidence, that of the surest cell; and the confidence times the mean column and the mean row of the
-    cells that are at least half as sure, both in [-1, 1], and times the logarithm of their number, 1 for all.
+    In a row: the confidence, that of the surest cell; the confidence times the mean column and the mean row of the
+    cells that are at least half as sure, both in [-1, 1], and times the logarithm of their number, 1 for all; then, of
+    what can be picked up, the id of the likeliest colour in these cells, and how sure it is. Of classes below
+    ``_LEAST`` all is 0.
+
+    Sums are those of counts, and exact; what is not is computed in float64 from few numbers.
     """
-    shown = logits.softmax(dim=0)[:-1]
-    rows, columns = shown.shape[1:]
-    confidence = shown.amax(dim=(1, 2))
-    confidence = torch.where(confidence < _LEAST, 0.0, confidence)
-    cells = (2 * shown >= confidence.view(-1, 1, 1)) & (confidence > 0).view(-1, 1, 1)
-    count = cells.sum(dim=(1, 2))
-    across, down = cells.sum(dim=1).float(), cells.sum(dim=2).float()
-    column = (across @ torch.linspace(-1, 1, columns)) / count.clamp(min=1)
-    row = (down @ torch.linspace(-1, 1, rows)) / count.clamp(min=1)
-    size = torch.log2(1.0 + count) / torch.log2(torch.tensor(1.0 + rows * columns))
-    return torch.stack([torch.ones_like(column), column, row, size], dim=1) * confidence.unsqueeze(1)
+    classes, hues = logits[: len(LABELS)], logits[len(LABELS) :]
+    rows, columns = classes.shape[1:]
+    surest = classes.flatten(1).amax(dim=1)
+    confidence = torch.sigmoid(surest.double())
+    found = torch.zeros(SHAPE, dtype=torch.float64)
+    seen = torch.nonzero(confidence >= _LEAST).squeeze(1)
+    least = torch.logit(confidence[seen] / 2).float()
+    cells = classes[seen] >= least.view(-1, 1, 1)
+    count = cells.sum(dim=(1, 2)).double()
+    across, down = cells.sum(dim=1).double(), cells.sum(dim=2).double()
+    column = (across @ torch.arange(columns).double()) / count / max(columns - 1, 1) * 2 - 1
+    row = (down @ torch.arange(rows).double()) / count / max(rows - 1, 1) * 2 - 1
+    size = torch.log2(1.0 + count) / np.log2(1.0 + rows * columns)
+    found[seen, :4] = torch.stack([torch.ones_like(column), column, row, size], dim=1) * confidence[seen].unsqueeze(1)
+    objects = seen < len(catalog.BENCHMARK.graspables)
+    found[seen[objects], 4:] = _colours(hues, cells[objects])
+    return found.float()
+
+
+def _colours(hues: Tensor, cells: Tensor) -> Tensor:
+    """Return id and probability of the likeliest colour (N, 2) in the cells (N, rows, columns) of each object."""
+    steps = (hues.flatten(1) * _STEPS).round().clamp(-_MOST, _MOST)  # whole: their sums are exact
+    mean = (cells.flatten(1).float() @ steps.T).double() / cells.flatten(1).sum(dim=1, keepdim=True) / _STEPS
+    sure, number = mean.softmax(dim=1).max(dim=1)
+    return torch.stack([number + 1, sure], dim=1)
 
 
 class DetectionEncoder(Part):
     """Detections, pooled by what the instruction asks for, beside the sum over all classes.
 
     Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
-    detections behind its gates, so it holds whether such a thing is seen, and where. Grounded, there are two more
-    heads, whose gates are how likely a class is that of X, and that of Y.
+    detections behind its gates, so it holds whether such a thing is seen, where, and whether in a colour that the words
+    ask for. Grounded, there are two more heads, whose gates are how likely a class is that of X, and that of Y.
     """
 
     asks = True
@@ -60,7 +82,7 @@ class DetectionEncoder(Part):
         """
         super().__init__()
         self.matches = grounded
-        self.size = EMBEDDING + (HEADS + ROLES * grounded) * SHAPE[1]
+        self.size = EMBEDDING + (HEADS + ROLES * grounded) * (PLACE + 1)
         self.classes: Table
         if grounded:
             self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
@@ -70,9 +92,10 @@ class DetectionEncoder(Part):
             self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
+        self.colour = nn.Linear(EMBEDDING, len(catalog.COLOURS))
 
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
-        """Return (B, size) from detections (B, C, 4) and what the instruction asks for."""
+        """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
         detected = detected.float()
         rows = self.classes.weight[list(_IDS)] if self.matches else self.classes.weight
         keys = self.key(rows).unflatten(1, (HEADS, KEY))
@@ -81,4 +104,10 @@ class DetectionEncoder(Part):
         if self.matches:
             assert asked.wanted is not None
             gates = torch.cat([gates, asked.wanted.classes[..., list(_IDS)]], dim=1)
-        return torch.cat([detected[..., 0] @ rows, (gates @ detected).flatten(1)], dim=1)
+        seen = torch.cat([detected[..., :PLACE], self._painted(detected, asked).unsqueeze(2)], dim=2)
+        return torch.cat([detected[..., 0] @ rows, (gates @ seen).flatten(1)], dim=1)
+
+    def _painted(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return (B, C) how surely each class is seen in a colour that the words ask for."""
+        wanted = nn.functional.pad(torch.sigmoid(self.colour(asked.words)), (1, 0))  # none is that of id 0
+        return detected[..., 0] * detected[..., 5] * wanted.gather(1, detected[..., 4].long())

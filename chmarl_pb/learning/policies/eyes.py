@@ -4,9 +4,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from chmarl_pb.learning.networks.detections import LABELS
-from chmarl_pb.learning.networks.detector import CELL
+from chmarl_pb.learning.networks.detections import LABELS, PLACE
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
+from chmarl_pb.learning.networks.pyramid import CELL
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.policies.eyes import Sight
 
@@ -36,9 +36,10 @@ class DetectorEyes:
         ]
 
     def _sight(self, number: int, row: NDArray[np.float64], cells: int) -> Sight:
-        """Return a thing from its row of detections, whose numbers are all times the confidence."""
-        column, line, size = (row[1:] / row[0]).tolist()
-        return Sight(LABELS[number], (column + 1) / 2, (line + 1) / 2, ((1 + cells) ** size - 1) / cells)
+        """Return a thing from its row of detections, whose place and size are times the confidence."""
+        column, line, size = (row[1:PLACE] / row[0]).tolist()
+        share = ((1 + cells) ** size - 1) / cells
+        return Sight(LABELS[number], (column + 1) / 2, (line + 1) / 2, share, int(row[PLACE]))
 
 
 def detector() -> DetectorEyes:

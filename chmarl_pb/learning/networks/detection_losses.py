@@ -1,0 +1,73 @@
+"""What the detector learns by: the classes of cells, of whole pictures, and the colours of objects."""
+
+import torch
+from torch import Tensor, nn
+
+from chmarl_pb import catalog
+from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.pyramid import CELL
+
+_COUNT = len(LABELS)
+_LEAST = 4  # pixels of its own that a thing in view has, ``VISIBLE_PIXELS``
+_EMPTY = 0.3  # weight of a cell that does not show a class beside one that does
+_PICTURES, _COLOURS = 0.5, 0.3  # weights of the losses beside that of the cells
+
+
+def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
+    """Return the sum of three losses.
+
+    - Of cells: cross-entropy of each class, in which cells that are told well already count less, by the square of what
+      is missing (focal loss, Lin et al. 2017, https://arxiv.org/abs/1708.02002). A cell of a thing counts by one over
+      the root of their number, so that large things, which have most cells, do not drown the small ones.
+    - Of pictures: cross-entropy of the surest cell of each class, which says whether the picture shows it.
+    - Of colours: cross-entropy in the cells of objects whose colour is known.
+
+    Args:
+        logits: (B, classes + colours, rows, columns).
+        labels: (B, height, width) uint8 number of the class in each pixel; the number of classes for none.
+        colours: (B, height, width) uint8 id of the colour in each pixel; 0 for none.
+    """
+    wanted, colour = targets(labels, colours)
+    shown = (_pixels(labels) >= _LEAST).float()
+    classes, hues = logits[:, :_COUNT], logits[:, _COUNT:]
+    known = colour > 0
+    of_colour = nn.functional.cross_entropy(hues.permute(0, 2, 3, 1)[known], colour[known] - 1, reduction="sum")
+    of_colour = of_colour / known.sum().clamp(min=1)
+    surest = classes.flatten(2).amax(dim=2)
+    of_pictures = nn.functional.binary_cross_entropy_with_logits(surest, shown, reduction="sum")
+    of_pictures = of_pictures / shown.sum().clamp(min=1)
+    return _of_cells(classes, wanted, shown) + _PICTURES * of_pictures + _COLOURS * of_colour
+
+
+def targets(labels: Tensor, colours: Tensor) -> tuple[Tensor, Tensor]:
+    """Return class and colour of what each cell shows, both (B, rows, columns) int64, from labels of pixels.
+
+    A graspable counts before a receptacle, and that before nothing, however few pixels it has in the cell: this is
+    the order of ``LABELS``.
+    """
+    base = len(catalog.COLOURS) + 1
+    both = labels.float() * base + colours.float()
+    least = -nn.functional.max_pool2d(-both.unsqueeze(1), CELL, ceil_mode=True).squeeze(1).long()
+    return least // base, least % base
+
+
+def _pixels(labels: Tensor) -> Tensor:
+    """Return (B, classes) number of pixels of each class."""
+    count = len(labels)
+    numbers = labels.long().flatten(1) + (_COUNT + 1) * torch.arange(count).unsqueeze(1)
+    return torch.bincount(numbers.flatten(), minlength=count * (_COUNT + 1)).view(count, -1)[:, :_COUNT]
+
+
+def _of_cells(logits: Tensor, wanted: Tensor, shown: Tensor) -> Tensor:
+    """Return the focal loss of the cells, for each thing that is shown; its focus is a constant to the gradient."""
+    with torch.no_grad():
+        truth = torch.zeros(*wanted.shape, _COUNT + 1).scatter_(3, wanted.unsqueeze(3), 1.0)[..., :-1]
+        truth = truth.permute(0, 3, 1, 2)  # in memory as the logits are
+        cells = truth.sum(dim=(2, 3), keepdim=True)
+        seen = shown[:, :, None, None]
+        # What is too small to count as shown is neither asked for nor forbidden.
+        empty = _EMPTY * ((cells == 0) | (seen > 0)).float()
+        missed = torch.sigmoid(logits).sub_(truth).square_()
+        missed.mul_(torch.where(truth > 0, seen * cells.clamp(min=1).rsqrt(), empty))
+    whole = nn.functional.binary_cross_entropy_with_logits(logits, truth, missed, reduction="sum")
+    return whole / shown.sum().clamp(min=1)
