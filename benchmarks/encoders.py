@@ -1,7 +1,7 @@
-"""``python -m benchmarks.encoders``: what the features of a picture cost by ResNet-18, in several arithmetics.
+"""``python -m benchmarks.encoders``: what the features of a picture cost by each frozen network and arithmetic.
 
-One thread, 128 pixels, processor time, the best of some rounds in which all take turns. The row of EfficientNet-Lite0
-appears where its packages are installed.
+One thread, 128 pixels, processor time, the best of some rounds in which all take turns. Rows without a name are of
+ResNet-18; that of EfficientNet-Lite0 appears where its packages are installed.
 """
 
 import argparse
@@ -18,7 +18,7 @@ with needs("benchmarks.encoders", "train", script=True):
     import torch
     from torch import Tensor
 
-from chmarl_pb.learning.networks import efficientnet
+from chmarl_pb.learning.networks import detector, efficientnet
 from chmarl_pb.learning.networks.int8 import IntegerResNet18, ranges_of
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 
@@ -73,9 +73,12 @@ def encoders(images: Tensor) -> dict[str, Encode]:
     ranges = ranges_of(network, images)
     rows: dict[str, Encode] = {"float32, channels last": network, "bfloat16": halves}
     rows |= {"int8 (used)": IntegerResNet18(network, ranges)}
+    weights = detector.Detector().weights(images.numpy())
+    floats = detector.read(weights).to(memory_format=torch.channels_last)
+    rows |= {"detector, int8 (used)": detector.build(weights), "detector, float32": floats}
     try:
-        weights = torch.load(efficientnet.weights_file(), weights_only=True)
-        rows |= {"EfficientNet-Lite0, float32": efficientnet.build(weights)}
+        imagenet = torch.load(efficientnet.weights_file(), weights_only=True)
+        rows |= {"EfficientNet-Lite0, float32": efficientnet.build(imagenet)}
     except MissingExtraError as error:
         print(f"without EfficientNet-Lite0: {error}")
     return rows

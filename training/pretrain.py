@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
@@ -152,9 +153,11 @@ class _Training:
                 self.done = content["done"] if "done" in content else content["epoch"] * self._per_epoch
 
 
-def ranged(images: np.ndarray) -> np.ndarray:
+def ranged(images: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the pictures that the ranges of a network are taken from: some of all."""
-    return images[np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)]
+    chosen = np.linspace(0, len(images), min(RANGED, len(images)), endpoint=False).astype(int)
+    some: NDArray[np.uint8] = images[chosen]
+    return some
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -35,6 +35,7 @@ def weights() -> dict[str, torch.Tensor]:
         torch.manual_seed(0)
         detector = Detector()
         torch.nn.init.normal_(detector.cells.weight)
+        assert detector.cells.bias is not None
         torch.nn.init.zeros_(detector.cells.bias)  # so that something is seen
         return detector.weights(pictures(8, 64).numpy())
 

@@ -8,13 +8,13 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb import catalog
-from chmarl_pb.catalog import BENCHMARK
+from chmarl_pb.catalog import BENCHMARK, COLOUR_IDS
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.aiming import cells_of
 from chmarl_pb.policies.eyes import Seeing, Sight
 from chmarl_pb.policies.seats import interface_of
-from chmarl_pb.policies.sights import classes_in_view, places_in_view
+from chmarl_pb.policies.sights import classes_in_view, colors_in_view, places_in_view
 from chmarl_pb.policies.sources import find_policy
 
 THINGS = [Sight("mug", 0.9, 0.1, 0.02), Sight("sofa", 0.5, 0.5, 0.3)]
@@ -78,6 +78,19 @@ def test_eyes_tell_where_to_point() -> None:
     env = HouseholdEnv("visual", split="val-unseen", pointing=True)
     assert cells_of(given(env), BENCHMARK) == {"mug": (0, 2), "sofa": (1, 1)}
     env.close()
+
+
+def test_eyes_tell_colours_among_lookalikes() -> None:
+    red = Sight("mug", 0.9, 0.1, 0.02, COLOUR_IDS["red"])
+    for lookalikes, expected in ((True, {"mug": frozenset({red.colour})}), (False, {})):
+        env = HouseholdEnv("visual", split="val-unseen", lookalikes=lookalikes)
+        observations, infos = env.reset(options={"task": "val-unseen-000"})
+        inner = Keeping()
+        policy = Seeing(inner, FixedEyes([red, THINGS[1]]), interface_of(env))
+        policy.reset(0)
+        policy.act(observations, infos)
+        assert colors_in_view(inner.given["humanoid"], BENCHMARK) == expected
+        env.close()
 
 
 def test_a_policy_with_eyes_is_told_nothing_and_says_whose_eyes_it_has() -> None:

@@ -31,6 +31,7 @@ from chmarl_pb.learning.networks.labelled_views import (
     layout_views,
     read_views,
 )
+from chmarl_pb.learning.networks.view_parts import batch_of
 from chmarl_pb.learning.runs.seal import is_sealed
 from chmarl_pb.tasks.generated_homes import numbered_homes
 from tests.helpers.damage import flipped
@@ -106,6 +107,25 @@ def views(monkeypatch: pytest.MonkeyPatch) -> Views:
         rng.random((COUNT, len(LABELS), 2)).astype(np.float16),
         rng.integers(0, 12, (COUNT, 128, 128), dtype=np.uint8),
     )
+
+
+def test_batches_hold_whole_views_or_parts_that_show_objects(views: Views) -> None:
+    rows = np.arange(len(views))
+    pictures = views.images.reshape(len(views), -1).astype(int).sum(axis=1)
+    whole = batch_of(views, rows, np.random.default_rng(0), whole=True)
+    assert (whole[0].reshape(len(rows), -1).astype(int).sum(axis=1) == pictures).all()
+    assert 0 < (whole[0] == views.images).all(axis=(1, 2, 3)).sum() < len(rows)  # some are mirrored
+    views.labels[:] = len(LABELS)
+    views.present[:] = False
+    views.labels[:, 3:5, 120:122], views.present[:, 5] = 5, True
+    kinds = set()
+    for seed in range(8):
+        images, labels, colours = batch_of(views, rows, np.random.default_rng(seed), whole=False)
+        assert images.shape[1:3] == labels.shape[1:] == colours.shape[1:] == (64, 64)
+        shown = (labels == 5).sum(axis=(1, 2))
+        kinds.add(bool((shown == 1).all()))  # every second row and column of what is 2 x 2
+        assert shown.all()
+    assert kinds == {True, False}
 
 
 @pytest.mark.parametrize("name", NETWORKS)

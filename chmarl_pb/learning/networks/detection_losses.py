@@ -9,16 +9,16 @@ from chmarl_pb.learning.networks.pyramid import CELL
 
 _COUNT = len(LABELS)
 _LEAST = 4  # pixels of its own that a thing in view has, ``VISIBLE_PIXELS``
-_EMPTY = 0.3  # weight of a cell that does not show a class beside one that does
-_PICTURES, _COLOURS = 0.5, 0.3  # weights of the losses beside that of the cells
+_EMPTY = 0.1  # weight of a cell that does not show a class beside one that does
+_CELLS, _PICTURES, _COLOURS = 2.0, 1.0, 1.0  # weights of the losses
 
 
 def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
     """Return the sum of three losses.
 
     - Of cells: cross-entropy of each class, in which cells that are told well already count less, by the square of what
-      is missing (focal loss, Lin et al. 2017, https://arxiv.org/abs/1708.02002). A cell of a thing counts by one over
-      the root of their number, so that large things, which have most cells, do not drown the small ones.
+      is missing (focal loss, Lin et al. 2017, https://arxiv.org/abs/1708.02002). All cells of a
+      thing together count as one, so that large things, which have most cells, do not drown the small ones.
     - Of pictures: cross-entropy of the surest cell of each class, which says whether the picture shows it.
     - Of colours: cross-entropy in the cells of objects whose colour is known.
 
@@ -36,7 +36,7 @@ def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
     surest = classes.flatten(2).amax(dim=2)
     of_pictures = nn.functional.binary_cross_entropy_with_logits(surest, shown, reduction="sum")
     of_pictures = of_pictures / shown.sum().clamp(min=1)
-    return _of_cells(classes, wanted, shown) + _PICTURES * of_pictures + _COLOURS * of_colour
+    return _CELLS * _of_cells(classes, wanted, shown) + _PICTURES * of_pictures + _COLOURS * of_colour
 
 
 def targets(labels: Tensor, colours: Tensor) -> tuple[Tensor, Tensor]:
@@ -68,6 +68,6 @@ def _of_cells(logits: Tensor, wanted: Tensor, shown: Tensor) -> Tensor:
         # What is too small to count as shown is neither asked for nor forbidden.
         empty = _EMPTY * ((cells == 0) | (seen > 0)).float()
         missed = torch.sigmoid(logits).sub_(truth).square_()
-        missed.mul_(torch.where(truth > 0, seen * cells.clamp(min=1).rsqrt(), empty))
+        missed.mul_(torch.where(truth > 0, seen / cells.clamp(min=1), empty))
     whole = nn.functional.binary_cross_entropy_with_logits(logits, truth, missed, reduction="sum")
     return whole / shown.sum().clamp(min=1)

@@ -45,8 +45,8 @@ def detection_metrics(found: np.ndarray, views: "Views") -> dict[str, Any]:
     """Return figures of detections: those of ``recognition_metrics``, by size and of colours, too.
 
     ``by_pixels`` is the mean average precision of things of some sizes: views that show a class in another size are
-    left out. ``colour_accuracy`` is the share of the objects in view, one of their class in the view, whose colour is
-    told, whether their class is or not; it is missing where objects have no colours by name.
+    left out. ``colour_accuracy`` is the share of those objects whose colour is told among those whose class is seen at
+    all, with any confidence, and of which there is one in the view; it is missing where no object has a colour by name.
 
     Args:
         found: (V, C, 6) detections, see :mod:`chmarl_pb.learning.networks.detections`.
@@ -78,7 +78,7 @@ def _colours(ids: np.ndarray, views: "Views") -> tuple[int, int]:
         codes, count = np.unique(both[views.colours[number] > 0], return_counts=True)
         kinds, colours = np.divmod(codes, 256)
         for kind, colour, size in zip(kinds.tolist(), colours.tolist(), count.tolist(), strict=True):
-            if (kinds == kind).sum() == 1 and size >= _VISIBLE:
+            if (kinds == kind).sum() == 1 and size >= _VISIBLE and ids[number, kind]:
                 known += 1
                 told += int(ids[number, kind] == colour)
     return told, known

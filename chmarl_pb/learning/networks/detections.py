@@ -5,6 +5,8 @@ the row and the size of what is shown, the id of the colour, and how sure it is 
 column: with half the opening angle a, what is in the column x lies atan(x tan a) to the right of the camera's axis.
 """
 
+from functools import cache
+
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -26,7 +28,7 @@ _LEAST = 0.02  # confidence below which a class counts as not shown
 _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
 
 
-def detections(logits: Tensor) -> Tensor:
+def detections(logits: Tensor, steps: Tensor | None = None, shift: Tensor | None = None) -> Tensor:
     """Return (C, 6) from the logits (C + colours, rows, columns) of one picture.
 
     In a row: the confidence, that of the surest cell; the confidence times the mean column and the mean row of the
@@ -34,31 +36,49 @@ def detections(logits: Tensor) -> Tensor:
     what can be picked up, the id of the likeliest colour in these cells, and how sure it is. Of classes below
     ``_LEAST`` all is 0.
 
-    Sums are those of counts, and exact; what is not is computed in float64 from few numbers.
+    Sums are those of whole numbers, and exact; all else is computed in float64 from few numbers.
+
+    Args:
+        logits: or whole numbers that stand for them.
+        steps: (C + colours, 1) that these are to be multiplied by; above 0.
+        shift: (C + colours, 1) that is then to be added.
     """
-    classes, hues = logits[: len(LABELS)], logits[len(LABELS) :]
-    rows, columns = classes.shape[1:]
-    surest = classes.flatten(1).amax(dim=1)
-    confidence = torch.sigmoid(surest.double())
+    rows, columns = logits.shape[1:]
+    flat = logits.flatten(1)
+    if steps is None or shift is None:
+        steps, shift = torch.ones(len(logits), 1), torch.zeros(len(logits), 1)
+    surest = flat[: len(LABELS)].amax(dim=1, keepdim=True)
+    confidence = torch.sigmoid((surest * steps[: len(LABELS)] + shift[: len(LABELS)]).double()).squeeze(1)
     found = torch.zeros(SHAPE, dtype=torch.float64)
     seen = torch.nonzero(confidence >= _LEAST).squeeze(1)
-    least = torch.logit(confidence[seen] / 2).float()
-    cells = classes[seen] >= least.view(-1, 1, 1)
-    count = cells.sum(dim=(1, 2)).double()
-    across, down = cells.sum(dim=1).double(), cells.sum(dim=2).double()
-    column = (across @ torch.arange(columns).double()) / count / max(columns - 1, 1) * 2 - 1
-    row = (down @ torch.arange(rows).double()) / count / max(rows - 1, 1) * 2 - 1
+    sure = confidence[seen].unsqueeze(1)
+    cells = (flat[seen] * steps[seen] + shift[seen] >= torch.logit(sure / 2).float()).float()
+    count, column, row = (cells @ _grid(rows, columns)).double().unbind(dim=1)
     size = torch.log2(1.0 + count) / np.log2(1.0 + rows * columns)
-    found[seen, :4] = torch.stack([torch.ones_like(column), column, row, size], dim=1) * confidence[seen].unsqueeze(1)
+    places = torch.stack([_centred(column / count, columns), _centred(row / count, rows), size], dim=1)
+    found[seen, 0], found[seen, 1:PLACE] = sure.squeeze(1), places * sure
     objects = seen < len(catalog.BENCHMARK.graspables)
-    found[seen[objects], 4:] = _colours(hues, cells[objects])
+    hues = flat[len(LABELS) :] * steps[len(LABELS) :] + shift[len(LABELS) :]
+    found[seen[objects], PLACE:] = _colours(hues, cells[objects], count[objects])
     return found.float()
 
 
-def _colours(hues: Tensor, cells: Tensor) -> Tensor:
-    """Return id and probability of the likeliest colour (N, 2) in the cells (N, rows, columns) of each object."""
-    steps = (hues.flatten(1) * _STEPS).round().clamp(-_MOST, _MOST)  # whole: their sums are exact
-    mean = (cells.flatten(1).float() @ steps.T).double() / cells.flatten(1).sum(dim=1, keepdim=True) / _STEPS
+@cache
+def _grid(rows: int, columns: int) -> Tensor:
+    """Return (cells, 3) one, the column and the row of each cell."""
+    row, column = np.indices((rows, columns))
+    return torch.from_numpy(np.stack([np.ones_like(row), column, row], axis=-1).reshape(-1, 3).astype(np.float32))
+
+
+def _centred(places: Tensor, count: int) -> Tensor:
+    """Return places in [-1, 1] from such from 0 to count - 1."""
+    return 2 * places / max(count - 1, 1) - 1
+
+
+def _colours(hues: Tensor, cells: Tensor, count: Tensor) -> Tensor:
+    """Return id and probability (N, 2) of the likeliest colour in some cells (N, rows * columns) of each object."""
+    steps = (hues * _STEPS).round().clamp(-_MOST, _MOST)  # whole: their sums are exact
+    mean = (cells @ steps.T).double() / (count * _STEPS).unsqueeze(1)
     sure, number = mean.softmax(dim=1).max(dim=1)
     return torch.stack([number + 1, sure], dim=1)
 

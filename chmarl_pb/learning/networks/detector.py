@@ -20,13 +20,15 @@ from chmarl_pb.learning.networks.detection_metrics import detection_metrics
 from chmarl_pb.learning.networks.detections import LABELS, detections
 from chmarl_pb.learning.networks.int8 import RANGES
 from chmarl_pb.learning.networks.pyramid import FEATURES, IntegerPyramid, Pyramid, pyramid_ranges
+from chmarl_pb.learning.networks.view_parts import batch_of
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
 OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
 
-SMALL = 0.6  # share of the epochs with pictures of half the size, which take a quarter of the time
+PARTS = 0.7  # share of the epochs that see parts of the views, which take a quarter of the time
+
 _RARE = 0.01  # share of the cells that show a class, as it is believed before training
 _HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
@@ -35,7 +37,7 @@ class Detector(nn.Module):
     """The pyramid, and a linear layer for each cell."""
 
     learning_rate, batch = 3e-3, 32
-    views, epochs = 32_000, 3  # to learn from, and passes over them
+    views, epochs = 32_000, 8  # to learn from, and passes over them
     #: (split, whether among lookalikes) -> share of the views.
     sources = {("train", False): 5 / 8, ("generated", True): 3 / 8}  # noqa: RUF012
     #: Name of a measurement -> its views.
@@ -60,22 +62,16 @@ class Detector(nn.Module):
         return logits
 
     def loss(self, views: "Views", rows: np.ndarray, done: float) -> Tensor:
-        """Return the loss on some views, half of which are mirrored; see ``detection_loss``.
+        """Return the loss on some views, see ``detection_loss``.
 
         Args:
             views: with labels.
             rows: numbers of the views.
-            done: share of the training; at first, every second row and column of the pictures is left out. With the
-                rows it also decides what is mirrored.
+            done: share of the training; at first only parts of the views are seen, see ``batch_of``.
         """
-        mirrored = np.random.default_rng([int(rows[0]), round(done * 1e6)]).random(len(rows)) < 0.5
-        every = 2 if done < SMALL else 1
-        images, labels, colours = (part[rows, ::every, ::every] for part in (views.images, views.labels, views.colours))
-        for part in (images, labels, colours):
-            part[mirrored] = part[mirrored][:, :, ::-1]
-        return detection_loss(
-            self(torch.from_numpy(images)).float(), torch.from_numpy(labels), torch.from_numpy(colours)
-        )
+        rng = np.random.default_rng([int(rows[0]), round(done * 1e6)])
+        images, labels, colours = map(torch.from_numpy, batch_of(views, rows, rng, whole=done >= PARTS))
+        return detection_loss(self(images).float(), labels, colours)
 
     @torch.no_grad()
     def weights(self, images: np.ndarray) -> dict[str, Tensor]:
@@ -126,14 +122,17 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     """
     detector = read(weights)
     network = IntegerPyramid(detector.network, weights[RANGES])
-    head, bias = detector.cells.weight, detector.cells.bias
+    head, bias = detector.cells.weight.flatten(1), detector.cells.bias
     assert bias is not None
-    steps = head.abs().amax(dim=(1, 2, 3), keepdim=True).clamp(min=1e-12) / _HEAD_LEVELS
-    whole, steps, shift = (head / steps).round(), (steps * network.unit).view(-1, 1, 1), bias.view(-1, 1, 1)
+    steps = head.abs().amax(dim=1, keepdim=True).clamp(min=1e-12) / _HEAD_LEVELS
+    whole, steps, shift = (head / steps).round(), steps * network.unit, bias.unsqueeze(1)
 
     def detect(images: Tensor) -> Tensor:
-        # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
-        sums = nn.functional.conv2d(network(images).float(), whole)
-        return torch.stack([detections(part * steps + shift) for part in sums])
+        found = []
+        for maps in network(images):  # one by one, as they fit the cache
+            # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
+            sums = whole @ maps.permute(1, 2, 0).flatten(0, 1).float().T
+            found.append(detections(sums.unflatten(1, maps.shape[1:]), steps, shift))
+        return torch.stack(found)
 
     return detect

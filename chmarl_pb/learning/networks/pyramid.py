@@ -6,6 +6,7 @@ The same walk through the layers serves floats, the measuring of ranges, and who
 """
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import TypeVar
 
 import torch
@@ -48,12 +49,12 @@ class Pyramid(nn.Module):
     def __init__(self) -> None:
         """Make the layers, with random weights."""
         super().__init__()
-        half, quarter, *coarse = WIDTHS
-        self.stem = Layer(3, half, 3, 2)
-        self.down = nn.ModuleList([nn.Sequential(Layer(half, quarter, 3, 2), Layer(quarter, quarter))])
-        for inputs, outputs in zip((quarter, *coarse), coarse, strict=False):
-            self.down.append(nn.Sequential(Layer(inputs, outputs, 3, 2), Layer(outputs, outputs)))
-        self.beside = nn.ModuleList([Layer(width, FEATURES, 1) for width in (quarter, *coarse)])
+        self.stem = Layer(3, WIDTHS[0], 3, 2)
+        self.halve, self.further = nn.ModuleList(), nn.ModuleList()
+        for inputs, outputs in pairwise(WIDTHS):
+            self.halve.append(Layer(inputs, outputs, 3, 2))
+            self.further.append(Layer(outputs, outputs))
+        self.beside = nn.ModuleList([Layer(width, FEATURES, 1) for width in WIDTHS[1:]])
         self.last = Layer(FEATURES, FEATURES)
 
     @property
@@ -72,9 +73,8 @@ class Pyramid(nn.Module):
             enlarge: (maps, finer ones) -> maps as large as the finer ones.
         """
         maps, levels = convolve(self.stem, maps, None), []
-        for level in self.down:
-            for layer in level:  # type: ignore[union-attr]
-                maps = convolve(layer, maps, None)
+        for halve, further in zip(self.halve, self.further, strict=True):
+            maps = convolve(further, convolve(halve, maps, None), None)  # type: ignore[arg-type]
             levels.append(maps)
         maps = convolve(self.beside[-1], levels[-1], None)  # type: ignore[arg-type]
         for beside, finer in zip(reversed(self.beside[:-1]), reversed(levels[:-1]), strict=True):
