@@ -99,7 +99,7 @@ def test_encoders_take_them(space: spaces.Dict, pool: str) -> None:
 
 def test_detections_take_them() -> None:
     encode = DetectionEncoder(shared_map())
-    assert encode(torch.rand(2, len(LABELS), 4), Asked(torch.rand(2, EMBEDDING))).shape == (2, encode.size)
+    assert encode(torch.rand(2, len(LABELS), 6), Asked(torch.rand(2, EMBEDDING))).shape == (2, encode.size)
     assert isinstance(encode.classes, VectorTable) and encode.classes.weight.shape == (len(LABELS), EMBEDDING)
 
 

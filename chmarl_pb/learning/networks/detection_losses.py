@@ -9,16 +9,15 @@ from chmarl_pb.learning.networks.pyramid import CELL
 
 _COUNT = len(LABELS)
 _LEAST = 4  # pixels of its own that a thing in view has, ``VISIBLE_PIXELS``
-_EMPTY = 0.1  # weight of a cell that does not show a class beside one that does
-_CELLS, _PICTURES, _COLOURS = 2.0, 1.0, 1.0  # weights of the losses
+_EMPTY = 0.05  # weight of a cell of nothing
+_SHARED = -0.75  # power of the number of a thing's cells by which each of them counts
 
 
 def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
     """Return the sum of three losses.
 
-    - Of cells: cross-entropy of each class, in which cells that are told well already count less, by the square of what
-      is missing (focal loss, Lin et al. 2017, https://arxiv.org/abs/1708.02002). All cells of a
-      thing together count as one, so that large things, which have most cells, do not drown the small ones.
+    - Of cells: cross-entropy of the classes and of nothing, whose logit is 0. A cell of a thing counts by the number of
+      its cells to the power of -3/4, so that large things, which have most cells, do not drown the small ones.
     - Of pictures: cross-entropy of the surest cell of each class, which says whether the picture shows it.
     - Of colours: cross-entropy in the cells of objects whose colour is known.
 
@@ -36,7 +35,7 @@ def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
     surest = classes.flatten(2).amax(dim=2)
     of_pictures = nn.functional.binary_cross_entropy_with_logits(surest, shown, reduction="sum")
     of_pictures = of_pictures / shown.sum().clamp(min=1)
-    return _CELLS * _of_cells(classes, wanted, shown) + _PICTURES * of_pictures + _COLOURS * of_colour
+    return _of_cells(classes, wanted, shown) + of_pictures + of_colour
 
 
 def targets(labels: Tensor, colours: Tensor) -> tuple[Tensor, Tensor]:
@@ -59,15 +58,12 @@ def _pixels(labels: Tensor) -> Tensor:
 
 
 def _of_cells(logits: Tensor, wanted: Tensor, shown: Tensor) -> Tensor:
-    """Return the focal loss of the cells, for each thing that is shown; its focus is a constant to the gradient."""
-    with torch.no_grad():
-        truth = torch.zeros(*wanted.shape, _COUNT + 1).scatter_(3, wanted.unsqueeze(3), 1.0)[..., :-1]
-        truth = truth.permute(0, 3, 1, 2)  # in memory as the logits are
-        cells = truth.sum(dim=(2, 3), keepdim=True)
-        seen = shown[:, :, None, None]
-        # What is too small to count as shown is neither asked for nor forbidden.
-        empty = _EMPTY * ((cells == 0) | (seen > 0)).float()
-        missed = torch.sigmoid(logits).sub_(truth).square_()
-        missed.mul_(torch.where(truth > 0, seen / cells.clamp(min=1), empty))
-    whole = nn.functional.binary_cross_entropy_with_logits(logits, truth, missed, reduction="sum")
-    return whole / shown.sum().clamp(min=1)
+    """Return the cross-entropy of the cells, for each thing that is shown; what is too small counts for nothing."""
+    flat = wanted.flatten(1)
+    cells = torch.zeros(len(flat), _COUNT + 1).scatter_add_(1, flat, torch.ones_like(flat, dtype=torch.float32))
+    weights = cells.clamp(min=1) ** _SHARED
+    weights[:, :_COUNT] *= shown
+    weights[:, _COUNT] = _EMPTY
+    with_nothing = nn.functional.pad(logits, (0, 0, 0, 0, 0, 1))
+    losses = nn.functional.cross_entropy(with_nothing, wanted, reduction="none")
+    return (losses.flatten(1) * weights.gather(1, flat)).sum() / shown.sum().clamp(min=1)
