@@ -27,6 +27,7 @@ from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
 from chmarl_pb.learning.runs.seal import seal
+from chmarl_pb.learning.runs.threads import threads
 from training.onnx_file import read_detector, write_onnx
 
 KIND = "pretraining"
@@ -48,6 +49,7 @@ def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iter
         yield np.sort(order[first : first + size])
 
 
+@threads(1)  # the order of sums, and so the weights, depends on the number
 def pretrain(
     name: str, out: Path, views: Views, checked: dict[str, Views], epochs: int, seed: int, bar: Progress
 ) -> dict[str, Any]:
