@@ -112,7 +112,7 @@ def joint_values(learner: ValueLearner, env: SmallGame, path: list[tuple[int, in
     """
     batch = _history(env, path)
     online = unroll(learner.agents, batch)
-    own = torch.stack([values[0, -1] for values in online.values.values()])  # (2, A)
+    own = torch.stack([values[0, -1, 0] for values in online.values.values()])  # (2, A), of the one component
     if learner.algorithm == "iql":
         return {"value": own.numpy()}
     pairs = torch.cartesian_prod(*(torch.arange(row.numel()) for row in own))
