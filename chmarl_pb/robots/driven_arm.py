@@ -22,6 +22,7 @@ TOLERANCE = 0.02  # metres between the driven gripper or object and where it was
 
 _CLEARANCE = 0.1  # metres above its target at which the hand arrives and leaves
 _WITH_LOAD = 0.6  # of the joints' highest speeds: what is held lags behind a faster hand by more than a centimetre
+_CAREFUL = 0.5  # of these speeds where there is little room: motors lag and what is held tilts by millimetres
 _BY_MOTORS, _CARRIED = Tick(), Tick(by_motors=False)
 _CATCH_UP_TIME, _CAUGHT_UP = 0.5, 2e-3  # seconds that joints get to come this near (rad, m) to their goal
 
@@ -99,8 +100,9 @@ class DrivenArm:
             free,
             ends,
             options,
-            lambda posture, bases, margin: around.depths(posture, bases, Touching(load, margin)),
+            lambda postures, bases, margin: around.depths(postures, bases, Touching(load, margin)),
             partial(self._change, grip),
+            self._limits(options),
         )
         self._jump(options[start])
         for leg, way in zip(legs, ways, strict=True):
@@ -247,16 +249,23 @@ class DrivenArm:
 
     def _follow(self, path: Path) -> Iterator[Tick]:
         for number, posture in enumerate(path.postures):
-            yield from self._move_arm(posture, number == len(path.postures) - 1)
+            exactly = not path.wide or number == len(path.postures) - 1
+            yield from self._move_arm(posture, exactly, 1.0 if path.wide else _CAREFUL)
 
-    def _move_arm(self, goal: Array, exactly: bool) -> Iterator[Tick]:
-        """Drive the joints' motors to a posture, and what is held to its yaw; wait for them if it shall be exact."""
+    def _move_arm(self, goal: Array, exactly: bool, share: float = 1.0) -> Iterator[Tick]:
+        """Drive the joints' motors to a posture, and what is held to its yaw.
+
+        Args:
+            goal: the posture.
+            exactly: whether to wait for the motors.
+            share: of the usual speeds.
+        """
         arm, start = self._arm, self._posture
-        limits = arm.speeds if self._grip is None else _WITH_LOAD * arm.speeds
-        for joints, speeds, share in trajectory.move_joints(start[:-1], goal[:-1], limits):
+        limits = share * (arm.speeds if self._grip is None else _WITH_LOAD * arm.speeds)
+        for joints, speeds, done in trajectory.move_joints(start[:-1], goal[:-1], limits):
             arm.drive(joints, speeds)
             if self._grip is not None:
-                self._grip = Grip(self._grip.item, float(start[-1] + share * (goal[-1] - start[-1])))
+                self._grip = Grip(self._grip.item, float(start[-1] + done * (goal[-1] - start[-1])))
             self._level()
             yield _BY_MOTORS
         self._posture = goal

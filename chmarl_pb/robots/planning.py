@@ -25,7 +25,8 @@ MARGIN = 0.015  # metres that a path keeps free where it can
 ALLOWED = 0.003  # metres of depth that count as free without the margin: things touch where they stand
 
 _TIGHT = 0.006  # metres that it keeps free where it cannot keep more
-_STEP, _TIGHT_STEP = 0.07, 0.035  # rad or m of the joint that moves most, between two postures that are looked at
+#: rad or m of the joint that moves most, between two postures that are looked at, by the margin that is kept.
+_STEPS = ((MARGIN, 0.07), (_TIGHT, 0.02), (0.0, 0.01))
 _ROUNDS, _TOGETHER = 240, 16  # of the random trees; draws of one round
 _NEAR = 0.4  # radians, deviation of every second draw from what a tree has
 _WIDE = 1.0  # radians by which the tree goes beyond start and goal
@@ -38,10 +39,12 @@ class Path:
     Attributes:
         postures: its corners after the start; the last is the goal.
         depth: metres that it stands in something at its worst place; 0 if it is free.
+        wide: whether it keeps ``MARGIN`` free; if not, there is no room for the motors to lag.
     """
 
     postures: tuple[Array, ...]
     depth: float = 0.0
+    wide: bool = True
 
 
 def find_path(
@@ -66,12 +69,12 @@ def find_path(
     ends = depths(np.stack([start, *goals]), 0.0)
     allowed = max(ALLOWED, float(ends[0]), float(ends[1:].min()))
     others = [way for way in ways if not any(np.array_equal(way, goal) for goal in goals)]
-    best = Path((goals[0],), np.inf)
+    best = Path((goals[0],), np.inf, False)
     for margins, most in (((MARGIN, _TIGHT), 0.0), ((0.0,), allowed)):
         for some, margin in product(((), others) if others else ((),), margins):
             best = _by_ways(depths, start, goals, some, margin, most)
             if best.depth <= most:
-                return Path(best.postures, _counted(best.depth))
+                return Path(best.postures, _counted(best.depth), margin == MARGIN)
     found = None if limits is None else search(depths, ([start], goals), ways, limits, seed)
     return best if found is None else found[2]
 
@@ -92,21 +95,17 @@ def search(
         Numbers of its start and its goal, and the path; None if none was found.
     """
     for margin in (_TIGHT, 0.0):
-
-        def clear(postures: Array, _: float, margin: float = margin) -> Array:
-            return depths(postures, margin)
-
         # No deeper than where it has to begin or end.
-        allowed = max(0.0 if margin else ALLOWED, *(float(clear(np.stack(some), 0.0).min()) for some in ends))
+        allowed = max(0.0 if margin else ALLOWED, *(float(depths(np.stack(some), margin).min()) for some in ends))
         if margin and allowed > 0:
             continue
-        tree = _grow(clear, ends, ways, limits, allowed, np.random.default_rng(seed))
+        tree = _grow(depths, margin, ends, ways, limits, allowed, np.random.default_rng(seed))
         if tree is not None:
             first, last = (
                 next(number for number, one in enumerate(some) if one is tree[place])
                 for some, place in zip(ends, (0, -1), strict=True)
             )
-            return first, last, Path(_shortened(clear, tree, allowed), _counted(allowed))
+            return first, last, Path(_shortened(depths, tree, margin, allowed), _counted(allowed), False)
     return None
 
 
@@ -128,7 +127,7 @@ def _by_ways(
             if (depth, len(best[via][1]) + 1) < (best[node][0], len(best[node][1])):
                 best[node] = depth, (*best[via][1], node)
     depth, corners = min(best[1 : len(goals) + 1], key=lambda known: (known[0], len(known[1])))
-    return Path(tuple(nodes[corner] for corner in corners), depth)
+    return Path(tuple(nodes[corner] for corner in corners), depth, False)
 
 
 def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[int, Path]:
@@ -137,13 +136,14 @@ def find_start(depths: Depths, starts: Sequence[Array], goal: Array) -> tuple[in
         deepest = _deepest(depths, [(start, goal) for start in starts], margin)
         free = [number for number, depth in enumerate(deepest) if depth <= (ALLOWED if margin == 0 else 0.0)]
         if free:
-            return free[0], Path((goal,))
-    return int(np.argmin(deepest)), Path((goal,), min(deepest))
+            return free[0], Path((goal,), wide=margin == MARGIN)
+    return int(np.argmin(deepest)), Path((goal,), min(deepest), False)
 
 
 def line(start: Array, goal: Array, margin: float = 0.0) -> Array:
     """Return postures (n, d) from a start, which is not among them, straight to a goal, which is."""
-    count = max(1, int(np.ceil(np.abs(goal - start).max() / (_STEP if margin >= MARGIN else _TIGHT_STEP))))
+    step = next(step for least, step in _STEPS if margin >= least)
+    count = max(1, int(np.ceil(np.abs(goal - start).max() / step)))
     return start + np.linspace(0, 1, count + 1)[1:, None] * (goal - start)
 
 
@@ -160,7 +160,13 @@ def _deepest(depths: Depths, edges: Sequence[tuple[Array, Array]], margin: float
 
 
 def _grow(
-    depths: Depths, ends: Ends, ways: Sequence[Array], limits: tuple[Array, Array], allowed: float, rng: Generator
+    depths: Depths,
+    margin: float,
+    ends: Ends,
+    ways: Sequence[Array],
+    limits: tuple[Array, Array],
+    allowed: float,
+    rng: Generator,
 ) -> list[Array] | None:
     """Grow two random trees towards each other; return the postures from a start to a goal, or None."""
     both = np.stack([*ends[0], *ends[1]])
@@ -172,8 +178,8 @@ def _grow(
         near = rng.integers(len(one[0]), size=_TOGETHER // 2)  # of the way out of a narrow place the first part is hard
         drawn[1::2] = np.clip([one[0][k] + rng.normal(0, _NEAR, len(low)) for k in near], low, high)
         aims = [*ways, *drawn] if turn < 2 else [*drawn]
-        grown = [number for number in _extend(depths, one, aims, allowed) if number is not None]
-        met = _extend(depths, other, [one[0][number] for number in grown], allowed)
+        grown = [number for number in _extend(depths, margin, one, aims, allowed) if number is not None]
+        met = _extend(depths, margin, other, [one[0][number] for number in grown], allowed)
         for here, there in zip(grown, met, strict=True):
             if there is not None and np.array_equal(other[0][there], one[0][here]):
                 both_ways = [_back(one, here), _back(other, there)]
@@ -182,7 +188,7 @@ def _grow(
     return None
 
 
-def _extend(depths: Depths, tree: _Tree, aims: Sequence[Array], allowed: float) -> list[int | None]:
+def _extend(depths: Depths, margin: float, tree: _Tree, aims: Sequence[Array], allowed: float) -> list[int | None]:
     """Go straight from the nearest posture of a tree towards each of some aims while that is free.
 
     Returns:
@@ -193,8 +199,8 @@ def _extend(depths: Depths, tree: _Tree, aims: Sequence[Array], allowed: float) 
     postures, parents = tree
     known = np.stack(postures)
     nearest = [int(np.abs(known - aim).max(axis=1).argmin()) for aim in aims]
-    lines = [line(known[start], aim) for start, aim in zip(nearest, aims, strict=True)]
-    free = np.split(depths(np.concatenate(lines), 0.0) <= allowed, np.cumsum([len(steps) for steps in lines])[:-1])
+    lines = [line(known[start], aim, margin) for start, aim in zip(nearest, aims, strict=True)]
+    free = np.split(depths(np.concatenate(lines), margin) <= allowed, np.cumsum([len(steps) for steps in lines])[:-1])
     last = list[int | None]()
     for start, steps, good in zip(nearest, lines, free, strict=True):
         count = len(steps) if good.all() else int(good.argmin())
@@ -217,12 +223,12 @@ def _back(tree: _Tree, number: int) -> list[Array]:
     return found
 
 
-def _shortened(depths: Depths, postures: list[Array], allowed: float) -> tuple[Array, ...]:
+def _shortened(depths: Depths, postures: list[Array], margin: float, allowed: float) -> tuple[Array, ...]:
     """Leave out what a straight move passes by; the first posture is the start and is not returned."""
     kept, here = [], 0
     while here < len(postures) - 1:
         rest = range(len(postures) - 1, here, -1)
-        deepest = _deepest(depths, [(postures[here], postures[there]) for there in rest], 0.0)
+        deepest = _deepest(depths, [(postures[here], postures[there]) for there in rest], margin)
         here = next((there for there, depth in zip(rest, deepest, strict=True) if depth <= allowed), here + 1)
         kept.append(postures[here])
     return tuple(kept)
@@ -231,3 +237,15 @@ def _shortened(depths: Depths, postures: list[Array], allowed: float) -> tuple[A
 def as_posture(configuration: ArrayLike, turn: float = 0.0) -> Array:
     """Return a configuration and the yaw of what is held as one array."""
     return np.append(np.asarray(configuration, dtype=float), turn)
+
+
+def spread(postures: Array, numbers: NDArray[np.intp], most: int) -> list[int]:
+    """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
+    if not len(numbers):
+        return []
+    some = postures[numbers]
+    chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
+    while len(chosen) < min(most, len(numbers)):
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
+    return [int(numbers[number]) for number in chosen]

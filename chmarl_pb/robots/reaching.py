@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.robots.planning import ALLOWED, Path
+from chmarl_pb.robots.planning import ALLOWED, Path, spread
 
 Array: TypeAlias = NDArray[np.float64]
 #: Above which of several points (k, d) the arm gets, from which posture, and how; True: at any cost of search.
@@ -18,6 +18,7 @@ Back: TypeAlias = Callable[[Array, bool], Path]
 _BLOCKS = (1, 150)  # postures that are looked at together, the most comfortable first; then all others
 _SPREAD = 8  # free postures, as different as can be, that the arm tries to get to
 _ENDS = 64  # as many, that random trees look for a way to
+_SEARCHED = 4  # reaches with a free way there, for which random trees look for a way back
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,7 @@ def choose_reach(
         if not len(block):
             continue
         deep = np.concatenate([deep, depths(targets[block], above[block])])
-        for number in _spread(targets, block[deep[block] <= ALLOWED]):
+        for number in spread(targets, block[deep[block] <= ALLOWED], _SPREAD):
             _, start, path = there(above[[number]], False)
             if path.depth > 0:
                 continue
@@ -70,22 +71,16 @@ def choose_reach(
             if reach.depth <= 0:
                 return reach
             tried.append((reach.depth, number, reach))
-    if tried:
-        best = min(tried)[2]
-    else:
-        some = _spread(targets, np.flatnonzero(deep <= ALLOWED), _ENDS) or [int(deep.argmin())]
+    if not tried:
+        some = spread(targets, np.flatnonzero(deep <= ALLOWED), _ENDS) or [int(deep.argmin())]
         row, start, path = there(above[some], True)
         best = Reach(targets[some[row]], above[some[row]], start, path, back(above[some[row]], False))
-    return best if best.back.depth <= 0 else replace(best, back=back(best.above, True))
-
-
-def _spread(postures: Array, numbers: NDArray[np.intp], most: int = _SPREAD) -> list[int]:
-    """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
-    if not len(numbers):
-        return []
-    some = postures[numbers]
-    chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
-    while len(chosen) < min(most, len(numbers)):
-        chosen.append(int(apart.argmax()))
-        apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
-    return [int(number) for number in numbers[chosen]]
+        return best if best.back.depth <= 0 else replace(best, back=back(best.above, True))
+    tried.sort(key=lambda one: one[:2])
+    best = tried[0][2]
+    for _, _, reach in tried[:_SEARCHED]:
+        found = replace(reach, back=back(reach.above, True))
+        best = min(best, found, key=lambda one: one.depth)
+        if best.depth <= 0:
+            break
+    return best

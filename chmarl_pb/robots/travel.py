@@ -3,6 +3,7 @@
 import heapq
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import TypeAlias
 
@@ -12,18 +13,22 @@ from numpy.typing import NDArray
 from chmarl_pb.robots.planning import ALLOWED, MARGIN, Path
 
 Array: TypeAlias = NDArray[np.float64]
-#: How deep (n,) the arm stands in something in one posture, at bases (n, 3), with a margin to be kept free.
+#: How deep (n,) the arm stands in something in one posture at bases (n, 3), or in postures (n, d) at one base, with a
+#: margin to be kept free.
 Along: TypeAlias = Callable[[Array, Array, float], Array]
 #: How the arm gets from one posture to another while the base stands somewhere: straight; True: at any cost of search.
 Change: TypeAlias = Callable[[Array, Array, Array, bool], Path]
 
-_EVERY = 8  # steps of a leg between two places that are looked at
+_EVERY, _TIGHT_EVERY = 8, 2  # steps of a leg between two places that are looked at, with and without the margin
 _UNUSUAL = 0.2  # what a leg costs in another posture than the first
 _TIGHT = 3.0  # what a leg costs that is free without its margin alone
 _CHANGE = 1.0  # what each straight move of a change of posture costs
 _DEEP = 1e4  # what a metre of depth costs
 _JUMP = 45.0  # what it costs to begin in another posture than the first of those at the start
 _SEARCHES = 6  # rounds in which changes of posture that are not free are searched for at any cost
+_HOPED = 10.0  # what a change costs at most until it has been searched for
+_DRAWN, _ADDED = 2048, 4  # postures that are drawn for a leg on which none of the usual ones is free; kept of them
+_NEAR = 0.8  # radians, deviation of every second of them from a usual one
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +53,7 @@ def choose_postures(
     options: Sequence[Array],
     along: Along,
     change: Change,
+    limits: tuple[Array, Array],
 ) -> tuple[int, tuple[Leg, ...]]:
     """Choose a posture for every leg of a drive; the arm changes it only while the base stands.
 
@@ -58,37 +64,76 @@ def choose_postures(
         options: the postures, the usual one first.
         along: how deep a posture stands in something along a leg.
         change: how one is changed for another.
+        limits: lowest and highest posture that may be drawn for a leg on which none of the options is free.
 
     Returns:
         Number of the posture at the start, and how each leg goes.
     """
-    looked = [leg[[*range(0, len(leg), _EVERY), len(leg) - 1]] for leg in legs]
+    looked = [_every(leg, _EVERY) for leg in legs]
     if 0 in starts and 0 in ends and float(along(options[0], np.concatenate(looked), MARGIN).max()) <= 0:
         return 0, tuple(Leg(0, Path(())) for _ in legs)
-    costs, depths = _leg_costs(looked, options, along)
+    start, chosen = _choose(legs, starts, ends, options, along, change)
+    deep = [number for number, leg in enumerate(chosen[:-1]) if leg.depth > 0]
+    drawn = [posture for number in deep for posture in _draw(_every(legs[number], _EVERY), options, along, limits)]
+    return _choose(legs, starts, ends, [*options, *drawn], along, change) if drawn else (start, chosen)
+
+
+def _choose(
+    legs: Sequence[Array],
+    starts: Sequence[int],
+    ends: Sequence[int],
+    options: Sequence[Array],
+    along: Along,
+    change: Change,
+) -> tuple[int, tuple[Leg, ...]]:
+    """Choose the cheapest postures, and search at any cost for changes between them that are not free."""
+    costs, depths = _leg_costs(legs, options, along)
     costs[-1, [option for option in range(len(options)) if option not in ends]] = np.inf
     known: dict[tuple[int, int, int], Path] = {}
+    searched: set[tuple[int, int, int]] = set()
 
-    def changed(leg: int, one: int, other: int) -> Path:
-        if (leg, one, other) not in known:
-            known[leg, one, other] = change(options[one], options[other], looked[leg][0], False)
-        return known[leg, one, other]
+    def changed(hoped: float, leg: int, one: int, other: int) -> tuple[Path, float]:
+        key = leg, one, other
+        if key not in known:
+            known[key] = change(options[one], options[other], legs[leg][0], False)
+        cost = _CHANGE * (len(known[key].postures) - 1) + _DEEP * known[key].depth
+        return known[key], cost if key in searched else min(cost, hoped)
 
     for _ in range(_SEARCHES):
-        start, chosen = _cheapest(costs, depths, starts, changed)
+        start, chosen = _cheapest(costs, depths, starts, partial(changed, _HOPED))
         before = (start, *(leg.option for leg in chosen))
-        deep = [(n, before[n], leg.option) for n, leg in enumerate(chosen) if leg.path.depth > 0]
-        for n, one, other in deep:
-            known[n, one, other] = change(options[one], options[other], looked[n][0], True)
+        deep = {(n, before[n], leg.option) for n, leg in enumerate(chosen) if leg.path.depth > 0} - searched
+        for n, one, other in sorted(deep):
+            known[n, one, other] = change(options[one], options[other], legs[n][0], True)
+        searched |= deep
         if not deep:
             break
-    return _cheapest(costs, depths, starts, changed)
+    return _cheapest(costs, depths, starts, partial(changed, np.inf))
+
+
+def _every(leg: Array, steps: int) -> Array:
+    """Return every so manieth place of a leg, and its last."""
+    return leg[[*range(0, len(leg), steps), len(leg) - 1]]
+
+
+def _draw(looked: Array, options: Sequence[Array], along: Along, limits: tuple[Array, Array]) -> list[Array]:
+    """Draw postures that are free on a leg; return a few of them, the nearest to the options."""
+    rng, usual = np.random.default_rng(0), np.stack(options)
+    drawn = rng.uniform(*limits, (_DRAWN, usual.shape[1]))
+    near = usual[rng.integers(len(usual), size=_DRAWN // 2)]
+    drawn[1::2] = np.clip(near + rng.normal(0, _NEAR, near.shape), *limits)
+    for base in looked:
+        drawn = drawn[along(drawn, base, 0.0) <= 0]
+        if not len(drawn):
+            return []
+    away = np.abs(drawn[:, None] - usual).max(axis=2).min(axis=1)
+    return list(drawn[np.argsort(away, kind="stable")[:_ADDED]])
 
 
 def _cheapest(
-    costs: Array, depths: Array, starts: Sequence[int], changed: Callable[[int, int, int], Path]
+    costs: Array, depths: Array, starts: Sequence[int], changed: Callable[[int, int, int], tuple[Path, float]]
 ) -> tuple[int, tuple[Leg, ...]]:
-    """Return the cheapest choice by A*; how a change goes is asked only where it may be part of it."""
+    """Return the cheapest choice by A*; how a change goes, and what it costs, is asked only where it may be part."""
     least = np.append(np.cumsum(costs.min(axis=1)[::-1])[::-1], 0.0)  # that the legs from one on cost at least
     serial, done = count(), set()
     # Estimate of the whole, tie, cost so far, the start and the legs so far; and the posture before, where the last
@@ -103,8 +148,8 @@ def _cheapest(
         if (number, option) in done:
             continue
         if guessed is not None:
-            path = changed(number - 1, guessed, option)
-            cost += _CHANGE * (len(path.postures) - 1) + _DEEP * path.depth
+            path, price = changed(number - 1, guessed, option)
+            cost += price
             legs = (*legs[:-1], Leg(option, path, legs[-1].depth))
             heapq.heappush(queue, (cost + least[number], next(serial), cost, legs, None))
             continue
@@ -119,15 +164,19 @@ def _cheapest(
                 heapq.heappush(queue, (total + least[number + 1], next(serial), total, longer, guess))
 
 
-def _leg_costs(looked: Sequence[Array], options: Sequence[Array], along: Along) -> tuple[Array, Array]:
+def _leg_costs(legs: Sequence[Array], options: Sequence[Array], along: Along) -> tuple[Array, Array]:
     """Return what each leg costs in each posture, and how deep it is."""
-    ends = np.cumsum([len(leg) for leg in looked])[:-1]
-    costs, depths = np.zeros((2, len(looked), len(options)))
-    for number, posture in enumerate(options):
-        wide, bare = (
-            [float(part.max()) for part in np.split(along(posture, np.concatenate(looked), margin), ends)]
-            for margin in (MARGIN, 0.0)
-        )
-        depths[:, number] = np.where(np.array(bare) > ALLOWED, bare, 0.0)
-        costs[:, number] = _UNUSUAL * (number > 0) + _TIGHT * (np.array(wide) > 0) + _DEEP * depths[:, number]
+    wide, bare = (
+        _deepest([_every(leg, steps) for leg in legs], options, along, margin)
+        for steps, margin in ((_EVERY, MARGIN), (_TIGHT_EVERY, 0.0))
+    )
+    depths = np.where(bare > ALLOWED, bare, 0.0)
+    costs = _TIGHT * (wide > 0) + _DEEP * depths
+    costs[:, 1:] += _UNUSUAL
     return costs, depths
+
+
+def _deepest(looked: Sequence[Array], options: Sequence[Array], along: Along, margin: float) -> Array:
+    """Return how deep (legs, options) each posture stands in something at the worst place of each leg."""
+    ends, places = np.cumsum([len(leg) for leg in looked])[:-1], np.concatenate(looked)
+    return np.array([[part.max() for part in np.split(along(posture, places, margin), ends)] for posture in options]).T

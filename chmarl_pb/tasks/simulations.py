@@ -4,6 +4,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from chmarl_pb.errors import HomeError
+from chmarl_pb.garbage import uncollected
 from chmarl_pb.tasks.simulation import Simulation
 
 #: As many as the benchmark has homes; each takes some 35 MB of memory, the first of a home in a process twice that.
@@ -30,7 +31,8 @@ class Simulations:
             HomeError: the home cannot be used, or has other rooms than those before.
         """
         if home not in self._kept:
-            simulation = self._load(home)
+            with uncollected():
+                simulation = self._load(home)
             first = next(iter(self._kept.values()), simulation)
             if simulation.rooms != first.rooms:
                 simulation.close()

@@ -100,18 +100,43 @@ def test_the_posture_changes_for_the_leg_that_needs_it() -> None:
     legs = [np.column_stack([np.full(9, float(number)), np.zeros((9, 2))]) for number in range(3)]
     options = [np.array([0.0]), np.array([1.0])]
 
-    def along(posture: np.ndarray, bases: np.ndarray, margin: float) -> np.ndarray:
-        return np.where((bases[:, 0] == 1) & (posture[0] == 0), 0.2, 0.0)
+    def along(postures: np.ndarray, bases: np.ndarray, margin: float) -> np.ndarray:
+        return np.where((bases[..., 0] == 1) & (postures[..., 0] == 0), 0.2, 0.0)
 
     def choose(change_depth: float, starts: list[int], ends: list[int]) -> tuple[int, list[int], float]:
         start, chosen = choose_postures(
-            legs, starts, ends, options, along, lambda one, other, base, searching: Path((other,), change_depth)
+            legs,
+            starts,
+            ends,
+            options,
+            along,
+            lambda one, other, base, searching: Path((other,), change_depth),
+            (np.zeros(1), np.ones(1)),
         )
         return start, [leg.option for leg in chosen], max(max(leg.depth, leg.path.depth) for leg in chosen)
 
     assert choose(0.0, [0, 1], [0]) == (0, [0, 1, 0], 0.0)
     assert choose(0.1, [0, 1], [0, 1]) == (1, [1, 1, 1], 0.0), "begins in another where the first cannot be left"
     assert choose(0.1, [0], [0]) == (0, [0, 1, 0], 0.1)
+
+
+def test_postures_are_drawn_for_a_leg_on_which_none_of_the_usual_ones_is_free() -> None:
+    legs = [np.column_stack([np.full(9, float(number)), np.zeros((9, 2))]) for number in range(3)]
+    limits = np.array([-1.0, 0.0]), np.array([2.0, 0.0])
+
+    def along(postures: np.ndarray, bases: np.ndarray, margin: float) -> np.ndarray:
+        return np.where((bases[..., 0] == 1) & (postures[..., 0] < 1.5), 0.2, 0.0)
+
+    def change(one: np.ndarray, other: np.ndarray, base: np.ndarray, searching: bool) -> Path:
+        return Path((other,), 0.0 if searching else 0.5)  # no change is free until it is searched for
+
+    options = [np.array([0.0, 0.0]), np.array([1.0, 0.0])]
+    start, chosen = choose_postures(legs, [0], [0], options, along, change, limits)
+    assert start == 0
+    assert [leg.option for leg in chosen][::2] == [0, 0]
+    assert chosen[1].option >= len(options)
+    assert chosen[1].path.postures[-1][0] >= 1.5
+    assert all(leg.depth == 0 and leg.path.depth == 0 for leg in chosen)
 
 
 def test_the_last_postures_are_within_the_footprint(world: World) -> None:

@@ -177,7 +177,7 @@ def test_the_arm_moves_at_a_human_pace(simulation: Simulation) -> None:
         simulation.humanoid.spawn(motion.pose)
         done, snapshots = simulation.act("pick", simulated=True)
         assert done
-        assert 2.0 < len(snapshots) * FRAME < 7.0
+        assert 2.0 < len(snapshots) * FRAME < 10.0  # slower where there is little room
         joints = np.array([snapshot.joints["humanoid"] for snapshot in snapshots])
         assert np.abs(np.diff(joints, axis=0)).max() < 2.6 * FRAME
         assert (joints >= simulation.humanoid.arm.lower - 0.01).all() and (
