@@ -8,7 +8,19 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "chmarl_pb"
 ROWS = (
-    ("errors", "extras", "files", "progress", "compiled", "assets", "catalog", "processes", "signals", "blas"),
+    (
+        "errors",
+        "extras",
+        "files",
+        "progress",
+        "compiled",
+        "assets",
+        "catalog",
+        "processes",
+        "signals",
+        "blas",
+        "garbage",
+    ),
     ("homes",),
     ("navigation",),
     ("world",),

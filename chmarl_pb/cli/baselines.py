@@ -40,7 +40,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--out", type=output_folder, default=Path("out/baselines"), metavar="DIR", help="folder for results"
     )
     parser.add_argument(
-        "--references", type=output_folder, metavar="DIR", help="write the lengths of all episodes here, a file a split"
+        "--references",
+        type=output_folder,
+        metavar="DIR",
+        help="write the lengths of all episodes here, a file a split, beside those of other policies",
     )
 
 
@@ -71,7 +74,9 @@ def run_baselines(options: argparse.Namespace) -> int:
                 )  # fmt: skip
             if options.references is not None:
                 episodes = {name: report.episodes for name, report in reports[split].items()}
-                write_atomically(options.references / f"{split}.json", reference_json(split, MAX_STEPS, episodes))
+                path = options.references / f"{split}.json"
+                before = path.read_text() if path.exists() else ""
+                write_atomically(path, reference_json(split, MAX_STEPS, episodes, before))
     tables = [*_tables(reports), _difficulty(reports, TRACKS[options.track]["max_steps"])]
     print("\n\n".join(map("\n".join, tables)))
     return 0

@@ -7,11 +7,12 @@ the drone, without hearing it, and by the humanoid alone. `chmarl-pb baselines -
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import fmean
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from chmarl_pb.evaluation.metrics import Played, path_weighted
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
@@ -150,20 +151,34 @@ def read_reference(split: str) -> Reference | None:
     return Reference(data["max_steps"], {task: data["lengths"][task.id] for task in tasks})
 
 
-def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[Played]]) -> str:
+def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[Played]], before: str = "") -> str:
     """Return the text of a split's reference file.
 
     Args:
         split: the split.
         max_steps: joint steps after which the episodes were cut.
         episodes: built-in policy -> its episodes on all tasks of the split.
+        before: text that the file has; what other policies did on the same tasks stays in it.
     """
     tasks = evaluated_tasks(split)
-    lengths = {name: _lengths(of_policy) for name, of_policy in episodes.items()}
     head = {"split": split, "max_steps": max_steps, "tasks": tasks_hash(tasks), "homes": _home_hashes(tasks)}
-    rows = [f"{json.dumps(task.id)}: {json.dumps({name: lengths[name][task] for name in lengths})}" for task in tasks]
+    others = _lengths_in(before, head)
+    lengths = {name: _lengths(of_policy) for name, of_policy in episodes.items()}
+    of_task = {
+        task.id: {**others.get(task.id, {}), **{name: lengths[name][task] for name in lengths}} for task in tasks
+    }
+    rows = [f"{json.dumps(task)}: {json.dumps(row)}" for task, row in of_task.items()]
     joined = ",\n  ".join(rows)
     return f'{json.dumps(head, indent=1)[:-2]},\n "lengths": {{\n  {joined}\n }}\n}}\n'
+
+
+def _lengths_in(text: str, head: dict[str, Any]) -> dict[str, Any]:
+    """Return task id -> policy -> lengths of a reference file's text, nothing if it begins otherwise."""
+    with suppress(ValueError, KeyError):
+        kept = json.loads(text)
+        if {name: kept[name] for name in head} == head:
+            return dict(kept["lengths"])
+    return {}
 
 
 def _home_hashes(tasks: Sequence[AnyTask]) -> dict[str, str]:

@@ -5,6 +5,7 @@ from itertools import islice
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError, TaskError
+from chmarl_pb.garbage import uncollected
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.lookalikes import among_lookalikes
 from chmarl_pb.navigation.check import limits
@@ -166,7 +167,8 @@ class Simulation(Uncopied):
         Raises:
             TaskError: the task cannot be solved.
         """
-        return plan_team(self.oracles, self.begin(task, kind).goals)
+        with uncollected():
+            return plan_team(self.oracles, self.begin(task, kind).goals)
 
     @property
     def oracle(self) -> Oracle:

@@ -482,6 +482,16 @@ def test_cooperation_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     read_reference.cache_clear()
 
 
+def test_references_keep_what_other_policies_did_on_the_same_tasks() -> None:
+    split = "val-unseen"
+    first, second = {"search": of_split(split, lambda task: 7)}, {"belief": of_split(split, lambda task: 5)}
+    text = reference_json(split, 28, second, reference_json(split, 28, first))
+    assert text == reference_json(split, 28, {**first, **second})
+    assert reference_json(split, 28, second, text) == text
+    assert reference_json(split, 30, second, text) == reference_json(split, 30, second), "cut elsewhere"
+    assert reference_json(split, 28, second, text[:-9]) == reference_json(split, 28, second), "a cut file"
+
+
 # --- command line --------------------------------------------------------------------------------
 
 
