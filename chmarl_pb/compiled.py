@@ -92,6 +92,11 @@ class KernelStore(NullCache):
         return f"{self._function.__module__}.{self._function.__qualname__}-{key}{_SUFFIX}"
 
 
+def kernels() -> dict[Path, list[Path]]:
+    """Return the files of machine code that are stored, by their folders, the best first."""
+    return {folder: sorted(folder.glob(f"*{_SUFFIX}")) for folder in _folders()}
+
+
 def _checked(content: bytes) -> bytes:
     """Return a file's content without its checksum.
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "report": "gather results into one web page, beside the paper's",
     "episode": "save, replay and show single episodes",
     "bench": "measure the speed on this machine",
+    "doctor": "show versions and caches, and test whether this machine gives the known results",
     "cache": "show, clear or fill the pictures of homes that are kept on disk",
 }
 

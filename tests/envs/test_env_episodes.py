@@ -11,10 +11,11 @@ import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
-from tests.helpers.playing import HUMANOID_ACTIONS, STAY, digest, everything, play, random_actions, room_at
+from tests.helpers.playing import HUMANOID_ACTIONS, STAY, everything, play, random_actions, room_at
 
 # Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

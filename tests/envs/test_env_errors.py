@@ -12,8 +12,9 @@ import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError, TaskError
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.tasks.task import Task
-from tests.helpers.playing import STAY, digest, everything
+from tests.helpers.playing import STAY, everything
 
 # Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

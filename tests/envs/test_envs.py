@@ -13,9 +13,10 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, see
 import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
-from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS, digest
+from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS
 
 # Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

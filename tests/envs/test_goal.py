@@ -15,6 +15,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import load_result
 from chmarl_pb.evaluation.tables import title_of
@@ -22,7 +23,6 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.language import parse_instruction
-from tests.helpers.playing import digest
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 TASKS = ["val-unseen-000", "val-unseen-001", "val-unseen-002"]

@@ -14,12 +14,13 @@ import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.policies.policy import Actions
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.robots.pointing import CELLS, VERBS, cell_of, named, pointing_actions, verb_of
 from chmarl_pb.tasks.splits import load_tasks
-from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS, digest, play
+from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS, play
 
 TASKS = load_tasks("val-unseen")[::6]
 

@@ -11,11 +11,11 @@ import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv, Results
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.tasks.splits import load_tasks
-from tests.helpers.playing import digest
 
 TASK = load_tasks("test-unseen")[0]
 

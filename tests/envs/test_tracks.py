@@ -14,9 +14,9 @@ from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.episode_file import record_episode, replay_episode
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.registry import make_policy
-from tests.helpers.playing import digest
 
 GROUNDED = tuple(env_id for env_id in ENV_IDS if "Grounded" in env_id)
 HOME: dict[str, Any] = {"split": "val-unseen", "home": "home_6"}

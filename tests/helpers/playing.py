@@ -1,12 +1,12 @@
 """Playing an environment at random, and a hash of all that comes back."""
 
-import hashlib
 from typing import Any
 
 import numpy as np
 import pybullet
 
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.solids import inside
 from chmarl_pb.robots.registry import TEAM
@@ -30,25 +30,6 @@ def room_at(home: Home, x: float, y: float) -> str | None:
 
 def random_actions(env: HouseholdEnv, rng: np.random.Generator) -> dict[str, int]:
     return {name: int(rng.integers(env.action_space(name).n)) for name in TEAM}
-
-
-def digest(*values: Any) -> str:
-    """Return a hash of nested observations, infos and rewards, bit by bit."""
-    found = hashlib.sha256()
-
-    def add(value: Any) -> None:
-        if isinstance(value, dict):
-            for key in sorted(value):
-                found.update(key.encode())
-                add(value[key])
-        elif isinstance(value, np.ndarray):
-            found.update(str((value.dtype, value.shape)).encode() + value.tobytes())
-        else:
-            found.update(repr(value).encode())
-
-    for value in values:
-        add(value)
-    return found.hexdigest()
 
 
 def play(env: HouseholdEnv, seed: int, steps: int = 25) -> str:

@@ -1,0 +1,143 @@
+"""Rollouts with known digests: they tell whether this machine gives, bit by bit, the results that others get.
+
+Results depend on more than seeds: a library that rounds differently, or a processor with other instructions, can change
+the last bits of a picture or of a driven motion. ``chmarl-pb doctor`` plays these rollouts and names those that differ.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import MultiDiscrete
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.vector.env import vector_env
+from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.provenance import machine, versions
+from chmarl_pb.files import write_atomically
+from chmarl_pb.policies.registry import make_policy
+
+#: Digests of the rollouts, and where they were recorded.
+RECORDED = Path(__file__).with_name("golden.json")
+
+_STEPS = 40
+
+
+def digest(*values: Any) -> str:
+    """Return the sha256 of nested dicts, arrays and plain values, bit by bit."""
+    found = hashlib.sha256()
+
+    def add(value: Any) -> None:
+        if isinstance(value, dict):
+            for key in sorted(value):
+                found.update(key.encode())
+                add(value[key])
+        elif isinstance(value, np.ndarray) and value.dtype != object:
+            found.update(str((value.dtype, value.shape)).encode() + value.tobytes())
+        elif isinstance(value, np.ndarray | list | tuple):
+            for part in value:
+                add(part)
+        else:
+            found.update(repr(value).encode())
+
+    add(values)
+    return found.hexdigest()
+
+
+def play_at_random(env: HouseholdEnv, steps: int = _STEPS) -> str:
+    """Play random actions, all from seed 0, and return the digest of all observations, rewards, ends and infos."""
+    rng = np.random.default_rng(0)
+    results: list[Any] = [env.reset(seed=0)]
+    for _ in range(steps):
+        if not env.agents:
+            results.append(env.reset())
+        actions = {name: env.action_space(name) for name in env.agents}
+        results.append(env.step({name: _drawn(space, rng) for name, space in actions.items()}))
+    return digest(*results)
+
+
+def _drawn(space: Any, rng: np.random.Generator) -> Any:
+    """Return a random action of a space, which is not to be seeded for that."""
+    return int(rng.integers(space.n)) if hasattr(space, "n") else rng.integers(space.nvec)
+
+
+def _random(**options: Any) -> str:
+    env = HouseholdEnv(**options)
+    try:
+        return play_at_random(env)
+    finally:
+        env.close()
+
+
+def _driven(**options: Any) -> str:
+    """Let the planner solve a task by simulated execution, and return the digest of where all joints were meanwhile."""
+    env = HouseholdEnv(execution="simulated", **options)
+    try:
+        policy, snapshots = make_policy("planner", env), []
+        observations, infos = env.reset(seed=0)
+        policy.reset(0)
+        while env.agents:
+            observations, _, _, _, infos = env.step(policy.act(observations, infos))
+            snapshots += [[snapshot.bases, snapshot.joints, snapshot.items] for snapshot in env.snapshots]
+        return digest(*snapshots)
+    finally:
+        env.close()
+
+
+def _side_by_side(**options: Any) -> str:
+    envs = vector_env(4, workers=2, **options)
+    try:
+        rng, space = np.random.default_rng(0), envs.single_action_space
+        assert isinstance(space, MultiDiscrete)
+        results: list[Any] = [envs.reset(seed=0)[0]]
+        for _ in range(_STEPS):
+            actions = rng.integers(space.nvec, size=(envs.num_envs, len(space.nvec)))
+            observations, rewards, terminated, truncated, _ = envs.step(actions)
+            results.append((observations, rewards, terminated, truncated))
+        return digest(*results)
+    finally:
+        envs.close()
+
+
+#: What is played -> how its digest is found.
+ROLLOUTS: dict[str, Callable[[], str]] = {
+    "graphs": partial(_random, split="train"),
+    "pictures": partial(_random, observation="visual", split="val-unseen"),
+    "depth, segmentation and text": partial(_random, observation=("depth", "segmentation", "text"), split="val-seen"),
+    "planner's feedback": partial(_random, feedback="planner", split="train"),
+    "grounded, graphs": partial(_random, track="grounded", split="generated-val"),
+    "grounded, pictures": partial(_random, track="grounded", observation="visual", split="generated-val"),
+    "vector of 4 in 2 processes": partial(_side_by_side, observation="visual", split="train"),
+    "simulated execution": partial(_driven, split="train"),
+}
+
+
+def digests() -> Iterator[tuple[str, str]]:
+    """Play all rollouts one after the other, and yield what was played and its digest."""
+    for name, play in ROLLOUTS.items():
+        yield name, play()
+
+
+def record(path: Path, found: dict[str, str]) -> None:
+    """Write digests to a file, with versions and machine."""
+    text = json.dumps({"versions": versions(), "machine": machine(), "digests": found}, indent=1)
+    write_atomically(path, text + "\n")
+
+
+def recorded(path: Path = RECORDED) -> dict[str, dict[str, Any]]:
+    """Return "versions", "machine" and "digests" of a file that ``record`` wrote.
+
+    Raises:
+        OptionError: it is no such file.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return {name: dict(data[name]) for name in ("versions", "machine", "digests")}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OptionError(
+            f"{path}: no digests of rollouts ({error}); write them by `chmarl-pb doctor --record {path}`"
+        ) from error
