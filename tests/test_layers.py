@@ -16,7 +16,7 @@ ROWS = (
     ("rendering",),
     ("sensing",),
     ("tasks",),
-    ("policies",),
+    ("policies", "frames"),
     ("envs",),
     ("data", "evaluation"),
     ("learning",),

@@ -22,14 +22,16 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
+from chmarl_pb.frames.frame import Image
+from chmarl_pb.frames.panel import HEIGHT, WIDTH
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.film import Shot, storyboard
-from chmarl_pb.viewer.frame import Image, compose
+from chmarl_pb.viewer.frame import compose
 from chmarl_pb.viewer.page import write_page
-from chmarl_pb.viewer.panel import HEIGHT, WIDTH
-from chmarl_pb.viewer.record import Recording, choose_task, record, record_file
+from chmarl_pb.viewer.record import choose_task, record, record_file
 from chmarl_pb.viewer.studio import draw_views
 from chmarl_pb.viewer.table import print_table
 from chmarl_pb.viewer.video import write_video
