@@ -85,14 +85,26 @@ def rules_of(options: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name in names if (value := getattr(options, name)) is not OF_TRACK}
 
 
+def add_observation(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names what policies observe; published weights know it."""
+    parser.add_argument(
+        "--observation", metavar="O",
+        help=f"{', '.join(SENSORS)}, or several joined by + (default: that of published weights, else scene_graph)",
+    )  # fmt: skip
+
+
+def given_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return --goal, --robots and --catalog where they are given, as options of the environment."""
+    given = {"goal": options.goal, "robots": options.robots, "catalog": options.catalog}
+    return {name: value for name, value in given.items() if value not in (False, None, TEAM)}
+
+
 def add_played(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what is played, how often and by how many processes."""
     parser.add_argument(
         "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
     )
-    parser.add_argument(
-        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
-    )
+    add_observation(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
 

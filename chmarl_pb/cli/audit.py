@@ -42,7 +42,7 @@ def run_audit(options: argparse.Namespace) -> int:
     with progress_bar() as bar:
         found = audit(
             split, seeds=range(options.seeds), workers=options.workers, out=out, progress=partial(_advance, bar, {}),
-            observation=options.observation, tasks=options.task, **rules_of(options),
+            observation=options.observation or "scene_graph", tasks=options.task, **rules_of(options),
         )  # fmt: skip
     if options.json:
         print(json.dumps({**found.settings, "rows": list(map(asdict, found.lines))}, indent=1))

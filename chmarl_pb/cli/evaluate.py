@@ -13,6 +13,7 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_robots,
     add_rules,
+    given_of,
     output_file,
     rules_of,
 )
@@ -26,7 +27,7 @@ from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
-from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -36,7 +37,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run_evaluation)
     parser.add_argument(
-        "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
+        "--policy",
+        required=True,
+        metavar="P",
+        help=f"{', '.join(BUILT_IN)}, published weights, module:callable, or a checkpoint's path",
     )
     add_rules(parser, OF_TRACK, "that of the checkpoint, whose rules hold where no option says otherwise; else paper")
     add_played(parser)
@@ -60,7 +64,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
-    rules = {**find_policy(options.policy).rules, **rules_of(options)}
+    source = find_policy(options.policy)
+    rules = {**source.rules, **rules_of(options), **given_of(options)}
     tasks, track = options.task, rules.get("track", PAPER)
     where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:
@@ -80,14 +85,24 @@ def run_evaluation(options: argparse.Namespace) -> int:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, goal=options.goal,
-            robots=options.robots, catalog=options.catalog, **rules,
+            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
     print_report(Console(), report)
+    if options.home is None and not options.task and (line := _published(source, report)):
+        print(line)
     if options.out is not None:
         print(options.out)
     return 0
+
+
+def _published(source: Source, report: Report) -> str:
+    """Return what is published of a policy for the tasks that it has played; nothing if that is not known."""
+    split = report.settings["split"]
+    figures = source.weights.published.get(split) if source.weights else None
+    if figures is None:
+        return ""
+    return f"published: {100 * figures['success_rate']:.1f} / {100 * figures['plw']:.1f} (success / PLW on {split})"
 
 
 def progress_bar() -> LateProgress:

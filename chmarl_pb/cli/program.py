@@ -15,6 +15,7 @@ from chmarl_pb.signals import Interrupted, handled
 COMMANDS = {
     "demo": "let the planner solve a task, as a video and a page",
     "play": "drive the robots in the browser, or hand them to policies",
+    "watch": "let a policy play a task and show it as a video, as a page or in the browser",
     "homes": "list, check, draw, build and generate homes",
     "things": "import, list and check own objects and furniture",
     "tasks": "make the benchmark's task files",

@@ -70,7 +70,7 @@ def test_nothing_is_drawn_before_it_is_asked_for(env: chmarl_pb.HouseholdEnv, mo
 
 @pytest.mark.parametrize(
     "options",
-    [{"robots": ("drone",) * 2 + ("humanoid",)}, {"robots": ("humanoid",)}, {"track": "grounded", "split": "val-unseen"},
+    [{"robots": ("drone",) * 2 + ("humanoid",)}, {"robots": ("humanoid",)}, {"track": "grounded"},
      {"messages": False}],
     ids=str,
 )  # fmt: skip

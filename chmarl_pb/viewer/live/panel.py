@@ -135,6 +135,10 @@ class Panel:
         """Whether the game is to play on by itself."""
         return bool(self._actions) and self._running.value
 
+    def start_running(self) -> None:
+        """Tick that the game plays on."""
+        self._running.value = True
+
     def stop_running(self) -> None:
         """Let the game play on no longer."""
         if self._actions:

@@ -104,6 +104,20 @@ class Session:
 
         self._do(work)
 
+    def watch(self, driver: str) -> None:
+        """Let a policy drive all robots, and play on."""
+
+        def work() -> None:
+            if self._game:
+                for robot in self._game.drivers:
+                    self._game.hand_over(robot, driver)
+                    self._panel.show_driver(robot, driver)
+                self._refresh()
+                self._panel.start_running()
+                self.run()
+
+        self._do(work)
+
     def run(self) -> None:
         """Play on as long as that is ticked."""
         self._do(self._go_on)
