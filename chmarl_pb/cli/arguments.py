@@ -11,6 +11,7 @@ from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
 
 OBSERVATIONS = ("scene_graph", "visual")
+EXAMPLE = "example: "
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
 
 
@@ -20,10 +21,21 @@ def verbs(parser: argparse.ArgumentParser) -> "argparse._SubParsersAction[argpar
 
 
 def add_verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str, example: str
 ) -> argparse.ArgumentParser:
-    """Add a verb to a command and return its parser."""
-    parser: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    """Add a verb to a command, or a command to the program, and return its parser.
+
+    Args:
+        verbs: where it is added.
+        name: its name.
+        text: what it does.
+        example: of its use, shown below its options; "" if it has verbs of its own, which show theirs.
+    """
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        name, help=text, description=text[0].upper() + text[1:] + ".", epilog=f"{EXAMPLE}{example}" if example else None
+    )
+    if example:
+        parser.add_argument("--quiet", action="store_true", help="no progress bars, no notes: results and errors alone")
     return parser
 
 

@@ -25,7 +25,7 @@ from chmarl_pb.files import open_folder
 from chmarl_pb.frames.frame import Image
 from chmarl_pb.frames.panel import HEIGHT, WIDTH
 from chmarl_pb.frames.recording import Recording
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import LateProgress, is_silent
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.film import Shot, storyboard
@@ -45,7 +45,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_home(parser, "a task is drawn for it")
     add_catalog(parser)
     add_track(parser)
-    parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    parser.add_argument(
+        "--observation",
+        choices=OBSERVATIONS,
+        default="scene_graph",
+        help="what the policy observes (default: %(default)s)",
+    )
     add_lookalikes(parser)
     parser.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
@@ -111,7 +116,8 @@ def show_episode(file: EpisodeFile, out: Path, film: bool = True, name: str = "d
 
 def _show(recording: Recording, folder: Path, console: Console, film: bool = True, name: str = "demo") -> None:
     """Print a recording, and write its video and its page."""
-    print_table(recording, console)
+    if not is_silent():
+        print_table(recording, console)
     with _progress(console) as progress:
         if film:
             write_files(recording, storyboard(recording), folder, progress, name)

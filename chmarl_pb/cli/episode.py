@@ -12,6 +12,7 @@ from chmarl_pb.cli.arguments import (
     verbs,
 )
 from chmarl_pb.cli.demo import show_episode
+from chmarl_pb.cli.output import STDOUT, add_json, tell
 from chmarl_pb.cli.playing import add_playing, played, task_of
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.episode_file import EpisodeFile, load_episode, replay_episode, save_episode
@@ -23,19 +24,37 @@ from chmarl_pb.viewer.record import record_file
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
-    saving = add_verb(all_verbs, "save", "play a task with a policy and save the episode as a file")
+    saving = add_verb(
+        all_verbs,
+        "save",
+        "play a task with a policy and save the episode as a file",
+        "chmarl-pb episode save --policy search --task test-unseen-007 --out episode.json",
+    )
     saving.set_defaults(run=save)
     saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
     add_playing(saving)
     saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
-    replaying = add_verb(all_verbs, "replay", "play a file again and compare every state")
-    replaying.set_defaults(run=lambda options: replay(options.file))
-    showing = add_verb(all_verbs, "show", "make the demo's video and page of an episode file")
+    replaying = add_verb(
+        all_verbs, "replay", "play a file again and compare every state", "chmarl-pb episode replay episode.json"
+    )
+    replaying.set_defaults(run=replay)
+    add_json(replaying)
+    showing = add_verb(
+        all_verbs,
+        "show",
+        "make the demo's video and page of an episode file",
+        "chmarl-pb episode show episode.json --page",
+    )
     showing.set_defaults(
         run=lambda options: show_episode(load_episode(options.file), options.out, film=not options.page)
     )
     showing.add_argument("--page", action="store_true", help="the page alone, without a video")
-    paging = add_verb(all_verbs, "page", "make a page that plays an episode file in 3D, without a server or a network")
+    paging = add_verb(
+        all_verbs,
+        "page",
+        "make a page that plays an episode file in 3D, without a server or a network",
+        "chmarl-pb episode page episode.json --out episode.html",
+    )
     paging.set_defaults(run=page)
     paging.add_argument(
         "--out", type=output_file, default=Path("episode.html"), metavar="FILE",
@@ -58,17 +77,21 @@ def save(options: argparse.Namespace) -> int:
     return 0
 
 
-def replay(path: Path) -> int:
+def replay(options: argparse.Namespace) -> int:
     """Play an episode file again; return 0 if every state is the same, else 1."""
+    path = options.file
     file = load_episode(path)
     if file.library != chmarl_pb.__version__:
         print(f"{path}: saved by version {file.library}, replayed by {chmarl_pb.__version__}", file=sys.stderr)
     difference = replay_episode(file)
+    facts = {"file": str(path), "same": difference is None, "success": file.success, "steps": len(file.actions)}
+    tell(options, lambda: facts, lambda: None)
     if difference is not None:
         print(f"{path}: {difference}", file=sys.stderr)
         return 1
     ending = "success" if file.success else "failure"
-    print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
+    if options.json != STDOUT:
+        print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
     return 0
 
 

@@ -1,6 +1,7 @@
 """``chmarl-pb evaluate``: a progress bar, a table, a result file."""
 
 import argparse
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -17,6 +18,7 @@ from chmarl_pb.cli.arguments import (
     output_file,
     rules_of,
 )
+from chmarl_pb.cli.output import STDOUT, add_json, say, tell
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
@@ -52,6 +54,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
+    add_json(parser)
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(
@@ -88,12 +91,18 @@ def run_evaluation(options: argparse.Namespace) -> int:
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
-    print_report(Console(), report)
-    if options.home is None and not options.task and (line := _published(source, report)):
-        print(line)
-    if options.out is not None:
-        print(options.out)
+    beside = "" if options.home is not None or options.task else _published(source, report)
+    tell(options, lambda: report.facts, partial(_show, report, beside))
+    if options.out is not None and options.json != STDOUT:
+        say(options.out)
     return 0
+
+
+def _show(report: Report, beside: str) -> None:
+    """Print a result, and what is published of it."""
+    print_report(Console(), report)
+    if beside:
+        print(beside)
 
 
 def _published(source: Source, report: Report) -> str:

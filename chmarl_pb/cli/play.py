@@ -19,13 +19,11 @@ if TYPE_CHECKING:
 
 _POLICIES = ("search", "belief", "planner", "random")
 _PORT = 8017
-_EXAMPLE = "example: chmarl-pb play --task test-unseen-007 --policy runs/qmix/best.pt"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=_run)
-    parser.epilog = _EXAMPLE
     parser.add_argument("--task", metavar="ID", help="task to begin with, e.g. test-unseen-007 (default: a good one)")
     add_home(parser, "a task is drawn for it")
     add_track(parser)

@@ -48,7 +48,11 @@ def test_live_hands_all_robots_over(shown: list[Any]) -> None:
     words = ["watch", "search", "--task", TASK, "--live", "--goal", "--observation", "visual", "--track", "grounded"]
     assert main(words) == 0
     ((choice, policies, options, driver, _),) = shown
-    assert isinstance(choice, Choice) and (choice.task, choice.track, choice.observation) == (TASK, "grounded", "visual")
+    assert isinstance(choice, Choice) and (choice.task, choice.track, choice.observation) == (
+        TASK,
+        "grounded",
+        "visual",
+    )
     assert choice.rules == {"goal": True} and policies == ["search"] and driver == "search" and options.port
 
 
