@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from chmarl_pb.homes.generate.store import generate_home as generate_home
     from chmarl_pb.learning.sb3.vec_env import sb3_vec_env as sb3_vec_env
     from chmarl_pb.policies.registry import make_policy as make_policy
+    from chmarl_pb.policies.sources import load_policy as load_policy
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 
@@ -38,6 +39,7 @@ _PUBLIC = {
     "audit": "chmarl_pb.evaluation.audit",
     "evaluate": "chmarl_pb.evaluation.protocol",
     "generate_home": "chmarl_pb.homes.generate.store",
+    "load_policy": "chmarl_pb.policies.sources",
     "load_tasks": "chmarl_pb.tasks.splits",
     "make_policy": "chmarl_pb.policies.registry",
     "rollout": "chmarl_pb.envs.rollout",

@@ -1,16 +1,47 @@
 """Progress bars that appear with the first progress: what is wrong with the arguments is said before."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
+from rich.console import Console
 from rich.progress import Progress, TaskID
+
+_silent: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Let bars that are made within never be shown."""
+    before = _silent.set(True)
+    try:
+        yield
+    finally:
+        _silent.reset(before)
+
+
+def is_silent() -> bool:
+    """Return whether nothing but results is to be shown."""
+    return _silent.get()
 
 
 class LateProgress(Progress):
-    """A progress bar that is not shown before something calls ``update`` or ``advance``."""
+    """A progress bar that is not shown before something calls ``update`` or ``advance``; by default on stderr."""
+
+    def __init__(self, *columns: Any, **options: Any):
+        """Make a bar; see :class:`rich.progress.Progress`."""
+        super().__init__(*columns, **{"console": Console(stderr=True)} | options)
+        self._never = is_silent()
 
     def __enter__(self) -> "LateProgress":
         """Wait for progress."""
         return self
+
+    def start(self) -> None:
+        """Show the bar, unless none is wanted."""
+        if not self._never:
+            super().start()
 
     def update(self, task_id: TaskID, **fields: Any) -> None:
         """Show the bar and move it."""

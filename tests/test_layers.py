@@ -28,7 +28,7 @@ ROWS = (
     ("rendering",),
     ("sensing",),
     ("tasks",),
-    ("policies",),
+    ("policies", "frames"),
     ("envs",),
     ("data", "evaluation"),
     ("learning",),

@@ -22,7 +22,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
-from chmarl_pb.learning.networks.frozen import FrozenEncoder, weights_file
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, own_file, weights_file
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
@@ -172,7 +172,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 4)")
     parser.add_argument("--seed", type=int, default=0, help="of views, weights and order (default 0)")
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
-    parser.add_argument("--out", type=Path, help="file of the weights; default: where they are looked for")
+    parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
@@ -200,7 +200,7 @@ def _export(chosen: argparse.Namespace) -> int:
 
 def _make(chosen: argparse.Namespace) -> int:
     """Draw the views, learn from them, and print the figures."""
-    out = chosen.out or weights_file(chosen.network)
+    out = chosen.out or own_file(chosen.network)
     folder = open_folder(out.parent) / "labelled_views"
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()

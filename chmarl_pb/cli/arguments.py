@@ -11,6 +11,7 @@ from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
 
 OBSERVATIONS = ("scene_graph", "visual")
+EXAMPLE = "example: "
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
 
 
@@ -20,10 +21,21 @@ def verbs(parser: argparse.ArgumentParser) -> "argparse._SubParsersAction[argpar
 
 
 def add_verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str, example: str
 ) -> argparse.ArgumentParser:
-    """Add a verb to a command and return its parser."""
-    parser: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    """Add a verb to a command, or a command to the program, and return its parser.
+
+    Args:
+        verbs: where it is added.
+        name: its name.
+        text: what it does.
+        example: of its use, shown below its options; "" if it has verbs of its own, which show theirs.
+    """
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        name, help=text, description=text[0].upper() + text[1:] + ".", epilog=f"{EXAMPLE}{example}" if example else None
+    )
+    if example:
+        parser.add_argument("--quiet", action="store_true", help="no progress bars, no notes: results and errors alone")
     return parser
 
 
@@ -85,14 +97,26 @@ def rules_of(options: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name in names if (value := getattr(options, name)) is not OF_TRACK}
 
 
+def add_observation(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names what policies observe; published weights know it."""
+    parser.add_argument(
+        "--observation", metavar="O",
+        help=f"{', '.join(SENSORS)}, or several joined by + (default: that of published weights, else scene_graph)",
+    )  # fmt: skip
+
+
+def given_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return --goal, --robots and --catalog where they are given, as options of the environment."""
+    given = {"goal": options.goal, "robots": options.robots, "catalog": options.catalog}
+    return {name: value for name, value in given.items() if value not in (False, None, TEAM)}
+
+
 def add_played(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what is played, how often and by how many processes."""
     parser.add_argument(
         "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
     )
-    parser.add_argument(
-        "--observation", default="scene_graph", metavar="O", help=f"{', '.join(SENSORS)}, or several joined by +"
-    )
+    add_observation(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
 

@@ -1,7 +1,6 @@
 """The command `chmarl-pb audit`: how much of the score needs neither eyes nor words nor the partner."""
 
 import argparse
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -10,6 +9,7 @@ from rich.progress import Progress, TaskID
 
 from chmarl_pb.cli.arguments import add_played, add_rules, output_file, rules_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
+from chmarl_pb.cli.output import STDOUT, add_json, tell
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
@@ -21,7 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_rules(parser)
     add_played(parser)
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json(parser, STDOUT)
     parser.add_argument(
         "--out", type=output_file, metavar="JSON",
         help="write the audit here, and the results of its rows beside it (default: out/audit/TRACK-SPLIT.json)",
@@ -42,12 +42,12 @@ def run_audit(options: argparse.Namespace) -> int:
     with progress_bar() as bar:
         found = audit(
             split, seeds=range(options.seeds), workers=options.workers, out=out, progress=partial(_advance, bar, {}),
-            observation=options.observation, tasks=options.task, **rules_of(options),
+            observation=options.observation or "scene_graph", tasks=options.task, **rules_of(options),
         )  # fmt: skip
-    if options.json:
-        print(json.dumps({**found.settings, "rows": list(map(asdict, found.lines))}, indent=1))
-        return 0
-    print("\n".join([*table_of(found), "", _best(found), str(out)]))
+    tell(
+        options, lambda: {**found.settings, "rows": list(map(asdict, found.lines))},
+        lambda: print("\n".join([*table_of(found), "", _best(found), str(out)])),
+    )  # fmt: skip
     return 0
 
 

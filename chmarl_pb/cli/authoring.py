@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, output_folder
+from chmarl_pb.cli.output import say
 from chmarl_pb.errors import ChmarlError, OptionError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.homes.assemble import build_home
@@ -20,13 +21,18 @@ _GLANCE = 0.3  # seconds between two looks at the layout
 
 def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the verbs to a parser."""
-    new = add_verb(verbs, "new", "write a layout to begin with, and its schema for editors beside it")
+    new = add_verb(
+        verbs,
+        "new",
+        "write a layout to begin with, and its schema for editors beside it",
+        "chmarl-pb homes new cabin.toml",
+    )
     new.set_defaults(run=_new)
     new.add_argument("layout", type=output_file, metavar="TOML", help="file to write; it must not be there yet")
     new.add_argument(
         "--style", choices=tuple(STYLES), default="starter", help="which layout (default: %(default)s, a small one)"
     )
-    build = add_verb(verbs, "build", "build a home's URDF from its layout")
+    build = add_verb(verbs, "build", "build a home's URDF from its layout", "chmarl-pb homes build cabin.toml --watch")
     build.set_defaults(run=_build)
     build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
     add_catalog(build)
@@ -34,11 +40,21 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     build.add_argument(
         "--watch", action="store_true", help="build whenever the layout is saved, and draw it as a PNG beside the URDF"
     )
-    export = add_verb(verbs, "export", "write a home as plain URDF with its meshes, and as binary glTF")
+    export = add_verb(
+        verbs,
+        "export",
+        "write a home as plain URDF with its meshes, and as binary glTF",
+        "chmarl-pb homes export home_1 --out out/home_1",
+    )
     export.set_defaults(run=_export)
     export.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
     export.add_argument("--out", type=output_folder, required=True, metavar="DIR", help="folder to write to")
-    generate = add_verb(verbs, "generate", "make up homes from seeds: layout, URDF and picture of each")
+    generate = add_verb(
+        verbs,
+        "generate",
+        "make up homes from seeds: layout, URDF and picture of each",
+        "chmarl-pb homes generate --seed 7 --count 3 --out out/homes",
+    )
     generate.set_defaults(run=_generate)
     generate.add_argument("--seed", type=int, required=True, metavar="N", help="which home: a whole number from 0 on")
     generate.add_argument("--count", type=int, default=1, metavar="K", help="homes of K seeds from N on (default: 1)")
@@ -54,7 +70,8 @@ def _new(options: argparse.Namespace) -> int:
         raise OptionError(f"{layout} is there already; name another file, or remove it")
     write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
     write_atomically(layout, STYLES[options.style].read_text(encoding="utf-8"))
-    print(f"{layout}\nnext: chmarl-pb homes build {layout} --watch")
+    print(layout)
+    say(f"next: chmarl-pb homes build {layout} --watch")
     return 0
 
 

@@ -9,6 +9,7 @@ from rich.progress import Progress, TaskID
 
 from chmarl_pb.cli.arguments import add_track, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
+from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_json
@@ -34,6 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", action="append", choices=list(BUILT_IN), help="this one (default: all); may be repeated"
     )
     add_track(parser)
+    add_json(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument(
@@ -78,7 +80,11 @@ def run_baselines(options: argparse.Namespace) -> int:
                 before = path.read_text() if path.exists() else ""
                 write_atomically(path, reference_json(split, MAX_STEPS, episodes, before))
     tables = [*_tables(reports), _difficulty(reports, TRACKS[options.track]["max_steps"])]
-    print("\n\n".join(map("\n".join, tables)))
+    tell(
+        options,
+        lambda: {split: {name: one.facts for name, one in row.items()} for split, row in reports.items()},
+        lambda: print("\n\n".join(map("\n".join, tables))),
+    )
     return 0
 
 

@@ -1,13 +1,12 @@
 """``chmarl-pb bench``: measure with progress shown, print a table, and write JSON."""
 
 import argparse
-import json
 import os
 import platform
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -15,16 +14,15 @@ from rich.table import Table
 from chmarl_pb import __version__
 from chmarl_pb.bench.figures import Row, chosen, measure
 from chmarl_pb.bench.playing import Effort
-from chmarl_pb.cli.arguments import output_file
+from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.errors import OptionError
-from chmarl_pb.files import write_atomically
 from chmarl_pb.progress import LateProgress
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
-    parser.set_defaults(run=lambda options: run(options.json, options.only or (), options.runs, options.warm_up))
-    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures here as well")
+    parser.set_defaults(run=run)
+    add_json(parser)
     parser.add_argument(
         "--only", action="append", metavar="NAME", help="only figures whose name contains this; may be repeated"
     )
@@ -37,24 +35,19 @@ def add(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, warm_up: int = Effort.warm_up) -> int:
-    """Measure, print a table, and write the figures as JSON if a file is given.
+def run(options: argparse.Namespace) -> int:
+    """Measure, print a table, and write the figures as JSON if that is asked for.
 
     An interruption keeps what has been measured by then: it is printed, written, and raised again.
-
-    Args:
-        out: JSON file to write.
-        only: measure just the figures whose names contain one of these texts.
-        runs: how often each is measured.
-        warm_up: joint steps of a random policy whose views are drawn before what is measured warm.
 
     Raises:
         OptionError: no figure has such a name, or a number is less than 1.
     """
+    runs, warm_up = options.runs, options.warm_up
     if runs < 1 or warm_up < 1:
         raise OptionError(f"runs={runs}, warm_up={warm_up}: both must be at least 1")
     effort = Effort(runs=runs, warm_up=warm_up)
-    figures = chosen(only)
+    figures = chosen(options.only or ())
     rows: list[Row] = []
     try:
         with LateProgress(transient=True) as progress:
@@ -64,9 +57,7 @@ def run(out: Path | None, only: Sequence[str] = (), runs: int = Effort.runs, war
                 rows += measure(figure, effort, lambda: progress.advance(task))
     finally:
         if rows:
-            wide_console().print(_table(rows))
-            if out is not None:
-                _write(rows, out)
+            tell(options, lambda: _facts(rows), lambda: wide_console().print(_table(rows)))
     return 0
 
 
@@ -94,6 +85,5 @@ def readable(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 or value % 1 == 0 else f"{value:.3g}"
 
 
-def _write(rows: Sequence[Row], out: Path) -> None:
-    content = {"version": __version__, "machine": _machine(), "figures": [asdict(row) for row in rows]}
-    write_atomically(out, json.dumps(content, indent=1) + "\n")
+def _facts(rows: Sequence[Row]) -> dict[str, Any]:
+    return {"version": __version__, "machine": _machine(), "figures": [asdict(row) for row in rows]}

@@ -1,17 +1,18 @@
 """The commands ``chmarl-pb dataset generate | verify | stats``."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_verb, output_file, output_folder, verbs
+from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_verb, output_folder, verbs
+from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import find_datasets
@@ -20,7 +21,6 @@ from chmarl_pb.data.store import default_root
 from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.files import write_atomically
 from chmarl_pb.processes import check_workers
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
@@ -29,24 +29,43 @@ from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
-    making = add_verb(all_verbs, "generate", "let the planner play all tasks and store it as Minari data sets")
+    making = add_verb(
+        all_verbs,
+        "generate",
+        "let the planner play all tasks and store it as Minari data sets",
+        "chmarl-pb dataset generate --split val-unseen --out out/data",
+    )
     making.set_defaults(run=generate_datasets)
-    making.add_argument("--observation", choices=(*OBSERVATIONS, "both"), default="scene_graph")
+    making.add_argument(
+        "--observation", choices=(*OBSERVATIONS, "both"), default="scene_graph",
+        help="what is stored (default: %(default)s)",
+    )  # fmt: skip
     making.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
     making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
     making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
     add_robots(making)
     add_home(making, "tasks are drawn for it, --limit or 100")
     add_catalog(making)
-    verifying = add_verb(all_verbs, "verify", "check the files of data sets and replay their episodes")
+    verifying = add_verb(
+        all_verbs,
+        "verify",
+        "check the files of data sets and replay their episodes",
+        "chmarl-pb dataset verify --share 0.1 --out out/data",
+    )
     verifying.set_defaults(run=verify_datasets)
     verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
     for verb in (making, verifying):
         verb.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
         verb.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
-    stats = add_verb(all_verbs, "stats", "print statistics of tasks, data sets and language")
+    stats = add_verb(
+        all_verbs,
+        "stats",
+        "print statistics of tasks, data sets and language",
+        "chmarl-pb dataset stats --json stats.json",
+    )
     stats.set_defaults(run=print_statistics)
-    stats.add_argument("--json", type=output_file, metavar="FILE", help="write them here as well")
+    add_json(stats)
+    add_json(verifying)
     for verb in (making, verifying, stats):
         verb.add_argument(
             "--out", type=output_folder, metavar="DIR", help="folder of data sets (default: Minari's own)"
@@ -76,7 +95,7 @@ def generate_datasets(options: argparse.Namespace) -> int:
             made.append(generate(recipe, root, options.workers, progress))
     facts = [statistics.dataset_statistics(dataset) for dataset in made]
     _print_datasets(facts)
-    print(f"In {root}: set MINARI_DATASETS_PATH={root}, then minari.load_dataset({made[0].dataset_id!r}).")
+    say(f"In {root}: set MINARI_DATASETS_PATH={root}, then minari.load_dataset({made[0].dataset_id!r}).")
     unsolved = [] if options.noise else [row["id"] for row in facts if row["success_rate"] < 1]
     for dataset_id in unsolved:
         print(f"chmarl-pb: {dataset_id}: the planner left tasks unsolved", file=sys.stderr)
@@ -99,11 +118,18 @@ def verify_datasets(options: argparse.Namespace) -> int:
     ]
     if not datasets:
         raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
+    replayed: dict[str, dict[str, int]] = {}
     for dataset in datasets:
         with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
             count = verify(dataset, options.share, options.workers, progress)
-        print(f"{dataset.dataset_id}: {count} of {dataset.episodes} episodes replayed, all equal")
+        replayed[dataset.dataset_id] = {"replayed": count, "episodes": dataset.episodes}
+    tell(options, lambda: replayed, partial(_print_replayed, replayed))
     return 0
+
+
+def _print_replayed(replayed: dict[str, dict[str, int]]) -> None:
+    for name, row in replayed.items():
+        print(f"{name}: {row['replayed']} of {row['episodes']} episodes replayed, all equal")
 
 
 def print_statistics(options: argparse.Namespace) -> int:
@@ -115,14 +141,15 @@ def print_statistics(options: argparse.Namespace) -> int:
         "datasets": [statistics.dataset_statistics(dataset) for dataset in datasets],
         "language": statistics.language_statistics(datasets),
     }
-    _print_tasks(facts["tasks"])
-    if datasets:
-        _print_datasets(facts["datasets"])
-    _print_language(facts["language"], len(datasets))
-    if options.json is not None:
-        write_atomically(options.json, json.dumps(facts, indent=2) + "\n")
-        print(options.json)
+    tell(options, lambda: facts, partial(_print_statistics, facts))
     return 0
+
+
+def _print_statistics(facts: dict[str, Any]) -> None:
+    _print_tasks(facts["tasks"])
+    if facts["datasets"]:
+        _print_datasets(facts["datasets"])
+    _print_language(facts["language"], len(facts["datasets"]))
 
 
 @contextmanager

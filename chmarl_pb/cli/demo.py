@@ -22,14 +22,16 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.frames.frame import Image
+from chmarl_pb.frames.panel import HEIGHT, WIDTH
+from chmarl_pb.frames.recording import Recording
+from chmarl_pb.progress import LateProgress, is_silent
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.film import Shot, storyboard
-from chmarl_pb.viewer.frame import Image, compose
+from chmarl_pb.viewer.frame import compose
 from chmarl_pb.viewer.page import write_page
-from chmarl_pb.viewer.panel import HEIGHT, WIDTH
-from chmarl_pb.viewer.record import Recording, choose_task, record, record_file
+from chmarl_pb.viewer.record import choose_task, record, record_file
 from chmarl_pb.viewer.studio import draw_views
 from chmarl_pb.viewer.table import print_table
 from chmarl_pb.viewer.video import write_video
@@ -43,7 +45,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_home(parser, "a task is drawn for it")
     add_catalog(parser)
     add_track(parser)
-    parser.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
+    parser.add_argument(
+        "--observation",
+        choices=OBSERVATIONS,
+        default="scene_graph",
+        help="what the policy observes (default: %(default)s)",
+    )
     add_lookalikes(parser)
     parser.add_argument(
         "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
@@ -87,12 +94,14 @@ def demo(task: str | Task | None, observation: str, out: Path, policy: str = "pl
     return 0
 
 
-def show_episode(file: EpisodeFile, out: Path) -> int:
+def show_episode(file: EpisodeFile, out: Path, film: bool = True, name: str = "demo") -> int:
     """Show an episode file as the demo shows its episode; return the exit code.
 
     Args:
         file: the episode.
-        out: folder for ``demo.mp4`` and ``demo.html``.
+        out: folder for the video and the page.
+        film: whether there is a video; the page alone takes less than half the time.
+        name: of the files, ``demo.mp4`` and ``demo.html``.
 
     Raises:
         OptionError: the folder cannot be written to.
@@ -101,20 +110,31 @@ def show_episode(file: EpisodeFile, out: Path) -> int:
     with _progress(console) as progress:
         bar = progress.add_task("Playing", total=len(file.actions))
         recording = record_file(file, lambda: progress.advance(bar))
-    _show(recording, folder, console)
+    _show(recording, folder, console, film, name)
     return 0
 
 
-def _show(recording: Recording, folder: Path, console: Console) -> None:
+def _show(recording: Recording, folder: Path, console: Console, film: bool = True, name: str = "demo") -> None:
     """Print a recording, and write its video and its page."""
-    print_table(recording, console)
+    if not is_silent():
+        print_table(recording, console)
     with _progress(console) as progress:
-        write_files(recording, storyboard(recording), folder, progress)
-    for name, sentence in (("demo.mp4", "the video"), ("demo.html", "the same, step by step")):
-        console.print(f"{folder / name}  [dim]{sentence}[/dim]", soft_wrap=True)
+        if film:
+            write_files(recording, storyboard(recording), folder, progress, name)
+        else:
+            write_step_page(recording, folder / f"{name}.html", progress)
+    for ending, sentence in (("mp4", "the video"),) * film + (("html", "step by step"),):
+        console.print(f"{folder / name}.{ending}  [dim]{sentence}[/dim]", soft_wrap=True)
 
 
-def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress) -> None:
+def write_step_page(recording: Recording, path: Path, progress: Progress) -> None:
+    """Draw what the robots see after each step, and write the page."""
+    shots = [shot for shot in storyboard(recording) if shot.done]
+    views = draw_views(recording.home, recording.team, shots)
+    write_page(path, recording, list(progress.track(views, len(shots), description="Drawing")))
+
+
+def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress, name: str = "demo") -> None:
     """Draw all shots; write the video and the page.
 
     Args:
@@ -122,13 +142,14 @@ def write_files(recording: Recording, shots: list[Shot], folder: Path, progress:
         shots: of the video, with one at rest for each moment.
         folder: for ``demo.mp4`` and ``demo.html``.
         progress: gets a bar.
+        name: of the files.
     """
     rests: list[dict[str, Image]] = []
     views = _keep_rests(shots, draw_views(recording.home, recording.team, shots), rests)
     frames = progress.track(compose(recording, shots, views), len(shots), description="Drawing")
     counted = ((frame, shot.frames) for frame, shot in zip(frames, shots, strict=True))
-    write_video(folder / "demo.mp4", counted, (WIDTH, HEIGHT))
-    write_page(folder / "demo.html", recording, rests)
+    write_video(folder / f"{name}.mp4", counted, (WIDTH, HEIGHT))
+    write_page(folder / f"{name}.html", recording, rests)
 
 
 def _keep_rests(

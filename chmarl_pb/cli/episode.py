@@ -6,54 +6,56 @@ from pathlib import Path
 
 import chmarl_pb
 from chmarl_pb.cli.arguments import (
-    GOAL,
-    OBSERVATIONS,
-    add_catalog,
-    add_home,
-    add_lookalikes,
-    add_robots,
-    add_track,
     add_verb,
     output_file,
     output_folder,
     verbs,
 )
 from chmarl_pb.cli.demo import show_episode
-from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.cli.output import STDOUT, add_json, tell
+from chmarl_pb.cli.playing import add_playing, played, task_of
 from chmarl_pb.errors import OptionError
-from chmarl_pb.evaluation.drawn import draw_tasks
-from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
-from chmarl_pb.evaluation.optimum import optimal_steps
-from chmarl_pb.evaluation.play import Player, Setup, episode_seed, policy_seed
+from chmarl_pb.evaluation.episode_file import EpisodeFile, load_episode, replay_episode, save_episode
 from chmarl_pb.extras import check
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.sources import find_policy
-from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.viewer.record import record_file
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
-    saving = add_verb(all_verbs, "save", "play a task with a policy and save the episode as a file")
+    saving = add_verb(
+        all_verbs,
+        "save",
+        "play a task with a policy and save the episode as a file",
+        "chmarl-pb episode save --policy search --task test-unseen-007 --out episode.json",
+    )
     saving.set_defaults(run=save)
     saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
-    saving.add_argument("--task", metavar="ID", help="task to play, e.g. test-unseen-007")
-    add_home(saving, "a task is drawn for it")
-    add_catalog(saving)
-    saving.add_argument("--observation", choices=OBSERVATIONS, default="scene_graph")
-    saving.add_argument("--goal", action="store_true", help=GOAL)
-    add_lookalikes(saving)
-    add_robots(saving)
-    add_track(saving)
-    saving.add_argument("--seed", type=int, default=0, metavar="N", help="as in evaluate (default: 0)")
+    add_playing(saving)
     saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
-    replaying = add_verb(all_verbs, "replay", "play a file again and compare every state")
-    replaying.set_defaults(run=lambda options: replay(options.file))
-    showing = add_verb(all_verbs, "show", "make the demo's video and page of an episode file")
-    showing.set_defaults(run=lambda options: show_episode(load_episode(options.file), options.out))
-    paging = add_verb(all_verbs, "page", "make a page that plays an episode file in 3D, without a server or a network")
-    paging.set_defaults(run=lambda options: write_page(options.file, options.out))
+    replaying = add_verb(
+        all_verbs, "replay", "play a file again and compare every state", "chmarl-pb episode replay episode.json"
+    )
+    replaying.set_defaults(run=replay)
+    add_json(replaying)
+    showing = add_verb(
+        all_verbs,
+        "show",
+        "make the demo's video and page of an episode file",
+        "chmarl-pb episode show episode.json --page",
+    )
+    showing.set_defaults(
+        run=lambda options: show_episode(load_episode(options.file), options.out, film=not options.page)
+    )
+    showing.add_argument("--page", action="store_true", help="the page alone, without a video")
+    paging = add_verb(
+        all_verbs,
+        "page",
+        "make a page that plays an episode file in 3D, without a server or a network",
+        "chmarl-pb episode page episode.json --out episode.html",
+    )
+    paging.set_defaults(run=page)
     paging.add_argument(
         "--out", type=output_file, default=Path("episode.html"), metavar="FILE",
         help="file to write (default: episode.html)",
@@ -69,49 +71,40 @@ def save(options: argparse.Namespace) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
     if (options.task is None) == (options.home is None):
         raise OptionError("give either --task, which names its home, or --home, for which a task is drawn")
-    seed = checked_seed(options.seed)
-    if options.task:
-        task = find_task(options.task)
-    else:
-        (task,) = draw_tasks(
-            options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
-        )
-    rules = Options(
-        options.observation, home=task.home, goal=options.goal, robots=options.robots, catalog=options.catalog,
-        track=options.track, lookalikes=options.lookalikes,
-    )  # fmt: skip
-    player = Player(Setup(options.policy, rules))
-    try:
-        own = policy_seed(player.env.instruction_of(task), seed)
-        name, seed = find_policy(options.policy).name, episode_seed(task, seed)
-        file = record_episode(player.env, player.policy, name, seed, task, policy_seed=own)
-        shortest = optimal_steps(player.env, task)
-    finally:
-        player.close()
+    file, shortest = played(options, task_of(options))
     save_episode(file, options.out)
     print(f"{options.out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")
     return 0
 
 
-def replay(path: Path) -> int:
+def replay(options: argparse.Namespace) -> int:
     """Play an episode file again; return 0 if every state is the same, else 1."""
+    path = options.file
     file = load_episode(path)
     if file.library != chmarl_pb.__version__:
         print(f"{path}: saved by version {file.library}, replayed by {chmarl_pb.__version__}", file=sys.stderr)
     difference = replay_episode(file)
+    facts = {"file": str(path), "same": difference is None, "success": file.success, "steps": len(file.actions)}
+    tell(options, lambda: facts, lambda: None)
     if difference is not None:
         print(f"{path}: {difference}", file=sys.stderr)
         return 1
     ending = "success" if file.success else "failure"
-    print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
+    if options.json != STDOUT:
+        print(f"{path}: all {len(file.states)} states are the same; {ending} after {len(file.actions)} steps")
     return 0
 
 
-def write_page(path: Path, out: Path) -> int:
+def page(options: argparse.Namespace) -> int:
     """Write the replay page of an episode file; return the exit code."""
     check("chmarl-pb episode page", "viewer", "viser")
+    return write_page(load_episode(options.file), options.out)
+
+
+def write_page(file: EpisodeFile, out: Path) -> int:
+    """Write the replay page of an episode; return the exit code."""
     from chmarl_pb.viewer.live.replay_page import replay_page
 
-    write_atomically(out, replay_page(record_file(load_episode(path))))
+    write_atomically(out, replay_page(record_file(file)))
     print(out)
     return 0

@@ -1,6 +1,7 @@
 """``chmarl-pb evaluate``: a progress bar, a table, a result file."""
 
 import argparse
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -13,9 +14,11 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_robots,
     add_rules,
+    given_of,
     output_file,
     rules_of,
 )
+from chmarl_pb.cli.output import STDOUT, add_json, say, tell
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
@@ -26,7 +29,7 @@ from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
-from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -36,7 +39,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run_evaluation)
     parser.add_argument(
-        "--policy", required=True, metavar="P", help=f"{', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
+        "--policy",
+        required=True,
+        metavar="P",
+        help=f"{', '.join(BUILT_IN)}, published weights, module:callable, or a checkpoint's path",
     )
     add_rules(parser, OF_TRACK, "that of the checkpoint, whose rules hold where no option says otherwise; else paper")
     add_played(parser)
@@ -48,6 +54,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
+    add_json(parser)
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(
@@ -60,7 +67,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
-    rules = {**find_policy(options.policy).rules, **rules_of(options)}
+    source = find_policy(options.policy)
+    rules = {**source.rules, **rules_of(options), **given_of(options)}
     tasks, track = options.task, rules.get("track", PAPER)
     where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:
@@ -80,14 +88,30 @@ def run_evaluation(options: argparse.Namespace) -> int:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), options.workers,
-            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, goal=options.goal,
-            robots=options.robots, catalog=options.catalog, **rules,
+            tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip
-    print_report(Console(), report)
-    if options.out is not None:
-        print(options.out)
+    beside = "" if options.home is not None or options.task else _published(source, report)
+    tell(options, lambda: report.facts, partial(_show, report, beside))
+    if options.out is not None and options.json != STDOUT:
+        say(options.out)
     return 0
+
+
+def _show(report: Report, beside: str) -> None:
+    """Print a result, and what is published of it."""
+    print_report(Console(), report)
+    if beside:
+        print(beside)
+
+
+def _published(source: Source, report: Report) -> str:
+    """Return what is published of a policy for the tasks that it has played; nothing if that is not known."""
+    split = report.settings["split"]
+    figures = source.weights.published.get(split) if source.weights else None
+    if figures is None:
+        return ""
+    return f"published: {100 * figures['success_rate']:.1f} / {100 * figures['plw']:.1f} (success / PLW on {split})"
 
 
 def progress_bar() -> LateProgress:

@@ -1,13 +1,14 @@
 """``chmarl-pb homes``: list, check, draw, build and generate homes."""
 
 import argparse
-import json
 import sys
+from functools import partial
+from typing import Any
 
 from chmarl_pb.catalog import room_of
 from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, verbs
 from chmarl_pb.cli.authoring import add_authoring
-from chmarl_pb.files import write_atomically
+from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.homes.home import home_names, home_path, load_home
 from chmarl_pb.homes.layout import STYLES
 from chmarl_pb.navigation.check import HomeReport
@@ -18,12 +19,16 @@ from chmarl_pb.tasks.verdict import judge
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
-    add_verb(all_verbs, "list", "list the homes that come with the package").set_defaults(run=_list)
-    check = add_verb(all_verbs, "check", "check that a home can be played")
+    listing = add_verb(all_verbs, "list", "list the homes that come with the package", "chmarl-pb homes list")
+    listing.set_defaults(run=_list)
+    add_json(listing)
+    check = add_verb(
+        all_verbs, "check", "check that a home can be played", "chmarl-pb homes check cabin.urdf --preview cabin.png"
+    )
     check.set_defaults(run=_check)
-    check.add_argument("--json", metavar="FILE", help="write the report as JSON; - for the standard output")
+    add_json(check)
     check.add_argument("--preview", type=output_file, metavar="PNG", help="draw the home with its problems marked")
-    draw = add_verb(all_verbs, "preview", "draw a home from above")
+    draw = add_verb(all_verbs, "preview", "draw a home from above", "chmarl-pb homes preview home_1 --out home_1.png")
     draw.set_defaults(run=_preview)
     for verb in (check, draw):
         verb.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
@@ -34,30 +39,34 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _list(options: argparse.Namespace) -> int:
     """Print the packaged homes."""
-    for name in home_names():
-        home = load_home(name)
-        area = sum(room.area for room in home.rooms.values())
-        classes = {thing.class_name for thing in home.receptacles.values()}
-        print(f"{name}  {area:5.1f} m2  {len(home.things)} things, {len(classes)} receptacle classes  {home.path}")
-    print(f"layouts to begin with (homes new --style): {', '.join(STYLES)}")
+    rows = list(map(_facts, home_names()))
+    tell(options, lambda: rows, partial(_print_homes, rows))
     return 0
+
+
+def _facts(name: str) -> dict[str, Any]:
+    home = load_home(name)
+    area = round(float(sum(room.area for room in home.rooms.values())), 1)
+    classes = {thing.class_name for thing in home.receptacles.values()}
+    path = str(home.path)
+    return {"name": name, "area": area, "things": len(home.things), "receptacle_classes": len(classes), "file": path}
+
+
+def _print_homes(rows: list[dict[str, Any]]) -> None:
+    for row in rows:
+        inside = f"{row['things']} things, {row['receptacle_classes']} receptacle classes"
+        print(f"{row['name']}  {row['area']:5.1f} m2  {inside}  {row['file']}")
+    say(f"layouts to begin with (homes new --style): {', '.join(STYLES)}")
 
 
 def _check(options: argparse.Namespace) -> int:
     """Print all that was found in a home; return 1 if it cannot be played."""
     report = judge(options.file, known=catalog_of(options.catalog))
-    if options.json:
-        text = json.dumps(report.as_dict(), indent=2, ensure_ascii=False)
-        if options.json == "-":
-            print(text)
-        else:
-            write_atomically(output_file(options.json), text + "\n")
     if options.preview and report.home is not None:
         preview(report.home, options.preview, marks=report.problems)
     elif options.preview:
         print(f"{report.path}: no picture, for there are no floors to draw", file=sys.stderr)
-    if options.json != "-":
-        _tell(report, bool(options.preview))
+    tell(options, report.as_dict, lambda: _tell(report, bool(options.preview)))
     return 1 if report.errors else 0
 
 

@@ -4,7 +4,9 @@ import argparse
 import socket
 import threading
 import webbrowser
+from collections.abc import Sequence
 from ipaddress import ip_address
+from typing import TYPE_CHECKING
 
 from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_track
 from chmarl_pb.envs.options import SENSORS, SYMBOLS
@@ -12,15 +14,16 @@ from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.extras import check
 from chmarl_pb.policies.sources import find_policy
 
+if TYPE_CHECKING:
+    from chmarl_pb.viewer.live.choice import Choice
+
 _POLICIES = ("search", "belief", "planner", "random")
 _PORT = 8017
-_EXAMPLE = "example: chmarl-pb play --task test-unseen-007 --policy runs/qmix/best.pt"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=_run)
-    parser.epilog = _EXAMPLE
     parser.add_argument("--task", metavar="ID", help="task to begin with, e.g. test-unseen-007 (default: a good one)")
     add_home(parser, "a task is drawn for it")
     add_track(parser)
@@ -44,6 +47,11 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", action="append", default=[], metavar="P",
         help=f"offer this one, too: a name, a checkpoint or module:callable; beside {', '.join(_POLICIES)}",
     )  # fmt: skip
+    add_page(parser)
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say where a page is served."""
     parser.add_argument(
         "--port",
         type=int,
@@ -63,21 +71,35 @@ def _run(options: argparse.Namespace) -> int:
     """Serve the page until the process is interrupted."""
     check("chmarl-pb play", "viewer", "viser")
     from chmarl_pb.viewer.live.choice import Choice
-    from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
-    from chmarl_pb.viewer.live.session import Session
 
-    policies = tuple(dict.fromkeys((*_POLICIES, *options.policy)))
     for policy in options.policy:
         find_policy(policy)
     choice = Choice(
         options.task, options.home, 0, options.track, options.messages, options.max_steps, options.observation,
         options.robots, options.catalog,
     )  # fmt: skip
+    return serve(choice, options.policy, options)
+
+
+def serve(choice: "Choice", policies: Sequence[str], options: argparse.Namespace, driver: str | None = None) -> int:
+    """Serve the page until the process is interrupted.
+
+    Args:
+        choice: what the first episode is begun with.
+        policies: that are on offer beside the usual ones.
+        options: with ``host``, ``port`` and ``no_open``.
+        driver: policy that drives all robots from the start; None: people do.
+    """
+    from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
+    from chmarl_pb.viewer.live.session import Session
+
     gate = Gate()
     server = guarded_server(gate, options.host, options.port)
     try:
-        session = Session(server, choice, policies)
+        session = Session(server, choice, tuple(dict.fromkeys((*_POLICIES, *policies))))
         try:
+            if driver is not None:
+                session.watch(driver)
             _announce(f"http://{_reachable(options.host)}:{server.get_port()}/?token={gate.token}", options)
             threading.Event().wait()
         finally:

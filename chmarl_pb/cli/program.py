@@ -3,30 +3,60 @@
 import argparse
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from contextlib import nullcontext
 from importlib import import_module
 
 from chmarl_pb import __version__
+from chmarl_pb.cli.arguments import add_verb
 from chmarl_pb.errors import ChmarlError, MissingExtraError
+from chmarl_pb.progress import silence
 from chmarl_pb.signals import Interrupted, handled
 
-#: Command -> what it does. Its module, of the same name in this package, is imported when it is asked for: ``add`` puts
-#: its options into a parser, with the function that runs it as the default of ``run``.
+#: Command -> what it does, and an example; those without one have verbs with examples. Its module, of the same name in
+#: this package, is imported when it is asked for: ``add`` puts its options into a parser, with the function that runs
+#: it as the default of ``run``.
 COMMANDS = {
-    "demo": "let the planner solve a task, as a video and a page",
-    "play": "drive the robots in the browser, or hand them to policies",
-    "homes": "list, check, draw, build and generate homes",
-    "things": "import, list and check own objects and furniture",
-    "tasks": "make the benchmark's task files",
-    "dataset": "make, verify and describe data sets of planner trajectories",
-    "evaluate": "play all tasks of a split with a policy and print its metrics",
-    "audit": "measure how much of the score needs neither eyes nor words nor the partner",
-    "baselines": "evaluate the built-in policies on all splits and print the tables",
-    "report": "gather results into one web page, beside the paper's",
-    "episode": "save, replay and show single episodes",
-    "bench": "measure the speed on this machine",
-    "doctor": "show versions and caches, and test whether this machine gives the known results",
-    "cache": "show, clear or fill the pictures of homes that are kept on disk",
+    "demo": ("let the planner solve a task, as a video and a page", "chmarl-pb demo --task test-unseen-007"),
+    "play": (
+        "drive the robots in the browser, or hand them to policies",
+        "chmarl-pb play --task test-unseen-007 --policy runs/qmix/best.pt",
+    ),
+    "watch": (
+        "let a policy play a task and show it as a video, as a page or in the browser",
+        "chmarl-pb watch search --task test-unseen-007",
+    ),
+    "homes": ("list, check, draw, build and generate homes", ""),
+    "things": ("import, list and check own objects and furniture", ""),
+    "tasks": ("make the benchmark's task files", ""),
+    "dataset": ("make, verify and describe data sets of planner trajectories", ""),
+    "evaluate": (
+        "play all tasks of a split with a policy and print its metrics",
+        "chmarl-pb evaluate --policy search --split val-unseen --out search.json",
+    ),
+    "audit": (
+        "measure how much of the score needs neither eyes nor words nor the partner",
+        "chmarl-pb audit --track grounded --split generated-val --seeds 1",
+    ),
+    "baselines": (
+        "evaluate the built-in policies on all splits and print the tables",
+        "chmarl-pb baselines --policy search --policy belief --split val-unseen",
+    ),
+    "report": (
+        "gather results into one web page, beside the paper's",
+        "chmarl-pb report out/baselines search.json --out report.html",
+    ),
+    "episode": ("save, replay and show single episodes", ""),
+    "bench": ("measure the speed on this machine", "chmarl-pb bench --only pointing --json bench.json"),
+    "doctor": (
+        "show versions and caches, and test whether this machine gives the known results",
+        "chmarl-pb doctor --against digests_of_another_machine.json",
+    ),
+    "completion": ("print a script that completes commands and options in a shell", "chmarl-pb completion bash"),
+    "cache": (
+        "show, clear or fill the pictures of homes that are kept on disk",
+        "chmarl-pb cache --fill home_6 home_7 --workers 2",
+    ),
 }
 
 #: Learners have commands of their own; their modules have a ``main``. They need the extra ``train``.
@@ -42,8 +72,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given and given[0] in LEARNERS:
         return _learn(given[0], given[1:])
     try:
-        options = _parser(given).parse_args(given)
-        with handled():
+        options = parser_of(given).parse_args(given)
+        quiet = options.quiet or getattr(options, "json", None) == "-"
+        with handled(), silence() if quiet else nullcontext():
             code = int(options.run(options))
             sys.stdout.flush()
         return code
@@ -67,7 +98,9 @@ def _failed(message: str, code: int) -> int:
 
 
 def _learn(command: str, arguments: Sequence[str]) -> int:
-    if "torch" not in sys.modules:  # which takes seconds, on a busy machine or from a cold disk many
+    if (
+        "torch" not in sys.modules and "--quiet" not in arguments
+    ):  # which takes seconds, on a busy machine or from a cold disk many
         print(f"chmarl-pb {command}: loading PyTorch", file=sys.stderr, flush=True)
     try:
         return int(import_module(f"chmarl_pb.cli.{command}").main(arguments))
@@ -75,13 +108,13 @@ def _learn(command: str, arguments: Sequence[str]) -> int:
         return _failed(str(error), 2)
 
 
-def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """Return a parser that knows the options of the command that is given."""
+def parser_of(given: Collection[str]) -> argparse.ArgumentParser:
+    """Return a parser that knows the options of the commands that are given."""
     parser = argparse.ArgumentParser(prog="chmarl-pb", description="Cooperative robots in homes, on PyBullet.")
     parser.add_argument("--version", action="version", version=__version__)
     parsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, text in COMMANDS.items():
-        command = parsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    for name, (text, example) in COMMANDS.items():
+        command = add_verb(parsers, name, text, example)
         if name in given:
             import_module(f"chmarl_pb.cli.{name}").add(command)
     for name, text in LEARNERS.items():

@@ -23,6 +23,11 @@ with needs("chmarl-pb sb3", "train"):
     import tyro
 
 
+ABOUT = f"""{__doc__.split("``: ")[1].strip()}
+
+example: chmarl-pb sb3 --algo ppo --observation scene_graph --humanoid-only --seed 0"""
+
+
 @dataclass(frozen=True)
 class Command:
     """A training that was asked for.
@@ -35,6 +40,7 @@ class Command:
         workers: processes; None: one for each core.
         device: of torch, e.g. cuda.
         out: folder of the run; None: out/sb3/NAME, after its settings.
+        quiet: no progress bars, no notes.
     """
 
     config: Annotated[Config, tyro.conf.arg(name="")]
@@ -44,6 +50,7 @@ class Command:
     workers: int | None = None
     device: str = "cpu"
     out: Path | None = None
+    quiet: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
@@ -60,11 +67,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str]) -> int:
-    config, folder, workers, device = parse(arguments)
+    config, folder, workers, device, quiet = parse(arguments)
     if config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys:
         config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
     config = replace(config, catalog_sha256=Options(catalog=config.catalog).things.content)
-    run(config, folder, workers, quiet=False, device=device)
+    run(config, folder, workers, quiet=quiet, device=device)
+    if quiet:
+        return 0
     best = json.loads((folder / RESULT).read_text())["best"]
     print(
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
@@ -79,11 +88,11 @@ def _main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str]:
-    """Return the settings that a command names, the folder of the run, the number of processes, and the device."""
-    command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=__doc__.split("``: ")[1])
+def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str, bool]:
+    """Return the settings that a command names, the run's folder, the processes, the device, and if it is quiet."""
+    command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=ABOUT)
     config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
-    return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device
+    return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device, command.quiet
 
 
 def _env_id(observation: str | None, humanoid_only: bool) -> str:

@@ -1,10 +1,13 @@
 """``chmarl-pb things``: import, list and check own objects and furniture."""
 
 import argparse
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
 from chmarl_pb.cli.arguments import add_verb, output_file, verbs
+from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.homes.catalog_file import KEYS, load_catalog
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
 from chmarl_pb.homes.things import Thing
@@ -16,7 +19,12 @@ _CATALOG = Path("my_things.toml")
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the verbs to a parser."""
     all_verbs = verbs(parser)
-    adding = add_verb(all_verbs, "add", "import a URDF or a mesh (OBJ, STL, DAE) as a class of things")
+    adding = add_verb(
+        all_verbs,
+        "add",
+        "import a URDF or a mesh (OBJ, STL, DAE) as a class of things",
+        "chmarl-pb things add duck.stl --class rubber_duck --scale 0.001 --names 'rubber duck' 'yellow duck'",
+    )
     adding.set_defaults(run=_add)
     adding.add_argument("file", type=Path, metavar="FILE", help="URDF or mesh")
     adding.add_argument("--class", dest="name", required=True, metavar="NAME", help="name of the class, as rubber_duck")
@@ -31,9 +39,17 @@ def add(parser: argparse.ArgumentParser) -> None:
     ):
         adding.add_argument(option, nargs="+", default=[], metavar="WORDS", help=text)
     adding.add_argument("--out", type=output_file, metavar="PNG", help="draw it, too")
-    listing = add_verb(all_verbs, "list", "list all classes, the benchmark's and own ones")
+    listing = add_verb(
+        all_verbs,
+        "list",
+        "list all classes, the benchmark's and own ones",
+        "chmarl-pb things list --catalog my_things.toml",
+    )
     listing.set_defaults(run=_list)
-    checking = add_verb(all_verbs, "check", "check a catalogue file and all that it names")
+    add_json(listing)
+    checking = add_verb(
+        all_verbs, "check", "check a catalogue file and all that it names", "chmarl-pb things check my_things.toml"
+    )
     checking.set_defaults(run=_check)
     checking.add_argument("catalog", type=Path, metavar="TOML", help="catalogue file")
     adding.add_argument(
@@ -74,9 +90,17 @@ def _sheet(catalog: Catalog, row: ThingClass, thing: Thing) -> list[tuple[str, s
 def _list(options: argparse.Namespace) -> int:
     """Print all classes."""
     catalog = BENCHMARK if options.catalog is None else load_catalog(options.catalog)
-    for row in catalog.rows:
-        print(f"{catalog.class_ids[row.name]:4} {row.kind:10} {row.name:18} {', '.join(row.synonyms)}")
+    rows = [
+        {"id": catalog.class_ids[row.name], "kind": row.kind, "name": row.name, "synonyms": list(row.synonyms)}
+        for row in catalog.rows
+    ]
+    tell(options, lambda: rows, partial(_print_classes, rows))
     return 0
+
+
+def _print_classes(rows: list[dict[str, Any]]) -> None:
+    for row in rows:
+        print(f"{row['id']:4} {row['kind']:10} {row['name']:18} {', '.join(row['synonyms'])}")
 
 
 def _check(options: argparse.Namespace) -> int:

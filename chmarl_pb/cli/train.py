@@ -29,6 +29,10 @@ from chmarl_pb.tasks.splits import STREAM
 with needs("chmarl-pb train", "train"):
     import tyro
 
+ABOUT = f"""{__doc__.split("``: ")[1].strip()}
+
+example: chmarl-pb train --algo qmix --observation scene_graph --messages --seed 0"""
+
 IMITATION = "imitation"  # folder of the first training of dagger-mappo in that of the run
 
 Fixed = tyro.conf.Suppress[tyro.conf.Fixed[str]]  # known before the arguments are read
@@ -82,11 +86,13 @@ class Place:
         out: folder of the run; None: out/train/NAME, after its settings.
         threads: of torch.
         device: of torch, e.g. cuda.
+        quiet: no progress bars, no notes.
     """
 
     out: Path | None = None
     threads: int = count(1)
     device: str = "cpu"
+    quiet: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits."""
@@ -161,7 +167,7 @@ class Clone:
         """Train in a folder."""
         from chmarl_pb.learning.algorithms.bc import clone  # needs the extra data
 
-        clone(self.config, folder, self.data, False, self.place.threads, self.place.device)
+        clone(self.config, folder, self.data, self.place.quiet, self.place.threads, self.place.device)
 
 
 Command = Play | Clone
@@ -183,6 +189,8 @@ def _run(arguments: Sequence[str]) -> int:
     command = parse(arguments)
     folder = command.place.out or Path("out/train") / name_of(command)
     command.run(folder)
+    if command.place.quiet:
+        return 0
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
     robots = f" --robots {command.setting.robots}" if listed(command.setting.robots) != TEAM else ""
     catalog = getattr(command.setting, "catalog", None)
@@ -206,7 +214,7 @@ def parse(arguments: Sequence[str]) -> Command:
     kinds: Any = Union[tuple(commands)]  # noqa: UP007
     words = _algorithm_first(arguments)
     rules, words = _rules_first(words)
-    found: Command = tyro.cli(kinds, args=words, prog="chmarl-pb train --algo", description=__doc__.split("``: ")[1])
+    found: Command = tyro.cli(kinds, args=words, prog="chmarl-pb train --algo", description=ABOUT)
     return replace(found, env=replace(found.env, rules=rules)) if isinstance(found, Play) else found
 
 
@@ -250,7 +258,7 @@ def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Pat
     )  # fmt: skip
     imitated = partial(make_expert, config.expert) if isinstance(config, DAggerConfig) else None
     validate = _validation(env)
-    train(env_fn, algorithm, config, folder, validate, setting, False, imitated, place.threads, place.device)
+    train(env_fn, algorithm, config, folder, validate, setting, place.quiet, imitated, place.threads, place.device)
 
 
 def _validation(env: Env) -> Validate:

@@ -123,7 +123,7 @@ class JointEnv(gymnasium.Env):
         return {name: numbers[index] for index, name in enumerate(self._robots)}
 
     def render(self) -> np.ndarray | None:
-        """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""
+        """Return or show a frame; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 
     def close(self) -> None:
@@ -214,7 +214,7 @@ class HumanoidEnv(gymnasium.Env):
         )
 
     def render(self) -> np.ndarray | None:
-        """Return or show the robots' pictures; see :meth:`HouseholdEnv.render`."""
+        """Return or show a frame; see :meth:`HouseholdEnv.render`."""
         return self.parallel.render()
 
     def close(self) -> None:

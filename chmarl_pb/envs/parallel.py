@@ -2,16 +2,17 @@
 
 import warnings
 from functools import partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
+from chmarl_pb.envs.last_step import LastStep
 from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.options import Observed, Options, checked_seed
 from chmarl_pb.envs.state import global_state, state_size
-from chmarl_pb.envs.window import close_window, open_display, show, side_by_side
+from chmarl_pb.envs.window import close_window, open_display, show
 from chmarl_pb.envs.words import action_space, parted
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
@@ -30,6 +31,9 @@ from chmarl_pb.tasks.symbols import Talk
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.tasks.verdict import require_playable
 from chmarl_pb.world import World
+
+if TYPE_CHECKING:
+    from chmarl_pb.frames.drawer import FrameDrawer
 
 Results = tuple[
     dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
@@ -118,6 +122,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.collisions = 0
         self.steps = 0
         self.said: dict[str, int] = {}
+        self._drawer: FrameDrawer | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew from the options: with physics of their own, and not reset."""
@@ -176,6 +181,9 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.said = {}
         if self._adviser:
             self._adviser.begin(self.simulation, self.setting.task, self.setting.goals)
+        self._last, self._drawer = LastStep({}, {}, {}, 0.0), None
+        if self.render_mode == "human":
+            self.render()
         return self._observe({}, dict.fromkeys(self._models, True))
 
     def step(self, actions: dict[str, Any]) -> Results:
@@ -209,6 +217,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         truncated = not terminated and self.steps >= self.options.max_steps
         if terminated or truncated:
             self.agents = []
+        self._last = LastStep(names, succeeded, feedback, shared_reward)
         if self.render_mode == "human":
             self.render()
         observations, infos = self._observe(feedback, succeeded)
@@ -266,12 +275,24 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return global_state(self.simulation, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:
-        """Return the robots' pictures side by side (H, robots * H, 3); with "human", show them in a window."""
+        """Return a frame of the demo's film, (720, 1280, 3) uint8; with "human", show it in a window.
+
+        It has the views of the first two robots, the map with all of them, what they did, see and are told, the
+        messages and the potential. Nothing of it is worked out before it is asked for.
+
+        Raises:
+            OptionError: the environment was made without a render mode.
+            NotResetError: there is no episode yet.
+        """
         if self.render_mode is None:
             raise OptionError("render() needs render_mode='rgb_array' or 'human'; give it when making the environment")
         if not hasattr(self, "outcome"):
             raise NotResetError("render() before reset(); call reset() first")
-        picture = side_by_side(self.simulation.renderer, self._models, max(self.options.image_size, 256))
+        from chmarl_pb.envs.frame import drawer_of, now_of  # not before: it takes fonts and a library for pictures
+
+        if self._drawer is None:
+            self._drawer = drawer_of(self)
+        picture = self._drawer.draw(now_of(self, self._last))
         if self.render_mode == "rgb_array":
             return picture
         show(picture, self.instruction)

@@ -1,38 +1,25 @@
-"""Show what the robots see: as one picture, or in a window."""
+"""The window of ``render_mode="human"``."""
 
 import os
 import sys
-from collections.abc import Iterable
 from typing import Any
 
-import cv2
 import numpy as np
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.extras import needs
-from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.world import quiet
 
 _NO_DISPLAY = (
-    "render_mode='human' found no display to open a window on; use render_mode='rgb_array', or set the environment "
-    "variable SDL_VIDEODRIVER=dummy for a window that nobody sees, as for gymnasium's check_env"
+    "render_mode='human' found no display to open a window on; use render_mode='rgb_array', watch in a browser by "
+    "`chmarl-pb play`, or set the environment variable SDL_VIDEODRIVER=dummy for a window that nobody sees, as for "
+    "gymnasium's check_env"
 )
 _WITHOUT_WINDOWS = ("offscreen", "dummy", "evdev")  # what SDL takes where there is no display
 # Where SDL shows even plain pictures by OpenGL, unless told otherwise. OpenGL in software loads an LLVM, and PyTorch's
 # Triton, which loads another with the first optimiser, then ends the process.
 _BY_OPENGL = ("x11", "offscreen")
 _windows: list[Any] = []  # the surface of the one window that this process has opened, if it has
-
-
-def side_by_side(renderer: Renderer, robots: Iterable[str], size: int) -> np.ndarray:
-    """Return the pictures of robots next to each other, (size, robots * size, 3) uint8."""
-    pictures = []
-    for label in robots:
-        picture = renderer.image(label, size)
-        cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 3, cv2.LINE_AA)
-        cv2.putText(picture, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
-        pictures.append(picture)
-    return np.concatenate(pictures, axis=1)
 
 
 def open_display() -> Any:

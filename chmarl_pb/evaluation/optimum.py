@@ -1,32 +1,9 @@
 """L*: the fewest joint steps in which the robots of an environment can solve a task."""
 
-from dataclasses import dataclass
-
+from chmarl_pb.envs.optimum import tasks_say_optimum as tasks_say_optimum
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.tasks.task import Optimum as Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """L* of a task.
-
-    Attributes:
-        steps: joint steps.
-        proven: whether no plan takes fewer; if not, they are an upper bound.
-    """
-
-    steps: int
-    proven: bool = True
-
-
-def tasks_say_optimum(env: HouseholdEnv) -> bool:
-    """Return whether robots and rules are the benchmark's, for which tasks say their L*."""
-    return (
-        env.simulation.pointer is None
-        and not env.options.lookalikes
-        and list(env.simulation.models.items()) == list(team_of(TEAM).items())
-    )
 
 
 def optimum(env: HouseholdEnv) -> Optimum:

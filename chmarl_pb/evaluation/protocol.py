@@ -40,7 +40,7 @@ Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
 def evaluate(
     policy: str | Factory | Policy,
     split: str = OF_TRACK,
-    observation: str = "scene_graph",
+    observation: str | None = None,
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
     tasks: Sequence[AnyTask | str] | None = None,
@@ -59,11 +59,11 @@ def evaluate(
     (1.0, 1.0)
 
     Args:
-        policy: a built-in name, ``module:callable`` (callable(env) -> Policy), a checkpoint's path, such a callable,
-            or a policy; see :func:`chmarl_pb.policies.sources.find_policy`.
+        policy: a built-in name or that of published weights, ``module:callable`` (callable(env) -> Policy), a
+            checkpoint's path, such a callable, or a policy; see :func:`chmarl_pb.policies.sources.find_policy`.
         split: all its tasks are played; of "train", the first 250. If none is given, it is "test-unseen", in the
             grounded track "generated-test".
-        observation: see ``options``.
+        observation: see ``options``; None: that of published weights, else "scene_graph".
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.
         tasks: tasks or their ids, instead of the split's.
@@ -89,6 +89,7 @@ def evaluate(
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
     source = find_policy(policy)
+    observation = observation or source.observation or "scene_graph"
     options = {**source.rules, **{name: value for name, value in options.items() if value is not OF_TRACK}}
     split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)

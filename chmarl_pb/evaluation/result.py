@@ -136,10 +136,11 @@ class Report:
         """Path-length-weighted score, 0 to 1."""
         return self.summary.plw.mean or 0.0
 
-    def save(self, path: Path) -> None:
-        """Write the result as JSON, whole or not at all."""
+    @property
+    def facts(self) -> dict[str, Any]:
+        """All of it but the episodes, as plain data."""
         groups = {kind: _plain(summaries) for kind, summaries in self.per_class.items()}
-        head = {
+        return {
             "format": FORMAT,
             "sha256": _digest(self),
             "settings": self.settings,
@@ -151,7 +152,10 @@ class Report:
             "per_home": _plain(self.per_home),
             "per_class": groups,
         }
-        text = json.dumps(head, indent=1)[: -len("\n}")]
+
+    def save(self, path: Path) -> None:
+        """Write the result as JSON, whole or not at all."""
+        text = json.dumps(self.facts, indent=1)[: -len("\n}")]
         rows = ",\n".join(_json(episode_row(episode)) for episode in self.episodes)
         write_atomically(path, f'{text},\n "episodes": [\n{rows}\n]}}\n')
 

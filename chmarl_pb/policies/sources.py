@@ -1,11 +1,11 @@
-"""Where policies come from: built in, ``module:callable``, a checkpoint, or a factory."""
+"""Where policies come from: built in, published weights, ``module:callable``, a checkpoint, or a factory."""
 
 import importlib
 import inspect
 import sys
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -16,6 +16,7 @@ from chmarl_pb.files import file_hash
 from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
+from chmarl_pb.policies.weights import Weights, checked_file, published, published_names
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
 #: "module:callable" which takes the path and returns a Factory.
@@ -42,6 +43,8 @@ class Source:
         centralized: whether one object drives all robots.
         needs_graphs: whether it is, too, where observations hold no scene graph.
         rules: options of the environment that it was trained with, where they are not the paper's.
+        observation: what it observes, if that is known.
+        weights: what is published of it.
     """
 
     name: str
@@ -52,6 +55,17 @@ class Source:
     centralized: bool = False
     needs_graphs: bool = False
     rules: Mapping[str, Any] = field(default_factory=dict)
+    observation: str | None = None
+    weights: Weights | None = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of an environment that it can drive."""
+        return {**self.rules, **({"observation": self.observation} if self.observation else {})}
+
+    def __call__(self, env: Any) -> Policy:
+        """Return the policy that drives an environment."""
+        return self.make(env)
 
 
 def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
@@ -64,11 +78,35 @@ def register_loader(ending: str, load: Callable[[Path], Factory]) -> None:
     _LOADERS[ending] = load
 
 
+def load_policy(name: str | Path) -> Source:
+    """Return a policy that is there already, to watch or evaluate it: nothing is trained.
+
+    >>> search = chmarl_pb.load_policy("search")
+    >>> env = chmarl_pb.parallel_env(split="val-unseen", **search.options)
+    >>> chmarl_pb.rollout(env, search(env), seed=10).success
+    True
+    >>> env.close()
+
+    Args:
+        name: of published weights or of a built-in policy, a checkpoint's path, or ``module:callable``; as
+            ``chmarl-pb evaluate --policy`` takes it.
+
+    Returns:
+        What makes the policy for an environment; ``options`` are those of an environment that it can drive.
+
+    Raises:
+        OptionError: there is no such policy, or its file is not the published one.
+        CheckpointError: the checkpoint cannot be read.
+    """
+    return find_policy(str(name))
+
+
 def find_policy(policy: str | Factory | Policy) -> Source:
     """Return the policy that is meant.
 
     Args:
-        policy: a built-in name, perhaps with eyes (``search@detector``, see :mod:`chmarl_pb.policies.eyes`),
+        policy: a built-in name, perhaps with eyes (``search@detector``, see :mod:`chmarl_pb.policies.eyes`), that of
+            published weights,
             ``module:callable`` (the callable takes the environment and returns a ``Policy``), the path of a
             checkpoint, such a callable itself, or a ``Policy`` that drives whatever environment it is given. With the
             attribute ``deterministic = True`` it is played once for each task; for ``privileged`` and ``centralized``
@@ -77,6 +115,8 @@ def find_policy(policy: str | Factory | Policy) -> Source:
     Raises:
         OptionError: there is no such policy, or it cannot be loaded.
     """
+    if isinstance(policy, Source):
+        return policy
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
         return Source(name_of(policy), make, *_declared(policy, defined_in(policy)))
@@ -84,6 +124,9 @@ def find_policy(policy: str | Factory | Policy) -> Source:
         make = partial(make_policy, policy)
         privileged, needs_graphs = policy in PRIVILEGED, policy in SEEING
         return Source(policy, make, policy in DETERMINISTIC, None, privileged, needs_graphs=needs_graphs)
+    if (row := published(policy)) is not None:
+        found = _checkpoint(checked_file(row))
+        return replace(found, name=policy, rules={**found.rules, **row.rules}, observation=row.observation, weights=row)
     path = Path(policy)
     if path.exists():
         return _checkpoint(path)
@@ -95,7 +138,8 @@ def find_policy(policy: str | Factory | Policy) -> Source:
         raise OptionError(f"{policy}: no such file; name a checkpoint that is there")
     if not colon:
         raise OptionError(
-            f"unknown policy {policy!r}; use one of: {', '.join(BUILT_IN)}, module:callable, or a checkpoint's path"
+            f"unknown policy {policy!r}; use one of: {', '.join((*BUILT_IN, *published_names()))}, module:callable, or "
+            "a checkpoint's path"
         )
     factory = imported(policy, "policy")
     return Source(policy, factory, *_declared(factory, defined_in(factory)))

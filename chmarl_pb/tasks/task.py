@@ -66,3 +66,16 @@ class Task:
     def moves(self) -> tuple["Task", ...]:
         """What is to be brought where: this alone; a task of tidying up has several moves."""
         return (self,)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """L* of a task.
+
+    Attributes:
+        steps: joint steps.
+        proven: whether no plan takes fewer; if not, they are an upper bound.
+    """
+
+    steps: int
+    proven: bool = True

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from chmarl_pb.viewer.motion_player import Scene
-from chmarl_pb.viewer.record import Recording
+from chmarl_pb.frames.motion_player import Scene
+from chmarl_pb.frames.recording import Recording
 
 FRAME_RATE = 30  # frames a second, as the snapshots come
 SPEED = 2  # how much faster than life motions are shown

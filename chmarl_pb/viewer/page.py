@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.files import replacing
+from chmarl_pb.frames import wording
+from chmarl_pb.frames.canvas import ITEM, ROBOTS, TARGET, Colour
+from chmarl_pb.frames.recording import Moment, Recording
 from chmarl_pb.rendering.plan_view import draw_plan
-from chmarl_pb.viewer import wording
-from chmarl_pb.viewer.canvas import ITEM, ROBOTS, TARGET, Colour
 from chmarl_pb.viewer.page_figures import curve, plan_overlay
-from chmarl_pb.viewer.record import Moment, Recording
 
 Image = NDArray[np.uint8]
 

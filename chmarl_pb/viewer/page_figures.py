@@ -1,8 +1,8 @@
 """The drawings of the web page as inline SVG: what lies over the map, and the curve of the potential."""
 
+from chmarl_pb.frames.plan_map import Point, field_of_view, robot_mark
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.rendering.plan_view import PlanView
-from chmarl_pb.viewer.plan_map import Point, field_of_view, robot_mark
-from chmarl_pb.viewer.record import Recording
 
 _BADGE = 19  # pixels of the plan
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 1100, 170, 40, 14, 14, 32  # of the curve, its margins included

@@ -4,25 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, rollout
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.episode_file import EpisodeFile
-from chmarl_pb.evaluation.optimum import Optimum, optimum
+from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.provenance import home_hash
-from chmarl_pb.homes.home import Home, load_home
+from chmarl_pb.frames.motion_player import Scene, scene_during, scene_of
+from chmarl_pb.frames.recording import Moment, Recording, board_of
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.policies.policy import Infos, Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
-from chmarl_pb.rendering.movables import Team, team_in
-from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.sensing.scene_graph import SceneGraph
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.viewer.motion_player import Scene, scene_during, scene_of
 
 _LENGTHS = range(6, 10)  # joint steps of an episode that is good to watch
 
@@ -36,86 +34,6 @@ class Noted:
     messages: Messages
     graphs: dict[str, SceneGraph]
     carriers: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Moment:
-    """The state after one step, and the step itself; the first moment is the start, without actions.
-
-    Attributes:
-        actions: robot -> name of its action.
-        succeeded: robot -> whether its action did.
-        reward: shared reward of the step.
-        potential: phi after the step.
-        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen; zeros with another channel.
-        feedback: robot -> what it was told.
-        visible: robot -> names of the things that it sees.
-        motion: scenes of the driven step at 30 Hz.
-        rest: the scene after the step.
-        said: robot -> symbol that it said in the step; empty without own words.
-        graphs: robot -> scene graph of what it sees.
-        carriers: object -> the receptacle that it stands on, or the robot that holds it.
-    """
-
-    actions: dict[str, str]
-    succeeded: dict[str, bool]
-    reward: float
-    potential: float
-    messages: Messages
-    feedback: dict[str, str]
-    visible: dict[str, tuple[str, ...]]
-    motion: tuple[Scene, ...]
-    rest: Scene
-    said: dict[str, int]
-    graphs: dict[str, SceneGraph]
-    carriers: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Recording:
-    """One episode, ready to be shown.
-
-    Attributes:
-        task: the task.
-        home: where it was played.
-        team: the robots.
-        optimum: the fewest steps in which they can solve it.
-        instruction: in plain English.
-        policy: name of the policy that drove the robots.
-        observation: what the policy observed, "visual" or "scene_graph".
-        rooms: rooms that have a message bit, in order.
-        item: name of the object X.
-        targets: names of the receptacles Y.
-        moments: the start and every step.
-        success: whether X stands on Y at the end.
-        collisions: driven motions in which an arm, or what it holds, passes through something.
-        states: thing or object -> its symbolic state.
-    """
-
-    task: Task
-    home: Home
-    team: Team
-    optimum: Optimum
-    instruction: str
-    policy: str
-    observation: str
-    rooms: tuple[str, ...]
-    item: str
-    targets: tuple[str, ...]
-    moments: tuple[Moment, ...]
-    success: bool
-    collisions: int
-    states: dict[str, str]
-
-    @property
-    def steps(self) -> int:
-        """Number of joint steps."""
-        return len(self.moments) - 1
-
-    @property
-    def models(self) -> dict[str, RobotModel]:
-        """Robot -> what is known of its kind."""
-        return {name: model for name, model, _ in self.team}
 
 
 def record(
@@ -196,12 +114,11 @@ def note(env: HouseholdEnv) -> Noted:
     """Return how the last step went: its scenes at 30 Hz, the scene after it, and what holds then."""
     rest = scene_of(env.world)
     motion = tuple(scene_during(snapshot, rest) for snapshot in env.snapshots)
-    board = env.messages if env.messages.shape == (2, len(env.rooms)) else np.zeros((2, len(env.rooms)), np.int8)
     outcome, states = env.outcome, env.setting.states
     graphs = {name: env.simulation.graphs.graph(outcome.state, seen, states) for name, seen in outcome.seen.items()}
     carriers = {item: support.receptacle for item, support in outcome.supports.items()}
     held = {grip.item: name for name, grip in outcome.state.grips.items()}
-    return Noted(motion, rest, board.copy(), graphs, carriers | held)
+    return Noted(motion, rest, board_of(env.messages, env.rooms), graphs, carriers | held)
 
 
 def moment_of(

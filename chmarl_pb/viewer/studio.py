@@ -5,19 +5,13 @@ import pickle
 from collections.abc import Iterator
 from functools import cache, partial
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
+from chmarl_pb.frames.frame import VIEW_SIZE, Image, shrunk
+from chmarl_pb.frames.motion_player import Replay
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.movables import Team
 from chmarl_pb.viewer.film import Shot
-from chmarl_pb.viewer.motion_player import Replay
 
-Image = NDArray[np.uint8]
-
-VIEW_SIZE = 400  # pixels of a finished view
 _FINE, _COARSE = 2, 1  # pixels drawn for each finished one, along a side: at rest, and in motion where it must be quick
 _MOST_WORKERS = 8
 _FEW = 16  # shots that are not worth a second process
@@ -46,11 +40,7 @@ def draw_views(home: Home, team: Team, shots: list[Shot]) -> Iterator[dict[str, 
 def _draw(scene: bytes, shot: Shot) -> dict[str, Image]:
     replay = _replay(scene)
     size = VIEW_SIZE * (_FINE if shot.frames > 1 else _COARSE)
-    return {robot: _shrink(replay.picture(robot, shot.scene, size)) for robot in shot.scene.robots}
-
-
-def _shrink(picture: Image) -> Image:
-    return np.asarray(cv2.resize(picture, (VIEW_SIZE, VIEW_SIZE), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return {robot: shrunk(replay.picture(robot, shot.scene, size)) for robot in shot.scene.robots}
 
 
 @cache

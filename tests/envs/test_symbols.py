@@ -20,11 +20,11 @@ from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.evaluation.episode_file import load_episode, record_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.golden import digest
+from chmarl_pb.frames import wording
 from chmarl_pb.policies.code import REPEATS, RoomCode
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.symbols import Symbols
-from chmarl_pb.viewer import wording
 from chmarl_pb.viewer.record import record_file
 
 ROBOTS = ("humanoid", "drone")

@@ -27,7 +27,7 @@ def test_every_training_is_understood() -> None:
         train.parse(words)
     for words in COMMANDS:
         if words[0] == "chmarl-pb":
-            program._parser(words[1:]).parse_args(words[1:])
+            program.parser_of(words[1:]).parse_args(words[1:])
 
 
 def test_what_a_command_needs_is_made_before_it() -> None:

@@ -120,7 +120,7 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             assert given == (row.observation, row.messages, row.feedback, 3, run.folder)
             assert getattr(rules, "track", PAPER) == row.track
         if row.module == "training.sb3":
-            config, out, workers, _ = parse_sb3(arguments)
+            config, out, workers, _, _ = parse_sb3(arguments)
             assert (config.observation, config.messages, config.feedback, config.seed) == (
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip

@@ -16,15 +16,16 @@ from rich.progress import Progress
 from chmarl_pb.cli.demo import demo, write_files
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError, TaskError
+from chmarl_pb.frames.motion_player import Replay, Scene, scene_during, scene_of
+from chmarl_pb.frames.panel import HEIGHT, WIDTH
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.film import Shot, storyboard
-from chmarl_pb.viewer.motion_player import Replay, Scene, scene_during, scene_of
-from chmarl_pb.viewer.panel import HEIGHT, WIDTH
-from chmarl_pb.viewer.record import Recording, choose_task, record
+from chmarl_pb.viewer.record import choose_task, record
 from chmarl_pb.viewer.table import print_table
 
 
@@ -83,7 +84,7 @@ def test_other_robots_are_shown_too(tmp_path: Path) -> None:
     recording = record(task, "scene_graph", robots=("humanoid", "humanoid", "drone"))
     board = [shot for shot in storyboard(recording) if shot.done]
     write_files(recording, board, tmp_path, Progress(disable=True))
-    assert recording.success and recording.optimum.steps <= recording.steps
+    assert recording.success and recording.optimum and recording.optimum.steps <= recording.steps
     page = (tmp_path / "demo.html").read_text(encoding="utf-8")
     assert page.count("data:image/jpeg") == 3 * (recording.steps + 1)
     for place, name in enumerate(("Humanoid 0", "Humanoid 1", "Drone")):

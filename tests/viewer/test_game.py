@@ -11,10 +11,10 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.play import Player, Setup
+from chmarl_pb.frames.motion_player import Replay
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.viewer.live.game import PERSON, Game
-from chmarl_pb.viewer.motion_player import Replay
 from chmarl_pb.viewer.record import record_file
 
 SHORT = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)

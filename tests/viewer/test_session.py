@@ -47,6 +47,14 @@ def message(session: Any) -> str:
     return str(session._panel._message.content)
 
 
+def test_a_policy_is_watched_from_the_start(session: Any) -> None:
+    session.watch("planner")
+    for _ in range(SHORT.optimal_steps + 2):
+        settle(session)  # every step asks for the next
+    assert f"Solved in {SHORT.optimal_steps} steps" in status(session)
+    assert set(session._game.drivers.values()) == {"planner"}
+
+
 def test_policies_play_on_to_the_end_and_the_file_is_shown_again(session: Any, tmp_path: Path) -> None:
     for robot in ("humanoid", "drone"):
         session.hand_over(robot, "planner")

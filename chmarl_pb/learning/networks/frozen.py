@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, tensors_of
+from chmarl_pb.policies.weights import ENCODER, checked_file, published
 
 IMAGENET = "imagenet"  # name of torchvision's weights
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
@@ -101,13 +102,24 @@ class FrozenEncoder:
 
 
 def weights_file(name: str) -> Path:
-    """Return an encoder's default file of weights: its package's, ``$CHMARL_NAME``, or one in the folder for caches.
+    """Return an encoder's default file of weights.
+
+    It is its package's; or the user's own, see :func:`own_file`; or if there is none, the one that is published.
 
     Raises:
         MissingExtraError: the package is not there.
+        OptionError: the published file was changed.
     """
     if name == efficientnet.NAME:
         return efficientnet.weights_file()
+    own, row = own_file(name), published(name, ENCODER)
+    if row is None or own.exists() or os.environ.get(f"CHMARL_{name.upper()}"):
+        return own
+    return checked_file(row)
+
+
+def own_file(name: str) -> Path:
+    """Return the user's own file of an encoder's weights: the one that ``$CHMARL_NAME`` names, or in the cache."""
     chosen = os.environ.get(f"CHMARL_{name.upper()}")
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Path(chosen).expanduser() if chosen else caches / "chmarl_pb" / f"{name}.pt"
@@ -140,6 +152,8 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     if name not in FROZEN_ENCODERS:
         raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(FROZEN_ENCODERS)}")
     encoder = frozen_encoder(name)
+    if encoder.fingerprint != fingerprint and (row := published(name, ENCODER)) is not None:
+        encoder = frozen_encoder(name, str(checked_file(row)))  # what published policies see by
     if encoder.fingerprint != fingerprint:
         raise CheckpointError(
             f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); "

@@ -1,6 +1,7 @@
 """What is chosen before an episode: task, home, rules, robots."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -33,6 +34,7 @@ class Choice:
         observation: what policies observe.
         robots: the team.
         catalog: catalogue file of own things.
+        rules: more options of the environment.
     """
 
     task: str | None = None
@@ -44,6 +46,7 @@ class Choice:
     observation: str = "scene_graph"
     robots: tuple[Any, ...] = TEAM
     catalog: str | None = None
+    rules: Mapping[str, Any] = field(default_factory=dict)
 
     def begin(self) -> Game:
         """Return a new game.
@@ -56,7 +59,7 @@ class Choice:
         task = self._find()
         env = HouseholdEnv(
             self.observation, home=task.home, track=self.track, messages=self.messages, max_steps=self.max_steps,
-            robots=self.robots, catalog=self.catalog, execution="simulated",
+            robots=self.robots, catalog=self.catalog, execution="simulated", **self.rules,
         )  # fmt: skip
         try:
             return Game(env, task)

@@ -10,13 +10,14 @@ from chmarl_pb.evaluation.episode_file import EpisodeFile, plain_options
 from chmarl_pb.evaluation.play import Setup, episode_seed, policy_seed
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.evaluation.state_hash import state_hash
+from chmarl_pb.frames.recording import Moment
 from chmarl_pb.policies.policy import Infos, Observations, Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.symbols import SILENT
 from chmarl_pb.tasks.task import Task
-from chmarl_pb.viewer.record import Moment, moment_of, note, recording_of
+from chmarl_pb.viewer.record import moment_of, note, recording_of
 
 PERSON = "person"  # who drives a robot that is not handed to a policy
 

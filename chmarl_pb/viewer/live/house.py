@@ -7,14 +7,14 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from chmarl_pb.frames.canvas import ROBOTS
+from chmarl_pb.frames.motion_player import Scene
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.homes.export import gltf_of
 from chmarl_pb.homes.home import Home, Thing
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.rendering.movables import movables
-from chmarl_pb.viewer.canvas import ROBOTS
 from chmarl_pb.viewer.live.gltf import frames_of
-from chmarl_pb.viewer.motion_player import Scene
-from chmarl_pb.viewer.record import Recording
 
 Image = NDArray[np.uint8]
 

@@ -9,12 +9,12 @@ import viser
 from numpy.typing import NDArray
 
 from chmarl_pb.envs.tracks import TRACKS
+from chmarl_pb.frames import wording
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.robots.pointing import VERBS, verb_of
-from chmarl_pb.viewer import wording
 from chmarl_pb.viewer.live import texts
 from chmarl_pb.viewer.live.choice import CHANNELS, homes_on_offer, tasks_on_offer
 from chmarl_pb.viewer.live.game import PERSON
-from chmarl_pb.viewer.record import Recording
 
 Image = NDArray[np.uint8]
 
@@ -134,6 +134,10 @@ class Panel:
     def is_running(self) -> bool:
         """Whether the game is to play on by itself."""
         return bool(self._actions) and self._running.value
+
+    def start_running(self) -> None:
+        """Tick that the game plays on."""
+        self._running.value = True
 
     def stop_running(self) -> None:
         """Let the game play on no longer."""

@@ -1,10 +1,10 @@
 """An episode in 3D as one file: a page that plays it without a server or a network."""
 
+from chmarl_pb.frames.motion_player import Replay
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.viewer.film import FRAME_RATE
 from chmarl_pb.viewer.live.gate import Gate, guarded_server, stop
 from chmarl_pb.viewer.live.house import House
-from chmarl_pb.viewer.motion_player import Replay
-from chmarl_pb.viewer.record import Recording
 
 _STRIDE, _PAUSE, _IMAGE = 4, 0.5, 128  # motions at four times the speed, seconds between steps, pixels
 

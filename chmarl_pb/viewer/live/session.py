@@ -12,6 +12,8 @@ import viser
 
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.episode_file import load_episode, save_episode
+from chmarl_pb.frames.motion_player import Replay
+from chmarl_pb.frames.recording import Moment, Recording
 from chmarl_pb.viewer.film import FRAME_RATE
 from chmarl_pb.viewer.live import texts
 from chmarl_pb.viewer.live.choice import Choice
@@ -20,8 +22,7 @@ from chmarl_pb.viewer.live.house import House
 from chmarl_pb.viewer.live.panel import Panel
 from chmarl_pb.viewer.live.replay_page import replay_page
 from chmarl_pb.viewer.live.worker import Worker
-from chmarl_pb.viewer.motion_player import Replay
-from chmarl_pb.viewer.record import Moment, Recording, record_file
+from chmarl_pb.viewer.record import record_file
 
 IMAGE_SIZE = 128  # pixels of the robots' pictures, as environments give them by default
 
@@ -100,6 +101,20 @@ class Session:
                 finally:
                     self._panel.show_driver(robot, self._game.drivers[robot])
                 self._refresh()
+
+        self._do(work)
+
+    def watch(self, driver: str) -> None:
+        """Let a policy drive all robots, and play on."""
+
+        def work() -> None:
+            if self._game:
+                for robot in self._game.drivers:
+                    self._game.hand_over(robot, driver)
+                    self._panel.show_driver(robot, driver)
+                self._refresh()
+                self._panel.start_running()
+                self.run()
 
         self._do(work)
 

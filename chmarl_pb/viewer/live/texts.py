@@ -1,10 +1,10 @@
 """What the page says in words, as Markdown."""
 
 from chmarl_pb import catalog
+from chmarl_pb.frames import wording
+from chmarl_pb.frames.recording import Moment, Recording
 from chmarl_pb.rendering.renderer import VISIBLE_PIXELS
 from chmarl_pb.robots.pointing import cell_of, verb_of
-from chmarl_pb.viewer import wording
-from chmarl_pb.viewer.record import Moment, Recording
 
 _ARROWS = ("↖↑↗", "←·→", "↙↓↘")
 

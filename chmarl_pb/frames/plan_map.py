@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.frames.canvas import CARD, ITEM, ROBOTS, TARGET, Colour, badge
+from chmarl_pb.frames.motion_player import Scene, yaw
+from chmarl_pb.frames.recording import Recording
 from chmarl_pb.rendering.plan_view import PlanView, draw_plan
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.viewer.canvas import CARD, ITEM, ROBOTS, TARGET, Colour, badge
-from chmarl_pb.viewer.motion_player import Scene, yaw
-from chmarl_pb.viewer.record import Recording
 
 Image = NDArray[np.uint8]
 Point = tuple[float, float]
@@ -37,11 +37,15 @@ class PlanMap:
     def __init__(self, recording: Recording, width: int, height: int):
         """Draw the empty home into a size in pixels, and mark every Y."""
         self.plan: PlanView = draw_plan(recording.home, width, height)
-        self._item = recording.item
         self._item_badge = badge("X", ITEM, _BADGE)
         self._models, self._colours = recording.models, dict(zip(recording.models, ROBOTS, strict=False))
         self._trails: dict[str, deque[Point]] = {robot: deque() for robot in self._models}
         self._worn = {robot: np.zeros(self.plan.rgb.shape[:2], dtype=np.uint8) for robot in self._models}
+        self.mark(recording)
+
+    def mark(self, recording: Recording) -> None:
+        """Mark another X and other Ys from now on."""
+        self._item = recording.item
         self._base = self.plan.rgb.copy()
         for name in recording.targets:
             _stamp(self._base, badge("Y", TARGET, _BADGE), self.plan.pixel(*recording.home.receptacles[name].centre))

@@ -2,9 +2,9 @@
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
+from chmarl_pb.frames.recording import Moment, Recording
 from chmarl_pb.robots.pointing import MIDDLE, cell_of, verb_of
 from chmarl_pb.tasks.symbols import SILENT
-from chmarl_pb.viewer.record import Moment, Recording
 
 
 def robot_words(robot: str) -> str:
@@ -54,12 +54,12 @@ def cell_words(action: str) -> str:
 
 def item_words(recording: Recording) -> str:
     """Return the noun of X."""
-    return recording.home.catalog.graspables[recording.task.graspable].noun
+    return thing_words(recording.item, recording.home.catalog)
 
 
 def target_words(recording: Recording) -> str:
     """Return the noun of Y."""
-    return recording.home.catalog.receptacles[recording.task.target].noun
+    return thing_words(recording.targets[0], recording.home.catalog)
 
 
 def thing_words(name: str, known: Catalog) -> str:
@@ -95,4 +95,5 @@ def result_words(recording: Recording) -> str:
 
 def shortest_words(recording: Recording) -> str:
     """Return how many steps the shortest plan has: ``9``, or ``9 or fewer`` where that is not certain."""
-    return f"{recording.optimum.steps}{'' if recording.optimum.proven else ' or fewer'}"
+    best = recording.optimum
+    return "unknown" if best is None else f"{best.steps}{'' if best.proven else ' or fewer'}"

@@ -1,7 +1,9 @@
 """What stands around the pictures of a video frame: instruction, actions, potential, messages, feedback."""
 
-from chmarl_pb.viewer import wording
-from chmarl_pb.viewer.canvas import (
+from dataclasses import dataclass
+
+from chmarl_pb.frames import wording
+from chmarl_pb.frames.canvas import (
     BAD,
     CARD,
     FAINT,
@@ -16,8 +18,7 @@ from chmarl_pb.viewer.canvas import (
     width_of,
     wrap,
 )
-from chmarl_pb.viewer.film import SPEED
-from chmarl_pb.viewer.record import Moment, Recording
+from chmarl_pb.frames.recording import Moment, Recording
 
 WIDTH, HEIGHT = 1280, 720
 COLUMNS = (24, 440, 856)  # left edges of the three columns in pixels
@@ -26,27 +27,45 @@ COLUMN_WIDTH = 400
 PICTURE_TOP, PICTURE_HEIGHT = 100, 400
 _CARD_TOP, _CARD_BOTTOM = 516, 696
 _PAD = 18
-_HIGHEST = 10  # potential of a solved task
 _AMBER: Colour = (168, 104, 12)
 
 
-def draw_panel(recording: Recording, step: int, done: bool) -> Canvas:
+@dataclass(frozen=True)
+class Heading:
+    """What stands at the right of a frame's head.
+
+    Attributes:
+        words: how far the episode is, or how it ended.
+        success: whether it ended well; None: it goes on.
+        pace: how fast the film goes, if it does.
+    """
+
+    words: str
+    success: bool | None = None
+    pace: str = ""
+
+
+def draw_panel(recording: Recording, now: Moment, known: Moment, heading: Heading) -> Canvas:
     """Draw everything but the pictures.
 
     Args:
         recording: the episode.
-        step: index of the moment.
-        done: whether the step is over; if not, potential and messages are those before it.
+        now: the moment that is shown.
+        known: the last one whose result is known: the same, or while its motion is shown that before it.
+        heading: how far the episode is.
     """
     sheet = Canvas(WIDTH, HEIGHT)
-    now = recording.moments[step]
-    known = now if done else recording.moments[step - 1]
-    _header(sheet, recording, step, done)
-    _legend(sheet, recording)
+    _header(sheet, recording, heading)
+    _legend(sheet, recording, heading.pace)
     for (robot, colour), left in zip(shown(recording), COLUMNS, strict=False):
         _robot_card(sheet, left, recording, now, known, robot, colour)
-    _score_card(sheet, recording, known, now.reward if done and step else None)
+    _score_card(sheet, recording, known, now.reward if known is now and now.actions else None)
     return sheet
+
+
+def ending_words(success: bool, steps: int) -> str:
+    """Return how an episode ended, for its heading."""
+    return f"{'Solved' if success else 'Not solved'} in {steps} step{'' if steps == 1 else 's'}"
 
 
 def shown(recording: Recording) -> list[tuple[str, Colour]]:
@@ -54,16 +73,13 @@ def shown(recording: Recording) -> list[tuple[str, Colour]]:
     return list(zip(recording.models, ROBOTS, strict=False))[:SHOWN]
 
 
-def _header(sheet: Canvas, recording: Recording, step: int, done: bool) -> None:
+def _header(sheet: Canvas, recording: Recording, heading: Heading) -> None:
     left, right = COLUMNS[0], COLUMNS[2] + COLUMN_WIDTH
     _instruction(sheet, left, recording.instruction, right - left - 200)
-    finished = done and step == recording.steps
-    colour = (GOOD if recording.success else BAD) if finished else INK
-    words = f"Step {step} of {recording.steps}" if step else "Start"
-    if finished:
-        words = f"{'Solved' if recording.success else 'Not solved'} in {recording.steps} steps"
-    sheet.text(right, 42, words, 20, colour, "rs")
-    sheet.text(right, 62, f"shortest plan: {wording.shortest_words(recording)}", 13, MUTED, "rs")
+    colour = INK if heading.success is None else GOOD if heading.success else BAD
+    sheet.text(right, 42, heading.words, 20, colour, "rs")
+    if recording.optimum is not None:
+        sheet.text(right, 62, f"shortest plan: {wording.shortest_words(recording)}", 13, MUTED, "rs")
     for (robot, colour), x in zip(shown(recording), COLUMNS, strict=False):
         sheet.disc(x + 5, 85, 5, colour)
         down = ", straight down" if recording.models[robot].flies else ""
@@ -80,7 +96,7 @@ def _instruction(sheet: Canvas, x: float, words: str, width: float) -> None:
         sheet.text(x, 34 + 26 * number, row, 21)
 
 
-def _legend(sheet: Canvas, recording: Recording) -> None:
+def _legend(sheet: Canvas, recording: Recording, pace: str) -> None:
     x: float = COLUMNS[2]
     for letter, colour, words in (
         ("X", ITEM, wording.item_words(recording)),
@@ -89,7 +105,7 @@ def _legend(sheet: Canvas, recording: Recording) -> None:
         sheet.disc(x + 8, 85, 8, colour)
         sheet.text(x + 8, 85, letter, 11, CARD, "mm")
         x += 22 + sheet.text(x + 22, 90, words, 14, MUTED) + 16
-    sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, f"shown at {SPEED}x speed", 12, MUTED, "rs")
+    sheet.text(COLUMNS[2] + COLUMN_WIDTH, 90, pace, 12, MUTED, "rs")
 
 
 def _robot_card(
@@ -129,13 +145,13 @@ def _score_card(sheet: Canvas, recording: Recording, known: Moment, reward: floa
     sheet.box(left, _CARD_TOP, right, _CARD_BOTTOM, CARD, 10)
     x, end = left + _PAD, right - _PAD
     sheet.text(x, _CARD_TOP + 26, "Potential", 13, MUTED)
-    sheet.text(x + 64, _CARD_TOP + 26, f"{known.potential:g} of {_HIGHEST}", 15)
+    sheet.text(x + 64, _CARD_TOP + 26, f"{known.potential:g} of {recording.highest:g}", 15)
     if reward is not None:
         colour = GOOD if reward > 0 else BAD if reward < 0 else MUTED
         sheet.text(end, _CARD_TOP + 26, f"reward {wording.reward_words(reward)}", 15, colour, "rs")
     sheet.box(x, _CARD_TOP + 38, end, _CARD_TOP + 50, FAINT, 6)
     if known.potential > 0:
-        full = max(12.0, (end - x) * known.potential / _HIGHEST)
+        full = max(12.0, (end - x) * known.potential / recording.highest)
         sheet.box(x, _CARD_TOP + 38, x + full, _CARD_TOP + 50, GOOD, 6)
     _lamps(sheet, recording, known, x, end)
 
