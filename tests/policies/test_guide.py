@@ -43,7 +43,12 @@ def test_what_is_right_below_is_to_be_seen_from_aside(env: HouseholdEnv) -> None
     classes[:3] = [BENCHMARK.class_ids[name] for name in ("humanoid", "mug", "kitchen")]
     in_room = np.zeros((192, 3), np.int16)
     in_room[:2] = [(node, 2, chmarl_pb.catalog.RELATION_IDS["in_room"]) for node in (0, 1)]
-    seen = {"node_class": classes, "node_state": np.zeros(96, np.int16), "edges": in_room, "node_view": views}
+    seen: dict[str, np.ndarray] = {
+        "node_class": classes,
+        "node_state": np.zeros(96, np.int16),
+        "edges": in_room,
+        "node_view": views,
+    }
     for away, told in ((0.3, 0.0), (0.05, np.pi / 2)):
         views[:2] = [(0.3, 0.7, 0.05), (0.3 + away, 0.7, 0.01)]
         assert guide.bearing(seen, "mug") == pytest.approx(told, abs=1e-5)
