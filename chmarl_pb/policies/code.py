@@ -3,7 +3,9 @@
 With R rooms, symbol 1 + r says "X is in room r", symbol 1 + R + r "a Y is in room r", and 0 nothing; so 1 + 2 R symbols
 are in use, and with fewer the last rooms of Y cannot be told. The symbols that are left, seven of 16 with four rooms,
 say in which direction from the room's middle the thing is that was named last. Each robot tells each fact that it has
-found out itself, those of X first, and again with the direction once it sees that, each ``REPEATS`` times.
+found out itself, those of X first, and again with the direction once it sees that, each ``REPEATS`` times. News of X
+break off what is being said of Y. To a robot that it sees beside the thing it tells in every step the direction from
+there, as long as there is no other news.
 """
 
 from collections.abc import Callable
@@ -20,7 +22,7 @@ from chmarl_pb.tasks.language import read_pairs
 from chmarl_pb.tasks.symbols import SILENT
 
 REPEATS = 2  # times that a fact is told, as symbols may be lost
-SHARED, BEARINGS = "shared", "bearings"  # keys that are added to the observation
+SHARED, BEARINGS, LIVE = "shared", "bearings", "live"  # keys that are added to the observation
 UNKNOWN = -1.0
 _LEAST_DIRECTIONS = 3
 
@@ -30,6 +32,9 @@ Sentence = tuple[int, ...]  # the symbol of a fact, then that of its direction, 
 
 #: Tells the direction of a thing of a class in view from the middle of a room, radians from +x; None if unknown.
 Bearing = Callable[[Observation, str, int], float | None]
+
+#: The same from the robot that is to come to it, if that is in view; also takes 0 for X, 1 for Y.
+Guiding = Callable[[Observation, str, int], float | None]
 
 
 class RoomCode:
@@ -42,8 +47,9 @@ class RoomCode:
     """
 
     def __init__(
-        self, rooms: tuple[str, ...], vocabulary: int, known: Catalog = BENCHMARK, bearing: Bearing | None = None
-    ):
+        self, rooms: tuple[str, ...], vocabulary: int, known: Catalog = BENCHMARK, bearing: Bearing | None = None,
+        guiding: Guiding | None = None,
+    ):  # fmt: skip
         """Get to know the code.
 
         Args:
@@ -51,8 +57,10 @@ class RoomCode:
             vocabulary: how many symbols there are.
             known: the classes of things.
             bearing: tells directions; None: this robot tells none.
+            guiding: tells directions from a robot in view, as long as that is to come there.
         """
-        self.rooms, self._vocabulary, self._catalog, self._bearing = rooms, vocabulary, known, bearing
+        self.rooms, self._vocabulary, self._catalog = rooms, vocabulary, known
+        self._bearing, self._guiding = bearing, guiding
         left = vocabulary - 1 - 2 * len(rooms)
         self._directions = left if left >= _LEAST_DIRECTIONS else 0
         self.reset()
@@ -68,22 +76,28 @@ class RoomCode:
         self._said = SILENT
         self._told: Fact | None = None  # the fact that it said last
         self._pointed = set[Fact]()  # facts whose direction it has found out
+        self._live: Sentence = ()  # what guides a robot in view: a fact and its direction from there
         self._named: dict[int, Fact] = {}  # robot that is heard -> the fact that it told last
 
     def listen(self, observation: Observation, info: dict[str, Any]) -> Observation:
         """Take in what is heard and seen; return the observation with the board in place of the symbols.
 
-        It also gets what all robots know, and directions where there are symbols for them.
+        It also gets what all robots know, and where there are symbols for them directions, and which of those have been
+        heard just now.
         """
         self._told = self._take_in(self._said, self._told, self.shared)
+        live = np.zeros(self.board.shape, dtype=bool)
         for number, row in enumerate(observation["messages"]):
             symbol = int(row.argmax()) if row.any() else SILENT
             named = self._take_in(symbol, self._named.get(number), self.shared, self.board)
             if named is not None:
                 self._named[number] = named
+                live[named] |= self.fact_of(symbol) is None and symbol != SILENT
+        self._live = ()
         for name, fact in self._seen(observation, info):
             self._note(observation, name, fact)
-        told = {BEARINGS: self.bearings.copy()} if self._directions else {}
+            self._guide(observation, name, fact)
+        told = {BEARINGS: self.bearings.copy(), LIVE: live} if self._directions else {}
         return {**observation, "messages": self.board.copy(), SHARED: self.shared.copy(), **told}
 
     def speak(self) -> int:
@@ -97,11 +111,15 @@ class RoomCode:
 
         Nothing counts as said before it is noted.
         """
+        if self._saying and not self._is_of_x(self._sentence) and any(map(self._is_of_x, self._fresh)):
+            self._break_off()
         if not self._saying and self._fresh:
             self._fresh.sort(key=lambda sentence: sentence[0])
             self._begin(self._fresh[0])
             if len(self._sentence) > 1 and self.fact_of(self._sentence[0]) == self._told:
                 self._saying = self._sentence[1:]  # it has just named it
+        elif not self._saying and self._live:
+            return self._live[self.fact_of(self._live[0]) == self._told]
         elif not self._saying and self._repeats:
             self._begin(self._repeats[0])
         return self._saying[0] if self._saying else SILENT
@@ -113,8 +131,7 @@ class RoomCode:
         """
         if self._saying[:1] != (symbol,):
             if self._saying:
-                (self._repeats if self._again else self._fresh).insert(0, self._sentence)
-                self._saying = ()
+                self._break_off()
             instead = next((one for one in (*self._fresh, *self._repeats) if one[0] == symbol), None)
             if instead is not None:
                 self._begin(instead)
@@ -127,6 +144,14 @@ class RoomCode:
         self._again = sentence not in self._fresh
         (self._repeats if self._again else self._fresh).remove(sentence)
         self._sentence = self._saying = sentence
+
+    def _break_off(self) -> None:
+        """Say the sentence that has been begun later, from its beginning."""
+        (self._repeats if self._again else self._fresh).insert(0, self._sentence)
+        self._saying = ()
+
+    def _is_of_x(self, sentence: Sentence) -> bool:
+        return sentence[0] <= len(self.rooms)
 
     def symbol_of(self, fact: Fact) -> int:
         """Return the symbol of a fact; that of silence if there are too few."""
@@ -162,10 +187,21 @@ class RoomCode:
         sentence: Sentence = (self.symbol_of(fact),)
         if angle is not None:
             self._pointed.add(fact)
-            sector = int(angle % (2 * np.pi) / (2 * np.pi) * self._directions) % self._directions
-            sentence += (1 + 2 * len(self.rooms) + sector,)
+            sentence += (self._direction(angle),)
         if sentence[0] != SILENT:
             self._fresh.append(sentence)
+
+    def _guide(self, observation: Observation, name: str, fact: Fact) -> None:
+        """Find out what to point at for a robot in view; its sentences need not be repeated then."""
+        angle = self._guiding(observation, name, fact[0]) if self._guiding and self._directions else None
+        if angle is not None and not self._live:
+            self._live = self.symbol_of(fact), self._direction(angle)
+            self._repeats = [sentence for sentence in self._repeats if sentence[0] != self._live[0]]
+
+    def _direction(self, angle: float) -> int:
+        """Return the symbol of a direction."""
+        sector = int(angle % (2 * np.pi) / (2 * np.pi) * self._directions) % self._directions
+        return 1 + 2 * len(self.rooms) + sector
 
     def _seen(self, observation: Observation, info: dict[str, Any]) -> list[tuple[str, Fact]]:
         """Return the classes and the facts that a robot sees for itself; of what is held it tells nothing."""

@@ -34,7 +34,7 @@ def _talking(env: PolicyEnv, policy: Policy) -> Policy:
     if not symbols:
         return policy
     tells = policy.bearings if isinstance(policy, BeliefPolicy) else {}
-    codes = {name: RoomCode(env.rooms, symbols, env.catalog, tells.get(name)) for name in env.action_names}
+    codes = {name: RoomCode(env.rooms, symbols, env.catalog, *tells.get(name, ())) for name in env.action_names}
     return Talking(policy, codes)
 
 

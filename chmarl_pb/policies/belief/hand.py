@@ -9,9 +9,11 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import SURE, Aim, Nodes, aimed, aims_at, held_class, nodes_of, turned
 from chmarl_pb.robots.pointing import VERBS, Cell, verb_of
 
-_RISKY = 0.1  # part of a cell at which it is pointed where nothing better is to be had
+# Part of a cell from which on it is pointed at where nothing better is to be had: what is put down is hard to get back.
+_RISKY = {VERBS[0]: 0.1, VERBS[1]: 0.35}
 _MOVES = 4  # turns and paces for a better view of one thing
 _SIDES = {1: "turn_left", -1: "turn_right"}
+_BACK = {"turn_left": "turn_right", "turn_right": "turn_left"}
 _ROUGH = 20  # views are told apart by this part of a picture
 
 Observation = dict[str, np.ndarray]
@@ -39,6 +41,7 @@ class Hand:
         self._last: _Try | None = None
         self._moves = 0
         self._paced: _View | None = None  # the view before a pace
+        self._turned: _Try | None = None  # a turn for a better view, just taken
         self.away = False  # whether it has just put down what was picked by mistake
         self._view: _View = VERBS[0], (), b""
         self._chosen: str | None = None
@@ -68,7 +71,8 @@ class Hand:
         elif wrong:
             self._chosen = self._put_away(nodes, view, self._where(observation, items))
         else:
-            self._chosen = self._at(nodes, view, wanted)
+            self._chosen = self._at(nodes, view, wanted) or self._back(nodes, wanted)
+        self._turned = None
         return self._chosen
 
     def note(self, action: str) -> bool:
@@ -78,6 +82,7 @@ class Hand:
             self.away |= self._wrong
         elif action == self._chosen and not self._wrong:  # for a better view
             self._moves += 1
+            self._turned = _Try(self._view, action) if action in _BACK else None
             self._paced = self._view if action == "move_forward" else self._paced
         return action == self._chosen
 
@@ -108,25 +113,33 @@ class Hand:
         if aims and aims[0].part > SURE:
             return aimed(view[0], aims[0].cell)
         move = self._closer(nodes, view, wanted) if self._moves < _MOVES else None
-        if move is None and aims and aims[0].part > _RISKY:
+        if move is None and aims and aims[0].part > _RISKY[view[0]]:
             return aimed(view[0], aims[0].cell)
         return move
 
     def _closer(self, nodes: Nodes, view: _View, wanted: Collection[str]) -> str | None:
         """Return a turn after which something wanted has most of a cell, else a pace towards it."""
-        if self._moves < 2:
-            parts = {side: _best(aims_at(turned(nodes, side), wanted)) for side in _SIDES}
+        sides = [side for side, turn in _SIDES.items() if _Try(view, turn) not in self._vain]
+        if self._moves < 2 and sides:
+            parts = {side: _best(aims_at(turned(nodes, side), wanted)) for side in sides}
             side = max(parts, key=lambda side: parts[side])
             if parts[side] > SURE:
                 return _SIDES[side]
         number = next(number for number, name in enumerate(nodes.names) if name in wanted)
         across = nodes.views[number, 0] - 0.5
-        if abs(across) > 1 / 4:
+        if abs(across) > 1 / 4 and (-1 if across > 0 else 1) in sides:
             return _SIDES[-1 if across > 0 else 1]
         if self._paced == view:  # the last one was blocked
             self._moves = _MOVES
             return None
         return "move_forward"
+
+    def _back(self, nodes: Nodes, wanted: Collection[str]) -> str | None:
+        """Return the turn back to a view that showed what is wanted, if the turn from it does not."""
+        if self._turned is None or set(wanted) & set(nodes.names):
+            return None
+        self._vain.add(self._turned)
+        return _BACK[self._turned.action]
 
     def _put_away(self, nodes: Nodes, view: _View, x: np.ndarray | None) -> str:
         """Put down what was picked by mistake, in view but away from X; turn if that does not go."""

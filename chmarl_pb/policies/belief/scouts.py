@@ -63,6 +63,10 @@ class Scouts:
         """Return where a robot is, as far as its own actions tell."""
         return self._places[name]
 
+    def before(self, name: str) -> Place | None:
+        """Return where a robot was before the action that has been decided."""
+        return self._before[name]
+
     def hear(self, heard: NDArray[np.bool_], bearings: NDArray[np.float64] | None = None) -> None:
         """Note what messages say after a step.
 

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import number_of
+from chmarl_pb.policies.belief.follower import Follower
 from chmarl_pb.policies.belief.hand import Hand
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Knowledge, Station
 from chmarl_pb.policies.belief.lookahead import Prospects, best_look, joined, prospects
 from chmarl_pb.policies.belief.looks import GOTO, Look, Plans, plans, soonest
 from chmarl_pb.policies.belief.scouts import Scouts
 from chmarl_pb.policies.belief.statistics import TURNS, Bits, statistics
-from chmarl_pb.policies.code import BEARINGS, SHARED, UNKNOWN
-from chmarl_pb.policies.sights import classes_in_view, messages_read, places_in_view
+from chmarl_pb.policies.code import BEARINGS, LIVE, SHARED, UNKNOWN
+from chmarl_pb.policies.sights import classes_in_view, messages_read, own_room, places_in_view
 from chmarl_pb.policies.tidying import Pair, Tidying
 from chmarl_pb.robots.pointing import VERBS, verb_of
 from chmarl_pb.tasks.language import read_pairs
@@ -74,6 +75,7 @@ class Searcher:
         self._tried = ""
         self._queue: list[str] = []  # the rest of a look around from elsewhere, backwards
         self._way: list[str] = []  # the same from the proposed action on
+        self._follower = Follower()
         self._proposed = ""
         self._held = self._deaf = False
         self._hand.reset()
@@ -92,6 +94,7 @@ class Searcher:
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         self._way = []
+        self._follower.begin()
         self._proposed = self._choose(observation, info)
         return number_of(self.actions, self._proposed)
 
@@ -100,6 +103,7 @@ class Searcher:
         done = self.actions[action]
         followed = action == number_of(self.actions, self._proposed)
         self._tried = verb_of(done)
+        self._follower.note(done, followed)
         if self._hand.note(self._proposed if followed else done):
             self._origin = self._origin or self._station
         if not followed:
@@ -121,6 +125,7 @@ class Searcher:
         self._shared = messages_read(observation, self.rooms, self._catalog, SHARED) > 0
         self._told = observation.get(BEARINGS)
         self._bearings = np.full(heard.shape, UNKNOWN) if self._told is None else self._told
+        self._ahead = self._pointed_out(observation, holding)
         beliefs = self._listen(heard, pairs, holding, wanted, seen)
         action = self._hand.choose(observation, wanted, {item for item, _ in pairs}, seen)
         if action is not None:
@@ -196,6 +201,10 @@ class Searcher:
         if goal != self._goal:
             self._goal, self._queue = goal, []
         looks = [*self._sighted(wanted)]
+        step = self._follower.towards(self._ahead, self._stuck) if self._ahead is not None and not looks else None
+        if step is not None:
+            self._queue = []
+            return step
         if in_rooms[room] >= _KNOWN:
             looks += self._known(beliefs[0], room) if not self._queue else []
             return min(looks, key=lambda look: look.value).action if looks else self._wander(room)
@@ -203,6 +212,16 @@ class Searcher:
             return min(looks, key=lambda look: look.value).action
         best = self._promise(beliefs)
         return best.action if best.value > _LEAST else self._wander(room)
+
+    def _pointed_out(self, observation: dict[str, np.ndarray], holding: bool) -> float | None:
+        """Return how far to the left it is to where it has just been told to look in its room, in radians; or None."""
+        room = own_room(observation, self.rooms)
+        if LIVE not in observation or not room or self._tried.startswith(GOTO):  # told of where it was before
+            return None
+        fact = int(holding), self.rooms.index(room)
+        cosine, sine = observation["self"][-3:-1]
+        away = float(self._bearings[fact] - np.arctan2(sine, cosine) + np.pi) % (2 * np.pi) - np.pi
+        return away if observation[LIVE][fact] else None
 
     def _sighted(self, wanted: Collection[str]) -> Iterator[Look]:
         """Yield the ways back to views that showed what is wanted."""
@@ -299,7 +318,8 @@ class Searcher:
     def _blocked(self, observation: dict[str, np.ndarray]) -> None:
         """Leave out further paces where the last one has led nowhere."""
         view = observation.get("node_view", observation.get("node_class", np.empty(0)))
-        if self._tried == "move_forward" and view.size and np.array_equal(view, self._seen):
+        self._stuck = bool(self._tried == "move_forward" and view.size and np.array_equal(view, self._seen))
+        if self._stuck:
             while self._queue and self._queue[-1] == "move_forward":
                 self._queue.pop()
         self._seen = view
