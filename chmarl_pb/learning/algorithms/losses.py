@@ -66,6 +66,12 @@ class Batch:
             self.acted[rows], self.terminated[rows], tree_map(pick, self.labels),
         )  # fmt: skip
 
+    @property
+    def real(self) -> Tensor:
+        """(B, T + 1, N) bool: whether an agent's observation is more than padding, up to the one after its last step."""
+        later = self.acted.flip(1).cumsum(dim=1).flip(1) > 0
+        return torch.cat([later[:, :1], later], dim=1)
+
     def team(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""
         acting = self.acted.sum(dim=-1, keepdim=True)
@@ -88,10 +94,10 @@ class Unrolled:
 
 def unroll(agents: nn.ModuleDict, batch: Batch) -> Unrolled:
     """Return the values of all actions after each observation, each agent from its own history."""
-    values, hidden_states = {}, {}
-    for name, agent in agents.items():
+    values, hidden_states, real = {}, {}, batch.real
+    for number, (name, agent) in enumerate(agents.items()):
         last = nn.functional.pad(batch.actions[name], (0, 0, 1, 0), value=NO_ACTION)
-        values[name], hidden_states[name], _ = agent(batch.observations[name], last)
+        values[name], hidden_states[name], _ = agent(batch.observations[name], last, real=real[..., number])
     return Unrolled(values, hidden_states)
 
 
@@ -101,11 +107,16 @@ def grounding(agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, T
     All learners add it to their own loss. There is none if the weight is 0, or no encoder compares words with classes.
     """
     losses = [
-        agent.encoder.grounding_loss(batch.observations[name])  # type: ignore[operator]
+        agent.encoder.grounding_loss(_first(batch.observations[name]))  # type: ignore[operator]
         for name, agent in agents.items()
         if weight and hasattr(agent.encoder, "grounding_loss")
     ]
     return {"grounding_loss": weight * torch.stack(losses).sum()} if losses else {}
+
+
+def _first(observation: Tree) -> Tree:
+    """Return the first observations (B, 1, ...): instructions stay the same."""
+    return tree_map(lambda part: part[:, :1], observation)
 
 
 def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:

@@ -38,7 +38,7 @@ class Agent(nn.Module):
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
     def forward(
-        self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None
+        self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None, real: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Return the values of the actions (B, T, K, A), the GRU's outputs (B, T, H), and its last state (1, B, H).
 
@@ -46,8 +46,9 @@ class Agent(nn.Module):
             observation: tensors with the leading dimensions (B, T).
             last_action: (B, T, K) int64, the agent's own action of the step before, or ``NO_ACTION``.
             hidden: (1, B, H), the GRU's state before; zeros if None.
+            real: (B, T) bool, which observations are more than padding; the others are not encoded. None: all are.
         """
-        features = self.encoder(observation).unflatten(0, last_action.shape[:2])
+        features = self._encode(observation, real).unflatten(0, last_action.shape[:2])
         numbers = features[..., features.shape[-1] - self.past :]
         features = self.norms[0](features) if self.norms else features
         acted = one_hot(last_action, self.actions)
@@ -55,6 +56,15 @@ class Agent(nn.Module):
         read = self.norms[1](histories) if self.norms else histories
         outputs = self.head(torch.cat([read, numbers], dim=-1))
         return apart(outputs, self.actions), histories, hidden
+
+    def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
+        """Return features (B * T, F), zeros where there is only padding."""
+        if real is None:
+            encoded: Tensor = self.encoder(observation)
+            return encoded
+        rows = real.flatten().nonzero().squeeze(1)
+        encoded = self.encoder(tree_map(lambda part: part.flatten(0, 1)[rows], observation))
+        return encoded.new_zeros(real.numel(), encoded.shape[1]).index_copy(0, rows, encoded)
 
 
 def asked_of_encoder(config: Any) -> dict[str, bool]:
