@@ -68,7 +68,7 @@ class Batch:
 
     @property
     def real(self) -> Tensor:
-        """(B, T + 1, N) bool: whether an agent's observation is more than padding, up to the one after its last step."""
+        """(B, T + 1, N) bool: which observations are more than padding, up to the one after an agent's last step."""
         later = self.acted.flip(1).cumsum(dim=1).flip(1) > 0
         return torch.cat([later[:, :1], later], dim=1)
 
