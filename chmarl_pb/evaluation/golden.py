@@ -62,7 +62,7 @@ def play_at_random(env: HouseholdEnv, steps: int = _STEPS) -> str:
 
 def _drawn(space: Any, rng: np.random.Generator) -> Any:
     """Return a random action of a space, which is not to be seeded for that."""
-    return int(rng.integers(space.n)) if hasattr(space, "n") else rng.integers(space.nvec)
+    return rng.integers(space.nvec) if isinstance(space, MultiDiscrete) else int(rng.integers(space.n))
 
 
 def _random(**options: Any) -> str:
