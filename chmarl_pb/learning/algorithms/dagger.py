@@ -18,7 +18,6 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Batch, unroll
-from chmarl_pb.learning.algorithms.on_policy import set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -41,7 +40,6 @@ class DAggerConfig(RunConfig):
 
     Attributes:
         expert: built-in policy that is imitated on the benchmark: "belief" or "search"; ``train`` is given one itself.
-        learning_rate: of Adam at first; it falls linearly to 0.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
     """
@@ -50,7 +48,7 @@ class DAggerConfig(RunConfig):
     learning_rate: float = amount(1e-3)
     graph_pool: str = "gated"
     expert: str = "belief"
-    gradient_steps: int = natural(8)
+    gradient_steps: int = natural(4)
     beta: float = share(1.0)
 
     def expert_share(self, episodes: int) -> float:
@@ -84,9 +82,7 @@ class DAgger:
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes."""
-        steps = self.config.gradient_steps * max(self.config.episodes // self.config.envs, 1)
         for _ in range(self.config.gradient_steps):
-            set_learning_rates(self._optimizer, (self.config.learning_rate,), 1 - self.updates / steps)
             batch = replay.sample(self.config.batch_size, rng)
             yield batch, self.update(batch)
 
