@@ -1,4 +1,4 @@
-"""PPO in one file in the manner of CleanRL, on the flat vector of a Gymnasium id: the humanoid, while the drone searches.
+"""PPO in one file in the manner of CleanRL, on the flat vector of the humanoid, while the drone searches.
 
 python examples/cleanrl_ppo.py --steps 50000
 """
@@ -22,7 +22,7 @@ KEYS = (
     "goal",
     "messages",
     "self",
-)  # what is known of X and Y, and the robot itself: bits, of which a small network learns
+)  # nearly all of them bits, from which a small network learns
 GAMMA, LAMBDA, CLIP, ENTROPY, EPOCHS, MINIBATCHES, LENGTH = 0.97, 0.95, 0.2, 0.01, 4, 4, 64
 
 
@@ -33,16 +33,18 @@ def make_env(split: str = "train") -> gym.Env[np.ndarray, np.int64]:
     return gym.wrappers.TimeAwareObservation(env, normalize_time=True)
 
 
+def network(inputs: int, outputs: int) -> nn.Module:
+    """Return a network of two hidden layers."""
+    return nn.Sequential(nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, outputs))
+
+
 class Agent(nn.Module):
     """An actor and a critic."""
 
     def __init__(self, inputs: int, actions: int):
         """Make networks for vectors of so many inputs."""
         super().__init__()
-        self.critic = nn.Sequential(nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 1))
-        self.actor = nn.Sequential(
-            nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, actions)
-        )
+        self.actor, self.critic = network(inputs, actions), network(inputs, 1)
 
     def policy(self, seen: Tensor) -> Categorical:
         """Return the distribution of actions."""
@@ -78,10 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     torch.manual_seed(options.seed)
-    sync = (
-        gym.vector.AutoresetMode.SAME_STEP
-    )  # the step that ends an episode begins the next, as CleanRL's loops assume
-    envs = gym.vector.SyncVectorEnv([make_env] * options.envs, autoreset_mode=sync)
+    # The step that ends an episode begins the next, as CleanRL's loops assume.
+    same_step = gym.vector.AutoresetMode.SAME_STEP
+    envs = gym.vector.SyncVectorEnv([make_env] * options.envs, autoreset_mode=same_step)
     agent = Agent(envs.single_observation_space.shape[0], int(envs.single_action_space.n))
     optimizer = torch.optim.Adam(agent.parameters(), lr=1e-3, eps=1e-5)
     seen, ended = torch.as_tensor(envs.reset(seed=options.seed)[0]), torch.zeros(options.envs)

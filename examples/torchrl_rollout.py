@@ -21,9 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--split", default="train")
     parser.add_argument("--steps", type=int, default=28)
     options = parser.parse_args(arguments)
-    inner = chmarl_pb.NumericInfos(
-        chmarl_pb.parallel_env(options.observation, split=options.split, max_steps=options.steps)
-    )
+    plain = chmarl_pb.parallel_env(options.observation, split=options.split, max_steps=options.steps)
+    inner = chmarl_pb.NumericInfos(plain)  # TorchRL makes tensors of infos, so they may hold no text
     # The robots differ in their actions, so each is a group of its own; those of `flat_env` can be one group.
     groups = {robot: [robot] for robot in inner.possible_agents}
     env = PettingZooWrapper(inner, group_map=groups, seed=0)

@@ -41,9 +41,8 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         own = {key: slice(part.start + count, part.stop + count) for key, part in self._flat.layout.items()}
         self.layout = {"agent": slice(0, count), **own}
         low, high = self._flat.space.low, self._flat.space.high
-        box = spaces.Box(
-            np.append(np.zeros(count, np.float32), low), np.append(np.ones(count, np.float32), high), dtype=np.float32
-        )
+        no, yes = np.zeros(count, np.float32), np.ones(count, np.float32)
+        box = spaces.Box(np.append(no, low), np.append(yes, high), dtype=np.float32)
         core = env.unwrapped
         self._counts = {robot: len(names) for robot, names in core.action_names.items()}
         self._symbols = core.symbols
@@ -102,9 +101,9 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
 def flat_env(observation: Observed = "scene_graph", keys: Sequence[str] | None = None, **options: Any) -> FlatEnv:
     """Return the ParallelEnv with vectors as observations, one number as action, and infos without text.
 
-    **Observation**: (length,) float32 from -1 to 1, of one length for all robots: first which robot this is, one-hot, then
-    the keys in the order of the alphabet, each flattened and divided by the largest value of its space. ``env.layout``
-    names the slices.
+    **Observation**: (length,) float32 from -1 to 1, of one length for all robots: first which robot this is, one-hot,
+    then the keys in the order of the alphabet, each flattened and divided by the largest value of its space.
+    ``env.layout`` names the slices.
     **Action**: one number, of as many for all robots; what a robot does not have counts as its last action, stay. With
     own words the number is ``action * symbols + symbol``.
     **Info**: numbers only; ``action_mask`` is int8, 1 for the actions that the robot has.

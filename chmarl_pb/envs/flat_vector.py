@@ -34,9 +34,7 @@ class FlatVector:
         """
         boxes = space.spaces if isinstance(space, spaces.Dict) else {}
         if not boxes or not all(isinstance(box, spaces.Box) for box in boxes.values()):
-            raise OptionError(
-                f"a flat vector is made of a Dict of Boxes, not of {space}; flatten before other wrappers"
-            )
+            raise OptionError(f"a flat vector is made of a Dict of Boxes, not of {space}; put it first")
         if unknown := [key for key in keys or () if key not in boxes]:
             raise OptionError(f"keys={unknown} are not observed; use some of: {', '.join(sorted(boxes))}")
         taken = {key: box for key, box in sorted(boxes.items()) if keys is None or key in keys}

@@ -13,8 +13,8 @@ Infos = dict[str, dict[str, Any]]
 class NumericInfos(BaseParallelWrapper):  # type: ignore[misc]
     """A ParallelEnv whose infos have no text, as TorchRL's ``PettingZooWrapper`` wants them.
 
-    ``action_mask``, ``action_success``, ``success`` and ``potential`` stay; instruction, feedback, names in view and the
-    task's id go. Only the infos change.
+    ``action_mask``, ``action_success``, ``success`` and ``potential`` stay; instruction, feedback, names in view and
+    the task's id go. Only the infos change.
 
     >>> env = chmarl_pb.NumericInfos(chmarl_pb.parallel_env(split="val-unseen"))
     >>> observations, infos = env.reset(seed=0)

@@ -94,7 +94,7 @@ def test_some_keys() -> None:
 @pytest.mark.parametrize("action", [10, -1, 1.5, [1, 2], None])
 def test_a_wrong_action_is_refused(flat: FlatEnv, action: Any) -> None:
     flat.reset(seed=0)
-    with pytest.raises(ActionError, match="drone: action .* from 0 to 9"):
+    with pytest.raises(ActionError, match=r"drone: action .* from 0 to 9"):
         flat.step({"humanoid": 9, "drone": action})
     with pytest.raises(ActionError, match="one action for each"):
         flat.step({"humanoid": 9})
