@@ -5,6 +5,7 @@ python examples/cleanrl_ppo.py --steps 50000
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -26,7 +27,7 @@ KEYS = (
 GAMMA, LAMBDA, CLIP, ENTROPY, EPOCHS, MINIBATCHES, LENGTH = 0.97, 0.95, 0.2, 0.01, 4, 4, 64
 
 
-def make_env(split: str = "train") -> gym.Env[np.ndarray, np.int64]:
+def make_env(split: str) -> gym.Env[np.ndarray, np.int64]:
     """Return an environment."""
     env = gym.make("chmarl_pb:CHMARL/SceneGraphHumanoid-v0", split=split, goal=True)
     env = chmarl_pb.FlatObservation(gym.wrappers.RecordEpisodeStatistics(env), KEYS)
@@ -77,12 +78,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=50_000)
     parser.add_argument("--envs", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--split", default="train")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     torch.manual_seed(options.seed)
     # The step that ends an episode begins the next, as CleanRL's loops assume.
     same_step = gym.vector.AutoresetMode.SAME_STEP
-    envs = gym.vector.SyncVectorEnv([make_env] * options.envs, autoreset_mode=same_step)
+    envs = gym.vector.SyncVectorEnv([partial(make_env, options.split)] * options.envs, autoreset_mode=same_step)
     agent = Agent(envs.single_observation_space.shape[0], int(envs.single_action_space.n))
     optimizer = torch.optim.Adam(agent.parameters(), lr=1e-3, eps=1e-5)
     seen, ended = torch.as_tensor(envs.reset(seed=options.seed)[0]), torch.zeros(options.envs)
