@@ -1,6 +1,7 @@
 """The examples run."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -59,11 +60,13 @@ def test_rllib_ppo(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("algorithm", ["mappo", "qmix"])
-def test_benchmarl_task(algorithm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmarl_task(
+    algorithm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("benchmarl")
-    example("benchmarl_task").main(
-        ["--algorithm", algorithm, "--frames", "120", "--split", "val-unseen", "--out", str(tmp_path)]
-    )
+    module = example("benchmarl_task")
+    monkeypatch.setitem(sys.modules, "benchmarl_task", module)  # BenchMARL pickles the task
+    module.main(["--algorithm", algorithm, "--frames", "120", "--split", "val-unseen", "--out", str(tmp_path)])
     assert f"{algorithm}: 120 frames, mean return" in capsys.readouterr().out
 
 

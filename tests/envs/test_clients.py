@@ -84,7 +84,7 @@ def test_rllib_takes_both_interfaces() -> None:
     with closing(wrappers.ParallelPettingZooEnv(chmarl_pb.flat_env(split=SPLIT))) as env:
         seen, _ = env.reset(seed=0)
         seen, rewards, *_ = env.step({"humanoid": 9, "drone": 9})
-        assert seen["drone"].shape == env.observation_spaces["drone"].shape == (842,) and set(rewards) == set(seen)
+        assert seen["drone"].shape == env.get_observation_space("drone").shape == (842,) and set(rewards) == set(seen)
     with closing(wrappers.PettingZooEnv(parallel_to_aec(chmarl_pb.flat_env(split=SPLIT)))) as env:
         seen, _ = env.reset(seed=0)
         assert seen["humanoid"].shape == (842,)
