@@ -137,3 +137,18 @@ def test_ids_as_vectors(env_id: str) -> None:
         assert set(env.layout) == set(raw.unwrapped.observation_space)  # and the spec makes it again:
     with closing(gymnasium.make(env.spec)) as again:
         assert (again.reset(seed=0)[0] == vector).all()
+
+
+def flat_humanoid() -> gymnasium.Env[Any, Any]:
+    return chmarl_pb.FlatObservation(gymnasium.make("CHMARL/SceneGraphHumanoid-v1", split=SPLIT, goal=True), ["goal"])
+
+
+def test_vectors_of_flat_environments_equal_those_of_gymnasium() -> None:
+    with (
+        closing(chmarl_pb.vector_env(2, flat_humanoid, workers=1)) as ours,
+        closing(gymnasium.vector.SyncVectorEnv([flat_humanoid] * 2)) as theirs,
+    ):
+        seen, _ = ours.reset(seed=0)
+        assert seen.shape == (2, 4) and (seen == theirs.reset(seed=0)[0]).all()
+        for action in (1, 2, 3):
+            assert (ours.step(np.array([action] * 2))[0] == theirs.step(np.array([action] * 2))[0]).all()
