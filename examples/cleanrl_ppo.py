@@ -43,7 +43,6 @@ class Agent(nn.Module):
     """An actor and a critic."""
 
     def __init__(self, inputs: int, actions: int):
-        """Make networks for vectors of so many inputs."""
         super().__init__()
         self.actor, self.critic = network(inputs, actions), network(inputs, 1)
 
@@ -53,7 +52,7 @@ class Agent(nn.Module):
 
     def value(self, seen: Tensor) -> Tensor:
         """Return the values."""
-        return self.critic(seen).squeeze(-1)
+        return torch.squeeze(self.critic(seen), -1)
 
 
 def update(agent: Agent, optimizer: torch.optim.Optimizer, batch: dict[str, Tensor]) -> None:
@@ -77,17 +76,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--steps", type=int, default=50_000)
     parser.add_argument("--envs", type=int, default=8)
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--split", default="train")
     options = parser.parse_args(arguments)
-    torch.set_num_threads(1)
-    torch.manual_seed(options.seed)
+    torch.manual_seed(0)
     # The step that ends an episode begins the next, as CleanRL's loops assume.
     same_step = gym.vector.AutoresetMode.SAME_STEP
     envs = gym.vector.SyncVectorEnv([partial(make_env, options.split)] * options.envs, autoreset_mode=same_step)
-    agent = Agent(envs.single_observation_space.shape[0], int(envs.single_action_space.n))
+    seen, ended = torch.as_tensor(envs.reset(seed=0)[0]), torch.zeros(options.envs)
+    assert isinstance(envs.single_action_space, gym.spaces.Discrete)
+    agent = Agent(seen.shape[1], int(envs.single_action_space.n))
     optimizer = torch.optim.Adam(agent.parameters(), lr=1e-3, eps=1e-5)
-    seen, ended = torch.as_tensor(envs.reset(seed=options.seed)[0]), torch.zeros(options.envs)
     returns: list[float] = []
     for number in range(max(options.steps // (LENGTH * options.envs), 1)):
         steps: list[dict[str, Tensor]] = []
@@ -97,8 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 action = policy.sample()
             step = {"seen": seen, "action": action, "log_prob": policy.log_prob(action), "value": value, "ended": ended}
             observations, rewards, terminated, truncated, infos = envs.step(action.numpy())
-            seen, ended = torch.as_tensor(observations), torch.as_tensor(terminated | truncated).float()
             steps.append(step | {"reward": torch.as_tensor(rewards).float()})
+            seen, ended = torch.as_tensor(observations), torch.as_tensor(terminated | truncated).float()
             if "final_info" in infos:
                 returns += infos["final_info"]["episode"]["r"][infos["_final_info"]].tolist()
         batch = {key: torch.stack([step[key] for step in steps]) for key in steps[0]}

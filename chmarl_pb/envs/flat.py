@@ -10,18 +10,15 @@ from pettingzoo.utils import BaseParallelWrapper
 from chmarl_pb.envs.flat_vector import FlatVector
 from chmarl_pb.envs.numeric_infos import Infos, NumericInfos
 from chmarl_pb.envs.options import Observed
-from chmarl_pb.envs.parallel import HouseholdEnv, Results
-from chmarl_pb.errors import ActionError
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import ActionError, OptionError
+
+Vectors = dict[str, np.ndarray]
+Step = tuple[Vectors, dict[str, float], dict[str, bool], dict[str, bool], Infos]
 
 
 class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
-    """A ParallelEnv of which all robots have the same spaces: a Box and a Discrete; see :func:`flat_env`.
-
-    Attributes:
-        layout: key -> slice of the vector that it fills; ``agent`` is the robot's own number as one-hot.
-        observation_spaces: robot -> space of its vector, float32.
-        action_spaces: robot -> space of its action.
-    """
+    """A ParallelEnv of which all robots have the same spaces, a Box and a Discrete; ``layout``: see :func:`flat_env`."""
 
     def __init__(self, env: Any, keys: Sequence[str] | None = None):
         """Wrap an environment.
@@ -31,28 +28,24 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
             keys: the keys to observe; None: all.
 
         Raises:
-            OptionError: there is no such key.
+            OptionError: there is no such key, or a sensor has the key ``agent``.
         """
         super().__init__(env)
-        robots = list(env.possible_agents)
+        robots, core = list(env.possible_agents), env.unwrapped
         self._flat = FlatVector(env.observation_space(robots[0]), keys)
-        self._ids = dict(zip(robots, np.eye(len(robots), dtype=np.float32), strict=True))
-        count = len(robots)
-        own = {key: slice(part.start + count, part.stop + count) for key, part in self._flat.layout.items()}
-        self.layout = {"agent": slice(0, count), **own}
-        low, high = self._flat.space.low, self._flat.space.high
-        no, yes = np.zeros(count, np.float32), np.ones(count, np.float32)
-        box = spaces.Box(np.append(no, low), np.append(yes, high), dtype=np.float32)
-        core = env.unwrapped
+        if "agent" in self._flat.layout:
+            raise OptionError("observation: a sensor has the key 'agent', which is the robot's number here; rename it")
+        count, own = len(robots), self._flat.space
+        self._ids = dict(zip(robots, np.eye(count, dtype=np.float32), strict=True))
+        parts = {key: slice(part.start + count, part.stop + count) for key, part in self._flat.layout.items()}
+        self.layout = {"agent": slice(0, count), **parts}
+        low, high = np.pad(own.low, (count, 0)), np.pad(own.high, (count, 0), constant_values=1)
+        self.observation_spaces = dict.fromkeys(robots, spaces.Box(low, high, dtype=np.float32))
+        self._talks, self._symbols = core.symbols > 0, max(core.symbols, 1)
         self._counts = {robot: len(names) for robot, names in core.action_names.items()}
-        self._symbols = core.symbols
-        number = max(self._counts.values()) * max(self._symbols, 1)
-        self.observation_spaces = dict.fromkeys(robots, box)
-        self.action_spaces = {robot: spaces.Discrete(number) for robot in robots}
-        self._masks = {
-            robot: (np.arange(number) // max(self._symbols, 1) < own).astype(np.int8)
-            for robot, own in self._counts.items()
-        }
+        verbs = np.arange(max(self._counts.values()) * self._symbols) // self._symbols
+        self.action_spaces = {robot: spaces.Discrete(len(verbs)) for robot in robots}
+        self._masks = {robot: (verbs < count).astype(np.int8) for robot, count in self._counts.items()}
 
     def observation_space(self, agent: str) -> spaces.Box:
         """Return the vector's space."""
@@ -62,14 +55,12 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         """Return the space of actions, of as many as the robot with most of them has."""
         return self.action_spaces[agent]
 
-    def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, np.ndarray], Infos]:
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vectors, Infos]:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         observations, infos = self.env.reset(seed=seed, options=options)
         return self._vectors(observations), self._masked(infos)
 
-    def step(self, actions: dict[str, Any]) -> Results:
+    def step(self, actions: dict[str, Any]) -> Step:
         """Let all robots act once.
 
         Args:
@@ -83,15 +74,14 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         return self._vectors(observations), rewards, terminations, truncations, self._masked(infos)
 
     def _own(self, robot: str, action: Any) -> Any:
-        """Return the action as the robot itself has it."""
         number, most = np.asarray(action), int(self.action_spaces[robot].n)
         if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < most:
             raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {most - 1}")
-        verb, symbol = divmod(int(number.item()), max(self._symbols, 1))
+        verb, symbol = divmod(int(number.item()), self._symbols)
         verb = min(verb, self._counts[robot] - 1)
-        return (verb, symbol) if self._symbols else verb
+        return (verb, symbol) if self._talks else verb
 
-    def _vectors(self, observations: dict[str, Any]) -> dict[str, Any]:
+    def _vectors(self, observations: dict[str, Any]) -> Vectors:
         return {robot: np.append(self._ids[robot], self._flat(seen)) for robot, seen in observations.items()}
 
     def _masked(self, infos: Infos) -> Infos:
@@ -112,8 +102,8 @@ def flat_env(observation: Observed = "scene_graph", keys: Sequence[str] | None =
     >>> observations, infos = env.reset(seed=0)
     >>> observations["drone"].shape, observations["drone"][env.layout["agent"]].tolist()
     ((842,), [0.0, 1.0])
-    >>> infos["drone"]["action_mask"].tolist()
-    [1, 1, 1, 1, 1, 1, 1, 1, 1, 0]
+    >>> infos["drone"]["action_mask"]
+    array([1, 1, 1, 1, 1, 1, 1, 1, 1, 0], dtype=int8)
     >>> env.close()
 
     Args:
@@ -122,7 +112,6 @@ def flat_env(observation: Observed = "scene_graph", keys: Sequence[str] | None =
         **options: see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:
-        OptionError: an option has a value that it does not know, or there is no such key.
-        HomeError: a home cannot be used.
+        OptionError, HomeError: as of :func:`chmarl_pb.parallel_env`; or there is no such key.
     """
     return FlatEnv(NumericInfos(HouseholdEnv(observation, **options)), keys)

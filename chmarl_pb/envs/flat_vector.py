@@ -32,13 +32,14 @@ class FlatVector:
         Raises:
             OptionError: it is another space, or has no such key.
         """
-        boxes = space.spaces if isinstance(space, spaces.Dict) else {}
-        if not boxes or not all(isinstance(box, spaces.Box) for box in boxes.values()):
+        parts = space.spaces if isinstance(space, spaces.Dict) else {}
+        boxes = {key: box for key, box in parts.items() if isinstance(box, spaces.Box)}
+        if not boxes or len(boxes) < len(parts):
             raise OptionError(f"a flat vector is made of a Dict of Boxes, not of {space}; put it first")
         if unknown := [key for key in keys or () if key not in boxes]:
             raise OptionError(f"keys={unknown} are not observed; use some of: {', '.join(sorted(boxes))}")
         taken = {key: box for key, box in sorted(boxes.items()) if keys is None or key in keys}
-        ends = np.cumsum([0, *(int(np.prod(box.shape)) for box in taken.values())]).tolist()
+        ends = np.cumsum([0, *(box.low.size for box in taken.values())]).tolist()
         self.layout = dict(zip(taken, map(slice, ends, ends[1:]), strict=False))
         low, high = (
             np.concatenate([getattr(box, side).ravel().astype(np.float32) for box in taken.values()])

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import FlattenObservation
 from pettingzoo.test import parallel_api_test
 
@@ -16,6 +17,7 @@ import chmarl_pb
 from chmarl_pb.envs.flat import FlatEnv
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.evaluation.state_hash import state_hash
+from chmarl_pb.sensing.sensors import View
 
 SPLIT = "val-unseen"
 
@@ -35,10 +37,10 @@ def test_vectors_lie_in_one_space(options: dict[str, Any]) -> None:
     with closing(chmarl_pb.flat_env(**{"split": SPLIT, **options})) as env:
         space = env.observation_space("drone")
         assert space == env.observation_space("humanoid") and env.action_space("drone") == env.action_space("humanoid")
-        observations, _ = env.reset(seed=0)
+        observations = env.reset(seed=0)[0]
         for _ in range(5):
             assert all(space.contains(vector) and np.abs(vector).max() <= 1 for vector in observations.values())
-            observations, *_ = env.step({robot: env.action_space(robot).sample() for robot in env.agents})
+            observations = env.step({robot: env.action_space(robot).sample() for robot in env.agents})[0]
 
 
 def test_the_vector_holds_every_key_in_its_slice(flat: FlatEnv) -> None:
@@ -49,7 +51,8 @@ def test_the_vector_holds_every_key_in_its_slice(flat: FlatEnv) -> None:
             vector, space = vectors[robot], plain.observation_space(robot)
             assert vector[flat.layout["agent"]].tolist() == np.eye(2)[number].tolist()
             for key, box in space.items():
-                most = np.broadcast_to(box.high, box.shape).ravel()
+                assert isinstance(box, Box)
+                most = box.high.ravel()
                 np.testing.assert_allclose(vector[flat.layout[key]] * most, seen[robot][key].ravel(), atol=1e-3)
         assert sum(part.stop - part.start for part in flat.layout.values()) == len(vectors["drone"])
 
@@ -100,9 +103,19 @@ def test_a_wrong_action_is_refused(flat: FlatEnv, action: Any) -> None:
         flat.step({"humanoid": 9})
 
 
+class Named:
+    def spaces(self) -> dict[str, Box]:
+        return {"agent": Box(0, 1, (1,), np.int8)}
+
+    def observe(self, view: View) -> dict[str, Any]:
+        return {"agent": np.zeros(1, np.int8)}
+
+
 def test_wrong_keys_are_named() -> None:
     with pytest.raises(OptionError, match=r"\['gaol'\].*goal"):
         chmarl_pb.flat_env(split=SPLIT, goal=True, keys=["gaol"])
+    with pytest.raises(OptionError, match="'agent'"):
+        chmarl_pb.flat_env(Named())
     with pytest.raises(OptionError, match="Dict of Boxes"):
         chmarl_pb.FlatObservation(gymnasium.make("CartPole-v1"))
 
@@ -132,11 +145,17 @@ def test_ids_as_vectors(env_id: str) -> None:
         closing(FlattenObservation(gymnasium.make(env_id, split=SPLIT))) as raw,
     ):
         vector, plain = env.reset(seed=0)[0], raw.reset(seed=0)[0]
+        assert isinstance(raw.observation_space, Box) and isinstance(env.observation_space, Box) and env.spec
         assert env.observation_space.contains(vector) and env.observation_space.shape == raw.observation_space.shape
         np.testing.assert_allclose(vector * raw.observation_space.high, plain, atol=1e-3)
-        assert set(env.layout) == set(raw.unwrapped.observation_space)  # and the spec makes it again:
+        assert set(env.layout) == set(_keys(raw))  # and the spec makes it again:
     with closing(gymnasium.make(env.spec)) as again:
         assert (again.reset(seed=0)[0] == vector).all()
+
+
+def _keys(env: gymnasium.Env[Any, Any]) -> list[str]:
+    assert isinstance(env.unwrapped.observation_space, Dict)
+    return list(env.unwrapped.observation_space)
 
 
 def flat_humanoid() -> gymnasium.Env[Any, Any]:

@@ -10,11 +10,14 @@ import pytest
 from gymnasium import wrappers
 
 import chmarl_pb
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 
-LIMIT = gymnasium.spec("CHMARL/SceneGraphHumanoid-v1").max_episode_steps
+LIMIT = TRACKS[PAPER]["max_steps"]
 STAY = 9
 
-WRAPPED: dict[str, Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]] = {
+LOW, HIGH = np.float32(-1), np.float32(1)
+
+WRAPPED: dict[str, Callable[[Any], Any]] = {
     "Autoreset": wrappers.Autoreset,
     "DelayObservation": lambda env: wrappers.DelayObservation(env, 1),
     "FilterObservation": lambda env: wrappers.FilterObservation(env, ["self", "messages"]),
@@ -23,16 +26,18 @@ WRAPPED: dict[str, Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]]
     "NormalizeObservation, flat": lambda env: wrappers.NormalizeObservation(chmarl_pb.FlatObservation(env)),
     "NormalizeReward": wrappers.NormalizeReward,
     "RecordEpisodeStatistics": wrappers.RecordEpisodeStatistics,
-    "RescaleObservation, flattened": lambda env: wrappers.RescaleObservation(wrappers.FlattenObservation(env), -1, 1),
+    "RescaleObservation, flattened": lambda env: wrappers.RescaleObservation(
+        wrappers.FlattenObservation(env), LOW, HIGH
+    ),
     "StickyAction": lambda env: wrappers.StickyAction(env, 0.5),
     "TimeAwareObservation": wrappers.TimeAwareObservation,
     "TimeAwareObservation, Dict": lambda env: wrappers.TimeAwareObservation(env, flatten=False),
     "TimeAwareObservation, flat": lambda env: wrappers.TimeAwareObservation(chmarl_pb.FlatObservation(env)),
-    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: reward / 10),
+    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: float(reward) / 10),
 }
 
 
-def make(env_id: str) -> gymnasium.Env[Any, Any]:
+def make(env_id: str) -> Any:
     return gymnasium.make(env_id, split="val-unseen", image_size=32)
 
 
@@ -49,12 +54,14 @@ def test_an_episode_in_the_wrapper(name: str, env_id: str) -> None:
 
 def test_time_statistics_and_rewards_are_right() -> None:
     env = wrappers.TimeAwareObservation(make("CHMARL/SceneGraphHumanoid-v1"), flatten=False, normalize_time=True)
-    env = wrappers.TransformReward(wrappers.RecordEpisodeStatistics(env), lambda reward: reward / 10)
-    with closing(env):
-        seen, _ = env.reset(seed=0)
-        times, rewards, ended = [seen["time"].item()], [], False
+    statistics = wrappers.RecordEpisodeStatistics(env)
+    tenths: Any = wrappers.TransformReward(statistics, lambda reward: float(reward) / 10)
+    with closing(tenths):
+        seen, _ = tenths.reset(seed=0)
+        times, ended = [seen["time"].item()], False
+        rewards: list[float] = []
         while not ended:
-            seen, reward, terminated, truncated, info = env.step(len(rewards) % STAY)
+            seen, reward, terminated, truncated, info = tenths.step(len(rewards) % STAY)
             times.append(seen["time"].item())
             rewards.append(reward)
             ended = terminated or truncated
