@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 from chmarl_pb.envs.registration import register_envs
 
 if TYPE_CHECKING:
+    from chmarl_pb.envs.flat import flat_env as flat_env
+    from chmarl_pb.envs.flat_vector import FlatObservation as FlatObservation
+    from chmarl_pb.envs.numeric_infos import NumericInfos as NumericInfos
     from chmarl_pb.envs.options import Observed
     from chmarl_pb.envs.parallel import HouseholdEnv as HouseholdEnv
     from chmarl_pb.envs.rollout import Episode as Episode
@@ -33,11 +36,14 @@ __version__ = "0.2.0"
 _PUBLIC = {
     "ChmarlError": "chmarl_pb.errors",
     "Episode": "chmarl_pb.envs.rollout",
+    "FlatObservation": "chmarl_pb.envs.flat_vector",
     "HouseholdEnv": "chmarl_pb.envs.parallel",
+    "NumericInfos": "chmarl_pb.envs.numeric_infos",
     "Report": "chmarl_pb.evaluation.result",
     "Task": "chmarl_pb.tasks.task",
     "audit": "chmarl_pb.evaluation.audit",
     "evaluate": "chmarl_pb.evaluation.protocol",
+    "flat_env": "chmarl_pb.envs.flat",
     "generate_home": "chmarl_pb.homes.generate.store",
     "load_policy": "chmarl_pb.policies.sources",
     "load_tasks": "chmarl_pb.tasks.splits",

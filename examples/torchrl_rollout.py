@@ -5,9 +5,6 @@ python examples/torchrl_rollout.py --steps 28
 
 import argparse
 from collections.abc import Sequence
-from typing import Any
-
-from pettingzoo.utils import BaseParallelWrapper
 
 import chmarl_pb
 
@@ -17,24 +14,6 @@ except ImportError as error:
     raise SystemExit(f"error: this example needs TorchRL ({error}); run `pip install torchrl`") from None
 
 
-class Numbers(BaseParallelWrapper):  # type: ignore[misc]
-    """Keeps of the infos what fits into a tensor: the masks of actions."""
-
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
-        """Start an episode."""
-        observations, infos = self.env.reset(seed=seed, options=options)
-        return observations, _masks(infos)
-
-    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
-        """Let both robots act."""
-        *rest, infos = self.env.step(actions)
-        return *rest, _masks(infos)
-
-
-def _masks(infos: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    return {robot: {"action_mask": info["action_mask"].astype(bool)} for robot, info in infos.items()}
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Play at random, and print what each robot observed and was paid."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -42,10 +21,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--split", default="train")
     parser.add_argument("--steps", type=int, default=28)
     options = parser.parse_args(arguments)
-    inner = Numbers(chmarl_pb.parallel_env(options.observation, split=options.split, max_steps=options.steps))
-    # The robots differ in their actions, so each is a group of its own; by default TorchRL would ask for equal ones.
+    plain = chmarl_pb.parallel_env(options.observation, split=options.split, max_steps=options.steps)
+    inner = chmarl_pb.NumericInfos(plain)  # TorchRL makes tensors of infos, so they may hold no text
+    # The robots differ in their actions, so each is a group of its own; those of `flat_env` can be one group.
     groups = {robot: [robot] for robot in inner.possible_agents}
-    env = PettingZooWrapper(inner, group_map=groups, use_mask=True, seed=0)
+    env = PettingZooWrapper(inner, group_map=groups, seed=0)
     try:
         episode = env.rollout(options.steps)
         for robot in groups:

@@ -1,6 +1,7 @@
 """The examples run."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -51,10 +52,27 @@ def test_torchrl_rollout(capsys: pytest.CaptureFixture[str]) -> None:
     assert "drone: 3 steps, return" in capsys.readouterr().out
 
 
-def test_rllib_ppo(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("more", [[], ["--shared"]], ids=str)
+def test_rllib_ppo(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("ray.rllib")
-    example("rllib_ppo").main(["--iterations", "1", "--batch", "56"])
+    example("rllib_ppo").main(["--iterations", "1", "--batch", "56", *more])
     assert "iteration 0: mean return" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("algorithm", ["mappo", "qmix"])
+def test_benchmarl_task(
+    algorithm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("benchmarl")
+    module = example("benchmarl_task")
+    monkeypatch.setitem(sys.modules, "benchmarl_task", module)  # BenchMARL pickles the task
+    module.main(["--algorithm", algorithm, "--frames", "120", "--split", "val-unseen", "--out", str(tmp_path)])
+    assert f"{algorithm}: 120 frames, mean return" in capsys.readouterr().out
+
+
+def test_cleanrl_ppo(capsys: pytest.CaptureFixture[str]) -> None:
+    example("cleanrl_ppo").main(["--steps", "256", "--envs", "2", "--split", "val-unseen"])
+    assert "episodes: mean return" in capsys.readouterr().out
 
 
 def test_noisy_channel(capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,6 +87,8 @@ def test_every_command_names_the_extra_that_it_needs(extra: str, words: tuple[st
                               "--image-encoder", "efficientnet-lite0")),
         (("torchrl",), (str(ROOT / "examples" / "torchrl_rollout.py"),)),
         (("ray",), (str(ROOT / "examples" / "rllib_ppo.py"),)),
+        (("benchmarl",), (str(ROOT / "examples" / "benchmarl_task.py"),)),
+        (("torch",), (str(ROOT / "examples" / "cleanrl_ppo.py"),)),
     ],
     ids=lambda value: " ".join(Path(word).name for word in value),
 )  # fmt: skip

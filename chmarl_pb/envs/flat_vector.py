@@ -1,0 +1,86 @@
+"""One vector of what is observed, for learners that know no dictionaries."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
+
+from chmarl_pb.errors import OptionError
+
+
+class FlatVector:
+    """Makes a vector of a dictionary of arrays: its keys in the order of the alphabet, each scaled to -1..1.
+
+    A value is divided by the largest that its space allows: pictures by 255, ids by the highest id. Where that is
+    infinite, values stay as they are.
+
+    Attributes:
+        layout: key -> slice of the vector that it fills.
+        space: of the vector, float32.
+    """
+
+    def __init__(self, space: spaces.Space[Any], keys: Sequence[str] | None = None):
+        """Read the space of what is to be flattened.
+
+        Args:
+            space: a Dict of Boxes.
+            keys: those to take; None: all.
+
+        Raises:
+            OptionError: it is another space, or has no such key.
+        """
+        parts = space.spaces if isinstance(space, spaces.Dict) else {}
+        boxes = {key: box for key, box in parts.items() if isinstance(box, spaces.Box)}
+        if not boxes or len(boxes) < len(parts):
+            raise OptionError(f"a flat vector is made of a Dict of Boxes, not of {space}; put it first")
+        if unknown := [key for key in keys or () if key not in boxes]:
+            raise OptionError(f"keys={unknown} are not observed; use some of: {', '.join(sorted(boxes))}")
+        taken = {key: box for key, box in sorted(boxes.items()) if keys is None or key in keys}
+        ends = np.cumsum([0, *(box.low.size for box in taken.values())]).tolist()
+        self.layout = dict(zip(taken, map(slice, ends, ends[1:]), strict=False))
+        low, high = (
+            np.concatenate([getattr(box, side).ravel().astype(np.float32) for box in taken.values()])
+            for side in ("low", "high")
+        )
+        most = np.maximum(np.abs(low), np.abs(high))
+        self._scale = np.where(np.isfinite(most) & (most > 0), most, np.float32(1))
+        self.space = spaces.Box(low / self._scale, high / self._scale, dtype=np.float32)
+
+    def __call__(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the vector of an observation, (length,) float32."""
+        return np.concatenate([observation[key].ravel() for key in self.layout], dtype=np.float32) / self._scale
+
+
+class FlatObservation(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
+    """A Gymnasium id whose observation is one vector, float32 from -1 to 1; see :class:`FlatVector`.
+
+    >>> env = chmarl_pb.FlatObservation(gymnasium.make("CHMARL/SceneGraphHumanoid-v1", split="val-unseen"))
+    >>> env.observation_space.shape, env.layout["self"]
+    ((840,), slice(832, 840, None))
+    >>> env.close()
+
+    Attributes:
+        layout: key -> slice of the vector that it fills.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any], keys: Sequence[str] | None = None):
+        """Wrap an environment.
+
+        Args:
+            env: with a Dict of Boxes as observation.
+            keys: those to take; None: all.
+
+        Raises:
+            OptionError: it observes something else, or no such key.
+        """
+        RecordConstructorArgs.__init__(self, keys=keys)
+        super().__init__(env)
+        self._flat = FlatVector(env.observation_space, keys)
+        self.layout, self.observation_space = self._flat.layout, self._flat.space
+
+    def observation(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the vector."""
+        return self._flat(observation)
