@@ -1,6 +1,5 @@
 """Settings of the documentation site: make docs."""
 
-import importlib.util
 import re
 from typing import Any
 
@@ -15,7 +14,6 @@ version = release = chmarl_pb.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
-templates_path: list[str] = []
 
 html_theme = "furo"
 html_title = f"chmarl_pb {release}"
@@ -24,15 +22,13 @@ html_theme_options = {"navigation_with_keys": True}
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 
-#: Packages that only extras bring; where they are missing, their names stand for them while docstrings are read.
-EXTRAS = ("torch", "torchvision", "stable_baselines3", "sb3_contrib", "tensorboard", "tyro", "viser", "minari")
-autodoc_mock_imports = [name for name in EXTRAS if importlib.util.find_spec(name) is None]
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_default_options = {"members": True, "show-inheritance": False}
 autosummary_generate = False
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True
 suppress_warnings = ["misc.highlighting_failure"]  # the guide shows parts of TOML files
 nitpicky = False  # types of NumPy, PyTorch and Gymnasium have no pages here
 
