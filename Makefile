@@ -1,5 +1,6 @@
 # make demo   sets everything up and lets the planner solve a task: out/demo.mp4 and out/demo.html
 # make test   sets everything up and passes the checks and tests
+# make docs   sets everything up and builds the documentation: build/site/index.html
 # Both are quick when run again. PYTHON=... chooses the interpreter, else the first of 3.11, 3.12, 3.13 and 3.10 that
 # runs is taken; VENV=... keeps the environments of several interpreters apart.
 
@@ -11,7 +12,7 @@ FITS := import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.10 python3 python; do \
 	$$p -c '$(FITS)' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: demo test check coverage test-slow bench peers scaling tables assets homes clean
+.PHONY: demo test check docs coverage test-slow bench peers scaling tables assets homes clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -24,6 +25,11 @@ check: $(VENV)/.dev
 	$(RUN)/ruff check .
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy
+
+# Every warning, as of a link to a heading that is not there, fails.
+docs: $(VENV)/.docs
+	$(RUN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/site
+	@echo "build/site/index.html"
 
 # The same tests, with the lines counted that they run: half as slow again. Fails below the floor in pyproject.toml.
 coverage: $(VENV)/.dev
@@ -69,6 +75,10 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	$(RUN)/python -m pip install --quiet --editable ".[dev,train]"
 	@touch $@ $(VENV)/.run
 
+$(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
+	$(RUN)/python -m pip install --quiet --editable ".[docs,train]"
+	@touch $@ $(VENV)/.run
+
 $(PEERS)/.run: benchmarks/requirements.txt pyproject.toml | $(VENV)/bin/python
 	$(VENV)/bin/python -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --editable . --requirement benchmarks/requirements.txt
@@ -82,4 +92,4 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 clean:
-	rm -rf $(VENV) $(PEERS) out
+	rm -rf $(VENV) $(PEERS) build/site out

@@ -1,6 +1,6 @@
-"""Several objects, each to be brought to where it belongs: the planner tidies up.
+"""Two objects, each to be brought to where it belongs, or more: the planner tidies up.
 
-python examples/tidy_task.py [SEED]
+python examples/tidy_task.py [SEED [OBJECTS]]
 """
 
 import sys
@@ -9,11 +9,10 @@ import chmarl_pb
 from chmarl_pb.tasks.kinds import Tidy
 
 
-def main(seed: int = 1) -> None:
-    """Draw a task of two or three objects, and print what is done and how the potential grows."""
-    env = chmarl_pb.parallel_env(
-        task=Tidy(fewest=2, most=3), split="val-unseen", max_steps=60
-    )  # "tidy": 2 to 5 objects
+def main(seed: int = 1, objects: int = 2) -> None:
+    """Draw a task, and print what is done and how the potential grows."""
+    kind = Tidy(fewest=objects, most=objects)  # "tidy": 2 to 5 objects
+    env = chmarl_pb.parallel_env(task=kind, split="val-unseen", max_steps=60)
     env.reset(seed=seed)
     print(env.instruction)
     episode = chmarl_pb.rollout(env, chmarl_pb.make_policy("planner", env), seed, env.task)

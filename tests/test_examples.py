@@ -1,7 +1,11 @@
 """The examples run."""
 
 import importlib.util
+import json
 import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -126,10 +130,10 @@ def test_scout_robot(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None
     assert "goto_kitchen     sees kitchen/" in capsys.readouterr().out and (tmp_path / "scout.png").is_file()
 
 
-def test_two_humanoids_two_drones(capsys: pytest.CaptureFixture[str]) -> None:
-    example("two_humanoids_two_drones").main()
+def test_three_humanoids_two_drones(capsys: pytest.CaptureFixture[str]) -> None:
+    example("three_humanoids_two_drones").main()
     shown = capsys.readouterr().out
-    assert "humanoid_0        humanoid_1        drone_0" in shown and "success after" in shown
+    assert "humanoid_1        humanoid_2        drone_0" in shown and "success after" in shown
 
 
 def test_hint_adviser(capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,3 +151,54 @@ def test_own_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     example("own_robot").main(str(tmp_path / "own"), tasks=1)
     shown = capsys.readouterr().out.splitlines()
     assert shown[0] == "rover, planner: 1 of 1 tasks" and shown[2] == "humanoid + drone + rover, planner: 1 of 1 tasks"
+
+
+def test_own_home(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example("own_home").main(str(tmp_path / "own"), tasks=1)
+    shown = capsys.readouterr().out
+    assert "good: it can be played" in shown and "livingroom/coffee_table_1" in shown and "of 1 tasks" in shown
+    assert (tmp_path / "own" / "cabin.png").is_file()
+
+
+@pytest.fixture
+def chat() -> Iterator[tuple[str, list[str]]]:
+    """Serve a language model that always wants to turn; yield its address and what it reads."""
+    read: list[str] = []
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            read.append(asked["messages"][1]["content"])
+            words = "I choose turn_left." if "turn_left" in read[-1] else "Let us sing."
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(json.dumps({"choices": [{"message": {"content": words}}]}).encode())
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}", read
+    server.shutdown()
+    server.server_close()
+
+
+def test_language_model(
+    chat: tuple[str, list[str]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("LM_URL", "LM_MODEL"):
+        monkeypatch.setenv(name, "")  # the example sets them
+    url, read = chat
+    example("language_model").main(url, max_steps=3)
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[1:4] == ["turn_left         stay            "] * 3 and shown[4] == "failure after 3 steps"
+    assert read[0].startswith("Task: ") and read[-2].endswith("Your last actions: turn_left, turn_left.")
+
+
+def test_play_together(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("viser")
+    monkeypatch.setattr("sys.path", [*sys.path])  # the example adds its folder
+    example("play_together").rehearse()
+    shown = capsys.readouterr().out.splitlines()
+    assert "drone goto_bedroom" in shown[1] and shown[-1] == "success"

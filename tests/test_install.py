@@ -89,6 +89,7 @@ def test_make_says_what_it_needs(code: str, tmp_path: Path) -> None:
     assert "needs Python 3.10 to 3.13" in done.stderr and "make demo PYTHON=" in done.stderr
 
 
-def test_ci_runs_the_readmes_test_command() -> None:
-    assert "\nmake test\n" in (ROOT / ".ci" / "run").read_text()
+def test_ci_runs_the_readmes_test_command_and_builds_the_documentation() -> None:
+    run = (ROOT / ".ci" / "run").read_text()
+    assert "\nmake test\n" in run and "\nmake docs\n" in run
     assert re.search(r"^make test ", (ROOT / "README.md").read_text(), re.MULTILINE)

@@ -27,23 +27,26 @@ _COLUMNS, _SIZE = 11, 224  # models in a row, and pixels of a picture
 Image = NDArray[np.uint8]
 
 
-def picture(urdf: Path, size: int) -> Image:
+def picture(urdf: Path, size: int, turn: float = 0.0) -> Image:
     """Render one model.
 
     Args:
         urdf: the model's file, in one of the folders ``GROUPS``.
         size: side of the square picture, in pixels.
+        turn: by which the camera goes round the model, radians.
 
     Returns:
         RGB picture, shape (size, size, 3).
     """
+    (x, y, z), cosine, sine = VIEWS[urdf.parent.name], np.cos(turn), np.sin(turn)
+    view = np.array([x * cosine - y * sine, x * sine + y * cosine, z])
     client = p.connect(p.DIRECT)
     try:
         p.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client)
         _, _, colour, _, mask = p.getCameraImage(
             size,
             size,
-            *_camera(_visible_bounds(urdf), np.array(VIEWS[urdf.parent.name])),
+            *_camera(_visible_bounds(urdf), view),
             lightDirection=LIGHTS[urdf.parent.name],
             shadow=1,
             renderer=p.ER_TINY_RENDERER,

@@ -1,6 +1,6 @@
-"""A larger team: two humanoids tidy up, two drones search.
+"""A larger team: three humanoids tidy up, two drones search.
 
-python examples/two_humanoids_two_drones.py [SEED]
+python examples/three_humanoids_two_drones.py [SEED]
 """
 
 import sys
@@ -10,7 +10,7 @@ import chmarl_pb
 
 def main(seed: int = 0) -> None:
     """Play a tidy task by the planner, and print what each robot does."""
-    robots = ("humanoid", "humanoid", "drone", "drone")
+    robots = ("humanoid", "humanoid", "humanoid", "drone", "drone")
     env = chmarl_pb.parallel_env(robots=robots, task="tidy", split="val-unseen", max_steps=60)
     env.reset(seed=seed)
     print(env.instruction)

@@ -1,0 +1,73 @@
+"""The leaderboard: its page is that of the files, and only whole results by a track's rules are taken."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import chmarl_pb
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.result import load_result
+from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables
+
+GOOD = SENT / "belief.json"
+ENTRY = Entry("paper", "mine", "visual", "", 0.5, 0.2, -10.0)
+
+
+def test_the_page_is_made_of_the_files() -> None:
+    written = PAGE.read_text(encoding="utf-8").split(BEGIN)[1].split(END)[0]
+    assert written == f"\n\n{tables(entries())}\n\n", "run python -m tools.leaderboard"
+
+
+def test_trainings_of_a_row_are_averaged_and_the_best_comes_first() -> None:
+    other = replace(ENTRY, name="other", plw=0.25)
+    lines = tables([ENTRY, replace(ENTRY, plw=0.4, gain=10.0), other]).splitlines()
+    assert lines[-2:] == [
+        "| 1 | mine | visual |  | 2 | 50.0 | 30.0 | +0.0 |",
+        "| 2 | other | visual |  | 1 | 50.0 | 25.0 | -10.0 |",
+    ]
+    assert "## The grounded track, generated-test" in tables([replace(ENTRY, track="grounded", gain=None)])
+
+
+def test_check_takes_a_good_result(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--check", str(GOOD)]) == 0
+    assert "belief, paper track, PLW 60.6%, success 96.0%" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("split", "reason"),
+    [
+        ("val-unseen", "it is of val-unseen; play test-unseen"),
+        ("test-unseen", "it is not of all tasks of test-unseen"),
+    ],
+)
+def test_other_tasks_are_refused(split: str, reason: str, tmp_path: Path) -> None:
+    tasks = chmarl_pb.load_tasks(split)[:1]
+    chmarl_pb.evaluate("random", split, tasks=tasks, seeds=[0], workers=1).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=reason):
+        sent(tmp_path / "mine.json")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"pointing": True}, r"its rules are not the track's \(pointing\)"),
+        ({"max_steps": 90}, "it has 90 steps; leave out --max-steps"),
+    ],
+)
+def test_other_rules_are_refused(
+    changes: dict[str, object], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = load_result(GOOD)
+    settings = {**report.settings, "options": {**report.settings["options"], **changes}}
+    replace(report, settings=settings).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=reason):
+        sent(tmp_path / "mine.json")
+    assert main(["--check", str(tmp_path / "mine.json")]) == 1 and "mine.json: it" in capsys.readouterr().err
+
+
+def test_what_was_changed_by_hand_is_refused(tmp_path: Path) -> None:
+    text = GOOD.read_text(encoding="utf-8")
+    (tmp_path / "mine.json").write_text(text.replace('"observation": "scene_graph"', '"observation": "visual"'))
+    with pytest.raises(ResultError, match="checksum"):
+        sent(tmp_path / "mine.json")

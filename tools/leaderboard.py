@@ -1,0 +1,161 @@
+"""The leaderboard: ``python -m tools.leaderboard`` writes docs/leaderboard.md from the files in results/.
+
+Files of ``results/leaderboard`` are results that ``chmarl-pb evaluate --out`` has written; those of the tables of the
+learners are ``results/TABLE/ROW-seedK.json``. ``--check FILE ...`` says whether a result can be sent.
+"""
+
+import argparse
+import json
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+
+from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS, TRACKS
+from chmarl_pb.errors import ChmarlError, ResultError
+from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
+from chmarl_pb.evaluation.result import Report, load_result
+from chmarl_pb.evaluation.tables import label_of
+from chmarl_pb.tasks.splits import load_tasks
+
+ROOT = Path(__file__).parents[1]
+PAGE, SENT = ROOT / "docs" / "leaderboard.md", ROOT / "results" / "leaderboard"
+TABLES = ("scene-graph", "visual")
+BEGIN, END = "<!-- leaderboard -->", "<!-- end of leaderboard -->"
+HEAD = "| | policy | observation | is given | trainings | success % | PLW % | gain |\n|--:|---|---|---|--:|--:|--:|--:|"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One training, or one policy that does not learn, on the test split of a track.
+
+    Attributes:
+        track: "paper" or "grounded".
+        name: of the policy.
+        observation: what it observes.
+        given: what it lacks of the track's rules, and what it is given beyond its own observation; may be empty.
+        success: share of the tasks, 0 to 1.
+        plw: 0 to 1.
+        gain: over the best blind policy, points; None where no audit is of these rules.
+    """
+
+    track: str
+    name: str
+    observation: str
+    given: str
+    success: float
+    plw: float
+    gain: float | None
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """What the trainings of one row have in common."""
+        return self.track, self.name, self.observation, self.given
+
+
+def sent(path: Path) -> Entry:
+    """Return the entry of a result file.
+
+    Raises:
+        ResultError: it is damaged, or not of all tasks of a track's test split by that track's rules.
+    """
+    report = load_result(path)
+    fault = _fault(report)
+    if fault:
+        raise ResultError(f"{path}: {fault}")
+    given = [*(f"no {name}" for name in report.without), *filter(None, [report.declared])]
+    observation = str(report.settings["observation"])
+    return Entry(
+        report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw, gain_of(report)
+    )
+
+
+def _fault(report: Report) -> str:
+    """Return why a result is none of the leaderboard; empty if it is one."""
+    settings, track = report.settings, report.track
+    split = TEST_SPLITS[track]
+    if settings["split"] != split:
+        return f"it is of {settings['split']}; play {split}"
+    if settings["tasks_sha256"] != tasks_hash(load_tasks(split)):
+        return f"it is not of all tasks of {split}; leave out --task and --home"
+    if report.changed:
+        return f"its rules are not the track's ({report.changed}); leave out the options that change them"
+    if settings["options"]["max_steps"] != TRACKS[track]["max_steps"]:
+        return f"it has {settings['options']['max_steps']} steps; leave out --max-steps"
+    if any(home_hash(home) != digest for home, digest in settings["homes_sha256"].items()):
+        return "its homes are of another version; evaluate again with this one"
+    return ""
+
+
+def trained() -> list[Entry]:
+    """Return the entries of the learners' tables."""
+    entries = []
+    for path in sorted(path for table in TABLES for path in (ROOT / "results" / table).glob("*.json")):
+        run = json.loads(path.read_text(encoding="utf-8"))
+        split = TEST_SPLITS[PAPER]
+        summary = run["evaluation"]["splits"][split]["summary"]
+        success, plw = summary["success_rate"]["mean"], summary["plw"]["mean"]
+        lacks = ", ".join(f"no {name}" for name in ("messages", "feedback") if not run[name])
+        entries.append(Entry(PAPER, run["name"], run["observation"], lacks, success, plw, gain([plw], split)))
+    return entries
+
+
+def tables(entries: Iterable[Entry]) -> str:
+    """Return a table for each track that has entries, the best PLW first; trainings of one row are averaged."""
+    rows: defaultdict[tuple[str, ...], list[Entry]] = defaultdict(list)
+    for entry in entries:
+        rows[entry.row].append(entry)
+    best_first = sorted(rows.values(), key=lambda row: (-_mean(row), row[0].row))
+    of_track = {track: [row for row in best_first if row[0].track == track] for track in TRACKS}
+    return "\n\n".join(
+        f"## The {track} track, {TEST_SPLITS[track]}\n\n{HEAD}\n{_lines(own)}" for track, own in of_track.items() if own
+    )
+
+
+def _mean(row: Sequence[Entry]) -> float:
+    return fmean(entry.plw for entry in row)
+
+
+def _lines(rows: Iterable[Sequence[Entry]]) -> str:
+    return "\n".join(f"| {place} | {_cells(row)} |" for place, row in enumerate(rows, 1))
+
+
+def _cells(row: Sequence[Entry]) -> str:
+    gains = [entry.gain for entry in row if entry.gain is not None]
+    numbers = [f"{100 * fmean(entry.success for entry in row):.1f}", f"{100 * _mean(row):.1f}"]
+    first = row[0]
+    cells = [first.name, first.observation.replace("_", " "), first.given, str(len(row)), *numbers]
+    return " | ".join([*cells, points(fmean(gains) if gains else None)])
+
+
+def entries() -> list[Entry]:
+    """Return all entries."""
+    return [*trained(), *map(sent, sorted(SENT.glob("*.json")))]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page, or check files."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", nargs="+", type=Path, metavar="FILE", help="say whether results can be sent")
+    files = parser.parse_args(arguments).check
+    try:
+        if files:
+            for path in files:
+                entry = sent(path)
+                print(f"{path}: {entry.name}, {entry.track} track, PLW {entry.plw:.1%}, success {entry.success:.1%}")
+            return 0
+        before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+        after = rest.split(END)[1]
+        PAGE.write_text(f"{before}{BEGIN}\n\n{tables(entries())}\n\n{END}{after}", encoding="utf-8")
+        print(PAGE)
+        return 0
+    except ChmarlError as error:
+        print(error, file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
