@@ -18,7 +18,7 @@ Step = tuple[Vectors, dict[str, float], dict[str, bool], dict[str, bool], Infos]
 
 
 class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
-    """A ParallelEnv whose robots all have the same spaces, a Box and a Discrete; ``layout``: see :func:`flat_env`."""
+    """A ParallelEnv of which all robots have the same spaces, a Box and a Discrete; see :func:`flat_env`."""
 
     def __init__(self, env: Any, keys: Sequence[str] | None = None):
         """Wrap an environment.
