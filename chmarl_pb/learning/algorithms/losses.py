@@ -70,7 +70,7 @@ class Batch:
     def real(self) -> Tensor:
         """(B, T + 1, N) bool: which observations are more than padding, up to the one after an agent's last step."""
         later = self.acted.flip(1).cumsum(dim=1).flip(1) > 0
-        return torch.cat([later[:, :1], later], dim=1)
+        return nn.functional.pad(later, (0, 0, 1, 0), value=True)
 
     def team(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""
