@@ -25,6 +25,7 @@ from gymnasium.spaces import MultiDiscrete
 
 import chmarl_pb
 from chmarl_pb.files import append_line
+from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.world.bullet import pybullet
 
 WARM_UP = 0.25  # share of the joint steps after which growth is counted
@@ -109,12 +110,13 @@ class Soak:
         self._vector.close()
 
     def _play(self, env: Any, steps: int) -> None:
+        policy = make_policy("random", env)
+        policy.reset(int(self._rng.integers(2**31)))
         for _ in range(steps):
             if not env.agents:
                 seeded = self._rng.random() < _SEEDED
                 env.reset(seed=int(self._rng.integers(2**31)) if seeded else None)
-            spaces = {name: env.action_space(name) for name in env.agents}
-            env.step({name: _drawn(space, self._rng) for name, space in spaces.items()})
+            env.step(policy.act({robot: {} for robot in env.agents}, {}))
 
     def _play_vector(self, envs: Any, steps: int) -> int:
         space = envs.single_action_space
@@ -122,10 +124,6 @@ class Soak:
         for _ in range(steps // envs.num_envs):
             envs.step(self._rng.integers(space.nvec, size=(envs.num_envs, len(space.nvec))))
         return steps // int(envs.num_envs) * int(envs.num_envs)
-
-
-def _drawn(space: Any, rng: np.random.Generator) -> Any:
-    return rng.integers(space.nvec) if isinstance(space, MultiDiscrete) else int(rng.integers(space.n))
 
 
 def count(steps: int, seconds: float) -> Round:

@@ -48,42 +48,20 @@ def digest(*values: Any) -> str:
     return found.hexdigest()
 
 
-def play_at_random(env: HouseholdEnv, steps: int = _STEPS) -> str:
-    """Play random actions, all from seed 0, and return the digest of all observations, rewards, ends and infos."""
-    rng = np.random.default_rng(0)
-    results: list[Any] = [env.reset(seed=0)]
-    for _ in range(steps):
-        if not env.agents:
-            results.append(env.reset())
-        actions = {name: env.action_space(name) for name in env.agents}
-        results.append(env.step({name: _drawn(space, rng) for name, space in actions.items()}))
-    return digest(*results)
-
-
-def _drawn(space: Any, rng: np.random.Generator) -> Any:
-    """Return a random action of a space, which is not to be seeded for that."""
-    return rng.integers(space.nvec) if isinstance(space, MultiDiscrete) else int(rng.integers(space.n))
-
-
-def _random(**options: Any) -> str:
+def _played(policy: str, **options: Any) -> str:
+    """Let a built-in policy play, all from seed 0; return the digest of all that comes back, and of driven motions."""
     env = HouseholdEnv(**options)
     try:
-        return play_at_random(env)
-    finally:
-        env.close()
-
-
-def _driven(**options: Any) -> str:
-    """Let the planner solve a task by simulated execution, and return the digest of where all joints were meanwhile."""
-    env = HouseholdEnv(execution="simulated", **options)
-    try:
-        policy, snapshots = make_policy("planner", env), []
-        observations, infos = env.reset(seed=0)
-        policy.reset(0)
-        while env.agents:
-            observations, _, _, _, infos = env.step(policy.act(observations, infos))
-            snapshots += [[snapshot.bases, snapshot.joints, snapshot.items] for snapshot in env.snapshots]
-        return digest(*snapshots)
+        driver, results = make_policy(policy, env), list[Any]()
+        for _ in range(_STEPS):
+            if not env.agents:
+                observations, infos = env.reset(seed=None if results else 0)
+                driver.reset(0)
+                results.append((observations, infos))
+            observations, *outcome, infos = env.step(driver.act(observations, infos))
+            motion = [(snapshot.bases, snapshot.joints, snapshot.items) for snapshot in env.snapshots]
+            results.append((observations, outcome, infos, motion))
+        return digest(*results)
     finally:
         env.close()
 
@@ -105,14 +83,16 @@ def _side_by_side(**options: Any) -> str:
 
 #: What is played -> how its digest is found.
 ROLLOUTS: dict[str, Callable[[], str]] = {
-    "graphs": partial(_random, split="train"),
-    "pictures": partial(_random, observation="visual", split="val-unseen"),
-    "depth, segmentation and text": partial(_random, observation=("depth", "segmentation", "text"), split="val-seen"),
-    "planner's feedback": partial(_random, feedback="planner", split="train"),
-    "grounded, graphs": partial(_random, track="grounded", split="generated-val"),
-    "grounded, pictures": partial(_random, track="grounded", observation="visual", split="generated-val"),
+    "graphs": partial(_played, "random", split="train"),
+    "pictures": partial(_played, "random", observation="visual", split="val-unseen"),
+    "depth, segmentation and text": partial(
+        _played, "random", observation=("depth", "segmentation", "text"), split="val-seen"
+    ),
+    "planner's feedback": partial(_played, "random", feedback="planner", split="train"),
+    "grounded, graphs": partial(_played, "random", track="grounded", split="generated-val"),
+    "grounded, pictures": partial(_played, "random", track="grounded", observation="visual", split="generated-val"),
     "vector of 4 in 2 processes": partial(_side_by_side, observation="visual", split="train"),
-    "simulated execution": partial(_driven, split="train"),
+    "simulated execution": partial(_played, "planner", execution="simulated", split="train"),
 }
 
 

@@ -237,15 +237,3 @@ def _shortened(depths: Depths, postures: list[Array], margin: float, allowed: fl
 def as_posture(configuration: ArrayLike, turn: float = 0.0) -> Array:
     """Return a configuration and the yaw of what is held as one array."""
     return np.append(np.asarray(configuration, dtype=float), turn)
-
-
-def spread(postures: Array, numbers: NDArray[np.intp], most: int) -> list[int]:
-    """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
-    if not len(numbers):
-        return []
-    some = postures[numbers]
-    chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
-    while len(chosen) < min(most, len(numbers)):
-        chosen.append(int(apart.argmax()))
-        apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
-    return [int(numbers[number]) for number in chosen]

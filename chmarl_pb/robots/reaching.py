@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.robots.planning import ALLOWED, Path, spread
+from chmarl_pb.robots.planning import ALLOWED, Path
 
 Array: TypeAlias = NDArray[np.float64]
 #: Above which of several points (k, d) the arm gets, from which posture, and how; True: at any cost of search.
@@ -63,7 +63,7 @@ def choose_reach(
         if not len(block):
             continue
         deep = np.concatenate([deep, depths(targets[block], above[block])])
-        for number in spread(targets, block[deep[block] <= ALLOWED], _SPREAD):
+        for number in _spread(targets, block[deep[block] <= ALLOWED]):
             _, start, path = there(above[[number]], False)
             if path.depth > 0:
                 continue
@@ -72,7 +72,7 @@ def choose_reach(
                 return reach
             tried.append((reach.depth, number, reach))
     if not tried:
-        some = spread(targets, np.flatnonzero(deep <= ALLOWED), _ENDS) or [int(deep.argmin())]
+        some = _spread(targets, np.flatnonzero(deep <= ALLOWED), _ENDS) or [int(deep.argmin())]
         row, start, path = there(above[some], True)
         best = Reach(targets[some[row]], above[some[row]], start, path, back(above[some[row]], False))
         return best if best.back.depth <= 0 else replace(best, back=back(best.above, True))
@@ -84,3 +84,15 @@ def choose_reach(
         if best.depth <= 0:
             break
     return best
+
+
+def _spread(postures: Array, numbers: NDArray[np.intp], most: int = _SPREAD) -> list[int]:
+    """Return a few of some postures' numbers: the first, then always the one that differs most from those before."""
+    if not len(numbers):
+        return []
+    some = postures[numbers]
+    chosen, apart = [0], np.abs(some - some[0]).max(axis=1)
+    while len(chosen) < min(most, len(numbers)):
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.abs(some - some[chosen[-1]]).max(axis=1))
+    return [int(numbers[number]) for number in chosen]

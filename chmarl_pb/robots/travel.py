@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,47 +72,51 @@ def choose_postures(
     looked = [_every(leg, _EVERY) for leg in legs]
     if 0 in starts and 0 in ends and float(along(options[0], np.concatenate(looked), MARGIN).max()) <= 0:
         return 0, tuple(Leg(0, Path(())) for _ in legs)
-    start, chosen = _choose(legs, starts, ends, options, along, change)
+    drive = _Drive(legs, starts, ends, along, change)
+    start, chosen = _choose(drive, options)
     deep = [number for number, leg in enumerate(chosen[:-1]) if leg.depth > 0]
     drawn = [posture for number in deep for posture in _draw(_every(legs[number], _EVERY), options, along, limits)]
-    return _choose(legs, starts, ends, [*options, *drawn], along, change) if drawn else (start, chosen)
+    return _choose(drive, [*options, *drawn]) if drawn else (start, chosen)
 
 
-def _choose(
-    legs: Sequence[Array],
-    starts: Sequence[int],
-    ends: Sequence[int],
-    options: Sequence[Array],
-    along: Along,
-    change: Change,
-) -> tuple[int, tuple[Leg, ...]]:
+class _Drive(NamedTuple):
+    """A drive, as ``choose_postures`` is told of it."""
+
+    legs: Sequence[Array]
+    starts: Sequence[int]
+    ends: Sequence[int]
+    along: Along
+    change: Change
+
+
+def _choose(drive: _Drive, options: Sequence[Array]) -> tuple[int, tuple[Leg, ...]]:
     """Choose the cheapest postures, and search at any cost for changes between them that are not free."""
-    costs, depths = _leg_costs(legs, options, along)
-    costs[-1, [option for option in range(len(options)) if option not in ends]] = np.inf
+    costs, depths = _leg_costs(drive.legs, options, drive.along)
+    costs[-1, [option for option in range(len(options)) if option not in drive.ends]] = np.inf
     known: dict[tuple[int, int, int], Path] = {}
     searched: set[tuple[int, int, int]] = set()
 
     def changed(hoped: float, leg: int, one: int, other: int) -> tuple[Path, float]:
         key = leg, one, other
         if key not in known:
-            known[key] = change(options[one], options[other], legs[leg][0], False)
+            known[key] = drive.change(options[one], options[other], drive.legs[leg][0], False)
         cost = _CHANGE * (len(known[key].postures) - 1) + _DEEP * known[key].depth
         return known[key], cost if key in searched else min(cost, hoped)
 
     for _ in range(_SEARCHES):
-        start, chosen = _cheapest(costs, depths, starts, partial(changed, _HOPED))
+        start, chosen = _cheapest(costs, depths, drive.starts, partial(changed, _HOPED))
         before = (start, *(leg.option for leg in chosen))
         deep = {(n, before[n], leg.option) for n, leg in enumerate(chosen) if leg.path.depth > 0} - searched
         for n, one, other in sorted(deep):
-            known[n, one, other] = change(options[one], options[other], legs[n][0], True)
+            known[n, one, other] = drive.change(options[one], options[other], drive.legs[n][0], True)
         searched |= deep
         if not deep:
             break
-    return _cheapest(costs, depths, starts, partial(changed, np.inf))
+    return _cheapest(costs, depths, drive.starts, partial(changed, np.inf))
 
 
 def _every(leg: Array, steps: int) -> Array:
-    """Return every so manieth place of a leg, and its last."""
+    """Return the places of a leg that are so many steps apart, and its last."""
     return leg[[*range(0, len(leg), steps), len(leg) - 1]]
 
 
