@@ -111,7 +111,7 @@ class DictEncoder(nn.Module):
         parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
-        self.matches = nn.ModuleDict({key: Match(self._colours(key) is not None) for key in matched})
+        self.matches = nn.ModuleDict({key: self._match(key) for key in matched})
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
         self.numbers = Numbers(space) if numbers_past else None
@@ -140,6 +140,9 @@ class DictEncoder(nn.Module):
 
     def _part(self, key: str) -> Any:
         return self.parts[self.keys.index(key)]
+
+    def _match(self, key: str) -> Match:
+        return Match(len(self._part(key).classes.weight), self._colours(key) is not None)
 
     def _colours(self, key: str) -> Table | None:
         return getattr(self._part(key), "colours", None)

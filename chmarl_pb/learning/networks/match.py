@@ -15,12 +15,14 @@ from torch import Tensor, nn
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK
-from chmarl_pb.learning.networks.tables import EMBEDDING, Table
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable
 from chmarl_pb.tasks import language
 
 ROLES = 2  # X and Y
 _UNNAMED = -100  # label that cross_entropy leaves out
 _SHARPNESS = 10.0  # of the comparison at first: a cosine of 0.5 more is e^5 times as likely
+_QUICK = 10.0  # how much faster than other weights those learn that say which classes are ever X, and ever Y
+_NOISE = 1.5  # standard deviation of what is added to numbers of about 1, so that a word means all that lies near it
 
 
 class Wanted(NamedTuple):
@@ -40,45 +42,69 @@ class Match(nn.Module):
 
     For each of the two, the words of a sentence have weights that depend on the words beside them; the mean of the
     embeddings of words with these weights is compared with those of the classes by the cosine. A class is likely if
-    no other one is nearer, so that a synonym that training never shows needs only be nearest to its class.
+    no other one is nearer, so that a synonym that training never shows needs only be nearest to its class. Weights of
+    their own say which classes are X at all, and which Y: no synonym of a receptacle is read as an object.
+
+    The loss hears word vectors with noise: each word stands for all words near it. The noise follows from how often
+    the loss was taken, so that a run that is resumed hears what it would have heard.
     """
 
-    def __init__(self, colours: bool):
+    def __init__(self, classes: int, colours: bool):
         """Make the layers.
 
         Args:
+            classes: their number, with 0 for padding.
             colours: whether the words that name colours are looked for, too.
         """
         super().__init__()
         self.colours, looks = colours, ROLES * (1 + colours)
+        self.roles = nn.Parameter(torch.zeros(ROLES, classes))
+        self.taught: Tensor
+        self.register_buffer("taught", torch.zeros((), dtype=torch.int64))
         self.beside = nn.Conv1d(EMBEDDING, EMBEDDING, 3, padding=1)
         self.weights = nn.Linear(EMBEDDING, looks)
         self.query = nn.Linear(EMBEDDING, EMBEDDING, bias=False)
         nn.init.eye_(self.query.weight)
         self.sharpness = nn.Parameter(torch.tensor(_SHARPNESS).log())
 
-    def scores(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None) -> tuple[Tensor, ...]:
-        """Return logits of the classes (B, ROLES, classes), and with colours also of these, from token ids (B, L)."""
-        embedded = words(tokens)
+    def scores(self, tokens: Tensor, embedded: Tensor, classes: Table, colours: Table | None) -> tuple[Tensor, ...]:
+        """Return logits of the classes (B, ROLES, classes), and with colours also of these.
+
+        Args:
+            tokens: ids (B, L).
+            embedded: their rows (B, L, EMBEDDING).
+            classes: the table of their names.
+            colours: the table of theirs.
+        """
         heard = torch.relu(self.beside(embedded.transpose(1, 2))).transpose(1, 2)
         weights = self.weights(heard).masked_fill((tokens == 0).unsqueeze(2), -1e9).softmax(dim=1)
         named = self.query(weights.transpose(1, 2) @ embedded)
         tables = [classes] if colours is None else [classes, colours]
-        return tuple(self._compared(part, table) for part, table in zip(named.split(ROLES, 1), tables, strict=True))
+        parts = [self._compared(part, table) for part, table in zip(named.split(ROLES, 1), tables, strict=True)]
+        return parts[0] + _QUICK * self.roles, *parts[1:]
 
     def forward(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Wanted:
         """Return what instructions ask for, from token ids (B, L) and the tables of words, classes and colours."""
         different, place = tokens.long().unique(dim=0, return_inverse=True)
-        found = [part.softmax(dim=-1)[place] for part in self.scores(different, words, classes, colours)]
+        found = [part.softmax(dim=-1)[place] for part in self.scores(different, words(different), classes, colours)]
         return Wanted(*found)
 
     def loss(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Tensor:
         """Return the cross-entropy of the classes, and colours, that different instructions name; 0 without any."""
         different = tokens.long().unique(dim=0)
         labels = torch.from_numpy(np.stack([named_by(row) for row in different.cpu().numpy()])).to(different.device)
-        scores = self.scores(different, words, classes, colours)
+        scores = self.scores(different, self._blurred(different, words), classes, colours)
         losses = [_cross_entropy(part, labels[:, kind]) for kind, part in enumerate(scores)]
         return torch.stack(losses).sum()
+
+    def _blurred(self, tokens: Tensor, words: Table) -> Tensor:
+        """Return the rows of token ids, with noise where a table is made from vectors."""
+        if not isinstance(words, VectorTable):
+            return words(tokens)
+        stream = torch.Generator().manual_seed(int(self.taught))
+        self.taught += 1
+        noise = _NOISE * torch.randn(*tokens.shape, words.vectors.shape[1], generator=stream)
+        return words.blurred(tokens, noise.to(tokens.device))
 
     def _compared(self, named: Tensor, table: Table) -> Tensor:
         """Return the scores (B, ROLES, ids) of the rows of a table; none for 0, which is padding."""

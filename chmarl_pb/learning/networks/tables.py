@@ -49,6 +49,12 @@ class VectorTable(nn.Module):
         """Return the rows of ids (..., EMBEDDING)."""
         return nn.functional.embedding(ids, self.weight)
 
+    def blurred(self, ids: Tensor, noise: Tensor) -> Tensor:
+        """Return the rows of ids as if their vectors were others by a noise (..., size); padding and own rows stay."""
+        fixed = (ids > 0) & (ids < len(self.vectors))
+        rows: Tensor = self(ids) + fixed.unsqueeze(-1) * self._meaning[0](noise)
+        return rows
+
 
 Table = nn.Embedding | VectorTable
 
