@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
+from typing import cast
 
 import numpy as np
 import pytest
@@ -147,7 +148,10 @@ def test_every_learner_teaches_the_names_of_classes(algorithm: str) -> None:
             replay.add(episode)
     batch = replay.sample(2, np.random.default_rng(0))
     before, after = (
-        [likely(agent.encoder, batch.observations[name]).mean() for name, agent in one.agents.items()]
+        [
+            likely(cast(DictEncoder, agent.encoder), batch.observations[name]).mean()
+            for name, agent in one.agents.items()
+        ]
         for one in (first, learner)
     )
     assert sum(after) > sum(before) and not grounding(learner.agents, batch, 0.0)

@@ -100,7 +100,8 @@ class Match(nn.Module):
     def _blurred(self, tokens: Tensor, words: Table) -> Tensor:
         """Return the rows of token ids, with noise where a table is made from vectors."""
         if not isinstance(words, VectorTable):
-            return words(tokens)
+            rows: Tensor = words(tokens)
+            return rows
         stream = torch.Generator().manual_seed(int(self.taught))
         self.taught += 1
         noise = _NOISE * torch.randn(*tokens.shape, words.vectors.shape[1], generator=stream)
