@@ -342,7 +342,8 @@ def _near(
 
 def _graph(cells: NDArray[np.int64], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> csr_array:
     lengths = np.linalg.norm((cells[ends] - cells[starts]) * SPACING, axis=1)
-    return csr_array((lengths, (starts, ends)), shape=(len(cells), len(cells)))
+    places = starts.astype(np.int32), ends.astype(np.int32)  # SciPy before 1.15 searches no graph with longer indices
+    return csr_array((lengths, places), shape=(len(cells), len(cells)))
 
 
 def _forward(cells: NDArray[np.int64], obstacles: list[Solid], radius: float) -> NDArray[np.int32]:
