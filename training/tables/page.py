@@ -245,7 +245,7 @@ def _made_with(row: Row, same: Sequence[Record]) -> str:
     checkpoint = same[0]["checkpoint"]
     config = checkpoint.get("config", {})
     encoder = _read(same[0]["observation"], config)
-    begun = checkpoint.get("begun_with", {})
+    begun = checkpoint.get("begun_with", checkpoint)
     imitated = begun.get("config", {}).get("expert", TEACHER) if begun.get("algorithm") == "imitation" else ""
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
