@@ -56,6 +56,12 @@ def connect(address: str, files: Iterable[str | Path] = (), runtime_env: Mapping
     return True
 
 
+def processors() -> float:
+    """Return the number of processors of the cluster that this process has joined, as it is now."""
+    resources: Any = ray.cluster_resources
+    return float(resources().get("CPU", 0))
+
+
 @contextmanager
 def shipped(files: Iterable[str | Path] = ()) -> Iterator[Path]:
     """Yield a folder as nodes get it: this package as in its wheel, and files at their place below the current folder.

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.extras import needs
 from chmarl_pb.processes import Job, Result
-from chmarl_pb.ray_cluster import connect
+from chmarl_pb.ray_cluster import connect, processors
 
 with needs("work on a Ray cluster", "scale"):
     import ray
@@ -57,7 +57,7 @@ class RayExecutor:
             MissingExtraError: Ray is not installed.
         """
         self._cpus, self._joined = cpus, connect(address, files, runtime_env)
-        if not _processors() >= cpus:
+        if not processors() >= cpus:
             self.close()
             raise OptionError(f"the Ray cluster at {address!r} has no {cpus:g} processors for jobs")
 
@@ -78,7 +78,7 @@ class RayExecutor:
     @property
     def workers(self) -> int:
         """Number of jobs that the cluster as it is now can do at a time."""
-        return max(1, int(_processors() / self._cpus))
+        return max(1, int(processors() / self._cpus))
 
     def map(self, work: Callable[[Job], Result], jobs: Iterable[Job], ordered: bool = False) -> Iterator[Result]:
         """Yield the results of jobs; see :class:`chmarl_pb.executors.Executor`."""
@@ -140,7 +140,3 @@ def _result(ref: Any) -> Any:
 def _nodes() -> list[str]:
     """Return the ids of the nodes that have processors."""
     return [node["NodeID"] for node in _ray.nodes() if node["Alive"] and node["Resources"].get("CPU")]
-
-
-def _processors() -> float:
-    return float(_ray.cluster_resources().get("CPU", 0))

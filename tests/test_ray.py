@@ -1,6 +1,7 @@
 """A Ray cluster of two nodes gives what this machine gives, also when a node is lost; skipped without Ray."""
 
 import os
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,17 +21,25 @@ pytestmark = pytest.mark.slow
 
 from chmarl_pb import ray_cluster  # noqa: E402
 from chmarl_pb.ray_executor import RayExecutor  # noqa: E402
+from tests.helpers.toy_vectors import same  # noqa: E402
 
 IDS = [f"val-unseen-{number:03d}" for number in range(40)]
 NODE = {"num_cpus": 1, "object_store_memory": 100 * 2**20}
 
 
+def add_node(cluster: Any) -> Any:
+    """Add a node with a folder of its own, as machines have: in one that is shared it would unpack over the others."""
+    return cluster.add_node(**NODE, temp_dir=tempfile.mkdtemp(prefix="ray-", dir=cluster.folder))
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(prefix="r", dir="/tmp") as folder:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        cluster = cluster_utils.Cluster(initialize_head=True, head_node_args={**NODE, "include_dashboard": False})
-        cluster.add_node(**NODE)
+        head = {**NODE, "include_dashboard": False, "temp_dir": folder}
+        cluster = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+        cluster.folder = folder
+        add_node(cluster)
         yield cluster
         ray.shutdown()
         cluster.shutdown()
@@ -86,7 +95,7 @@ def test_data_sets_are_equal_to_the_byte(executor: RayExecutor, tmp_path: Path) 
 
 def test_a_lost_node_costs_only_its_tasks(cluster: Any, executor: RayExecutor) -> None:
     """The node dies while it plays; its jobs are done again on the other, and each result comes once."""
-    lost = cluster.add_node(**NODE)
+    lost = add_node(cluster)
     while executor.workers < 3:
         time.sleep(0.2)
     results = executor.map(dawdle, range(16))
@@ -97,7 +106,7 @@ def test_a_lost_node_costs_only_its_tasks(cluster: Any, executor: RayExecutor) -
 
 
 def test_an_evaluation_survives_a_lost_node(cluster: Any, executor: RayExecutor, tmp_path: Path) -> None:
-    lost = cluster.add_node(**NODE)
+    lost = add_node(cluster)
     while executor.workers < 3:
         time.sleep(0.2)
 
@@ -110,6 +119,27 @@ def test_an_evaluation_survives_a_lost_node(cluster: Any, executor: RayExecutor,
     out = tmp_path / "search.json"
     there = chmarl_pb.evaluate("search", "val-unseen", tasks=IDS, executor=executor, out=out, progress=kill)
     assert lost is None and there.episodes == chmarl_pb.evaluate("search", "val-unseen", tasks=IDS, workers=1).episodes
+
+
+@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+def test_vectors_are_equal(executor: RayExecutor, mode: str) -> None:
+    options: dict[str, Any] = {"split": "val-unseen", "max_steps": 7, "autoreset_mode": mode}
+    here = chmarl_pb.vector_env(5, workers=1, **options)
+    there = chmarl_pb.vector_env(5, workers=2, backend="ray", **options)
+    try:
+        assert same(here.reset(seed=3), there.reset(seed=3))
+        here.action_space.seed(0)
+        for _ in range(30):
+            actions = here.action_space.sample()
+            assert same(here.step(actions), there.step(actions))
+        assert there.get_attr("spec") == here.get_attr("spec")
+        with pytest.raises(AttributeError):
+            there.get_attr("nothing")
+        with pytest.raises(OptionError, match="processors"):
+            chmarl_pb.vector_env(50, workers=50, backend="ray", **options)
+    finally:
+        here.close()
+        there.close()
 
 
 def test_what_is_shipped_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
