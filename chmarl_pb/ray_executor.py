@@ -18,6 +18,7 @@ with needs("work on a Ray cluster", "scale"):
 
 _ray: Any = ray  # parts of it have no types
 _AHEAD = 2  # jobs under way for each worker: one that is done, one that is there when it is over
+_SHORT, _SHARE = 8, 16  # short jobs that are sent as one: at least so many, and one for so many workers
 _RETRIES = 5  # times that a job is done again whose process or machine is lost
 
 Own = TypeVar("Own", bound="RayExecutor")
@@ -35,7 +36,7 @@ class RayExecutor:
             report = chmarl_pb.evaluate("search", "val-unseen", executor=executor)
     """
 
-    alone, worthwhile = False, 8
+    alone = False
 
     def __init__(
         self,
@@ -79,6 +80,11 @@ class RayExecutor:
     def workers(self) -> int:
         """Number of jobs that the cluster as it is now can do at a time."""
         return max(1, int(processors() / self._cpus))
+
+    @property
+    def worthwhile(self) -> int:
+        """Number of short jobs that are better sent as one: this process hands out less than a thousand a second."""
+        return max(_SHORT, self.workers // _SHARE)
 
     def map(self, work: Callable[[Job], Result], jobs: Iterable[Job], ordered: bool = False) -> Iterator[Result]:
         """Yield the results of jobs; see :class:`chmarl_pb.executors.Executor`."""

@@ -1,6 +1,9 @@
 """A Ray cluster of two nodes gives what this machine gives, also when a node is lost; skipped without Ray."""
 
 import os
+import shutil
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -22,7 +25,9 @@ pytestmark = pytest.mark.slow
 from chmarl_pb import ray_cluster  # noqa: E402
 from chmarl_pb.ray_executor import RayExecutor  # noqa: E402
 from tests.helpers.toy_vectors import same  # noqa: E402
+from training.tables.schedule import on_ray  # noqa: E402
 
+ROOT = Path(__file__).parents[1]
 IDS = [f"val-unseen-{number:03d}" for number in range(40)]
 NODE = {"num_cpus": 1, "object_store_memory": 100 * 2**20}
 
@@ -121,7 +126,7 @@ def test_an_evaluation_survives_a_lost_node(cluster: Any, executor: RayExecutor,
     assert lost is None and there.episodes == chmarl_pb.evaluate("search", "val-unseen", tasks=IDS, workers=1).episodes
 
 
-@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 def test_vectors_are_equal(executor: RayExecutor, mode: str) -> None:
     options: dict[str, Any] = {"split": "val-unseen", "max_steps": 7, "autoreset_mode": mode}
     here = chmarl_pb.vector_env(5, workers=1, **options)
@@ -154,3 +159,18 @@ def test_what_is_shipped_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for wrong in (tmp_path / "my_policy.py", os.devnull, "missing.urdf"):
         with pytest.raises(OptionError, match="machines"), ray_cluster.shipped([wrong]):
             pass
+
+
+def test_a_step_of_a_table_runs_on_a_node(cluster: Any, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "training", tmp_path / "training")
+    settings = ["--observation", "scene_graph", "--seed", "0", "--episodes", "8", "--out", "runs/vdn"]
+    command = on_ray(cluster.address, ["training.train", "--algo", "vdn", *settings])
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    read, write = os.pipe()  # a step ends when its standard input does
+    try:
+        ended = subprocess.run(command, cwd=tmp_path, env=env, stdin=read, capture_output=True, text=True, check=False)
+    finally:
+        os.close(read)
+        os.close(write)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert (tmp_path / "runs/vdn/metrics.jsonl").is_file() and list((tmp_path / "runs/vdn").glob("*.pt"))
