@@ -24,6 +24,7 @@ _PACKAGE = Path(__file__).parent
 _ASSETS = {"urdf": URDF_DIR, "scenes": SCENES_DIR, "weights": WEIGHTS_DIR}
 _BESIDE = ("meshes", "textures")  # folders that the files of homes and things name
 _SET = ("CHMARL_CACHE", "CHMARL_CACHE_LIMIT")  # go to the nodes where they are set here
+_CODE = "machine_code"  # not __pycache__, which Ray leaves out
 _MOST = 200  # MB that are shipped; Ray itself refuses more than 500
 
 
@@ -42,7 +43,7 @@ def connect(address: str, files: Iterable[str | Path] = (), runtime_env: Mapping
     """
     if ray.is_initialized():
         return False
-    variables = {name: os.environ[name] for name in _SET if name in os.environ}
+    variables = {"NUMBA_CACHE_DIR": _CODE, **{name: os.environ[name] for name in _SET if name in os.environ}}
     given = dict(runtime_env or {})
     with shipped(files) as folder, _own_signals():
         given |= {"working_dir": str(folder), "env_vars": {**variables, **given.get("env_vars", {})}}
@@ -79,9 +80,10 @@ def shipped(files: Iterable[str | Path] = ()) -> Iterator[Path]:
         shutil.copytree(_PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
         for asset, source in _ASSETS.items():
             shutil.copytree(source, package / "_assets" / asset, dirs_exist_ok=True)
-        (package / "__pycache__").mkdir()
+        code = folder / _CODE / _PACKAGE.name
+        code.mkdir(parents=True)
         for path in (file for found in kernels().values() for file in found):
-            shutil.copy2(path, package / "__pycache__")
+            shutil.copy2(path, code)
         _write_metadata(folder)
         for file in files:
             _copy_own(Path(file), folder)

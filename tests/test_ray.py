@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import chmarl_pb
+from chmarl_pb.compiled import kernels
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.verify import verify
@@ -61,6 +62,10 @@ def where(number: int) -> tuple[int, str, str]:
     return number, ray.get_runtime_context().get_node_id(), chmarl_pb.__file__
 
 
+def machine_code(number: int) -> int:
+    return len(next(iter(kernels().values())))
+
+
 def fail(number: int) -> int:
     raise TaskError(f"job {number} cannot be done")
 
@@ -77,6 +82,11 @@ def test_jobs_go_to_all_nodes_with_this_package(executor: RayExecutor) -> None:
     assert len({node for _, node, _ in done}) == 2
     assert {Path(file).resolve() == Path(chmarl_pb.__file__).resolve() for _, _, file in done} == {False}
     assert len({node for _, node, _ in executor.everywhere(where, [0])}) == 2
+
+
+def test_nodes_need_not_compile(executor: RayExecutor) -> None:
+    shipped = {file.name for files in kernels().values() for file in files}
+    assert set(executor.everywhere(machine_code, [0])) == {len(shipped)}
 
 
 def test_errors_arrive_as_they_are(executor: RayExecutor) -> None:
