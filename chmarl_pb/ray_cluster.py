@@ -4,6 +4,7 @@ import logging
 import os
 import shutil
 import signal
+import socket
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -48,13 +49,25 @@ def connect(address: str, files: Iterable[str | Path] = (), runtime_env: Mapping
     with shipped(files) as folder, _own_signals():
         given |= {"working_dir": str(folder), "env_vars": {**variables, **given.get("env_vars", {})}}
         try:
+            _knock(address)
             ray.init(address, runtime_env=given, log_to_driver=False, logging_level=logging.ERROR)
-        except (ConnectionError, ValueError) as error:
+        except (OSError, ValueError) as error:
             raise OptionError(
                 f"no Ray cluster answers at {address!r} ({error}); start one by `ray start --head` and give its "
                 "HOST:PORT, or 'local' for this machine alone"
             ) from error
     return True
+
+
+def _knock(address: str) -> None:
+    """Ask whether anybody listens at ``HOST:PORT``: Ray itself goes on asking for minutes.
+
+    Raises:
+        OSError: nobody does.
+    """
+    host, _, port = address.rpartition(":")
+    if host and "/" not in host and port.isdigit():
+        socket.create_connection((host, int(port)), timeout=10).close()
 
 
 def processors() -> float:

@@ -18,7 +18,7 @@ with needs("work on a Ray cluster", "scale"):
 
 _ray: Any = ray  # parts of it have no types
 _AHEAD = 2  # jobs under way for each worker: one that is done, one that is there when it is over
-_SHORT, _SHARE = 8, 16  # short jobs that are sent as one: at least so many, and one for so many workers
+_SHORT, _SHARE = 8, 8  # short jobs that are sent as one: at least so many, and one for so many workers
 _RETRIES = 5  # times that a job is done again whose process or machine is lost
 
 Own = TypeVar("Own", bound="RayExecutor")
@@ -83,7 +83,7 @@ class RayExecutor:
 
     @property
     def worthwhile(self) -> int:
-        """Number of short jobs that are better sent as one: this process hands out less than a thousand a second."""
+        """Number of short jobs that are better sent as one: this process hands out only some hundred a second."""
         return max(_SHORT, self.workers // _SHARE)
 
     def map(self, work: Callable[[Job], Result], jobs: Iterable[Job], ordered: bool = False) -> Iterator[Result]:

@@ -157,6 +157,11 @@ def test_vectors_are_equal(executor: RayExecutor, mode: str) -> None:
         there.close()
 
 
+def test_nobody_at_an_address_is_an_error_at_once() -> None:
+    with pytest.raises(OSError, match="refused"):
+        ray_cluster._knock("127.0.0.1:1")
+
+
 def test_what_is_shipped_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own" / "meshes").mkdir(parents=True)
