@@ -3,10 +3,12 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -18,13 +20,16 @@ from chmarl_pb.errors import OptionError, WorkerError
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
+_AHEAD = 4  # jobs under way for each process
 _PATIENCE = 2.0  # seconds that processes get to finish what they are at, when nobody waits for it any more
 
 
 def in_processes(
-    work: Callable[[Job], Result], jobs: Sequence[Job], workers: int, ordered: bool = False
+    work: Callable[[Job], Result], jobs: Iterable[Job], workers: int, ordered: bool = False
 ) -> Iterator[Result]:
     """Yield the results of jobs; the processes end with the iterator, and with this process, however it ends.
+
+    Jobs are taken, and results kept, only a few ahead of what is asked for: neither fills the memory.
 
     Args:
         work: a function of a module; called in another process.
@@ -37,14 +42,8 @@ def in_processes(
         WorkerError: a process died, or none can be started.
     """
     check_workers(workers)
-    if not jobs:
-        return
-    with _pool(min(workers, len(jobs))) as pool:
-        try:
-            futures = [pool.submit(work, job) for job in jobs]
-        except OSError as error:
-            raise _not_started(error) from error
-        yield from _in_order(futures) if ordered else _when_done(futures)
+    with _pool(workers) as pool:
+        yield from _results(pool, work, iter(jobs), _AHEAD * workers, ordered)
 
 
 def check_workers(workers: int) -> None:
@@ -101,24 +100,32 @@ def _not_started(error: OSError) -> WorkerError:
     )
 
 
-def _in_order(futures: "list[Future[Result]]") -> Iterator[Result]:
-    futures.reverse()
-    while futures:
-        yield futures.pop().result()
+def _results(
+    pool: ProcessPoolExecutor, work: Callable[[Job], Result], jobs: Iterator[Job], most: int, ordered: bool
+) -> Iterator[Result]:
+    """Yield results, with at most so many jobs under way; if a process died, all that were there come first."""
+    futures: list[Future[Result]] = []
+    try:
+        while True:
+            for job in islice(jobs, most - len(futures)):
+                futures.append(_submitted(pool, work, job))
+            if not futures:
+                return
+            done = wait_for(futures[:1] if ordered else futures, return_when=FIRST_COMPLETED).done
+            for future in done:
+                result = future.result()
+                futures.remove(future)
+                yield result
+    except BrokenProcessPool:
+        yield from (future.result() for future in futures if future.exception() is None)
+        raise
 
 
-def _when_done(futures: "list[Future[Result]]") -> Iterator[Result]:
-    """Yield results as they come; if a process died, all that were there come first."""
-    broken: BrokenProcessPool | None = None
-    for future in as_completed(futures):
-        try:
-            result = future.result()
-        except BrokenProcessPool as error:
-            broken = error
-        else:
-            yield result
-    if broken is not None:
-        raise broken
+def _submitted(pool: ProcessPoolExecutor, work: Callable[[Job], Result], job: Job) -> "Future[Result]":
+    try:
+        return pool.submit(work, job)
+    except OSError as error:
+        raise _not_started(error) from error
 
 
 def begin() -> None:

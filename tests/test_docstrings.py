@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Iterator
 
@@ -26,11 +27,13 @@ SHOWN = (
     "learning.policies.cloned.CloningConfig", "learning.sb3.config.Config", "learning.sb3.vec_env.sb3_vec_env",
 )  # fmt: skip
 
+HAS_RAY = importlib.util.find_spec("ray") is not None  # of the extra ``scale``
+
 
 def examples() -> Iterator[doctest.DocTest]:
     """Return the docstrings of the package that have examples; ``chmarl_pb`` and ``np`` are known in all of them."""
     for found in pkgutil.walk_packages(chmarl_pb.__path__, "chmarl_pb."):
-        if not found.name.endswith("__main__"):
+        if not found.name.endswith("__main__") and (HAS_RAY or "ray" not in found.name.rpartition(".")[2].split("_")):
             module = importlib.import_module(found.name)
             tests = doctest.DocTestFinder().find(module, extraglobs={"chmarl_pb": chmarl_pb, "np": np})
             yield from (test for test in tests if test.examples)

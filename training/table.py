@@ -8,16 +8,18 @@ import argparse
 import fnmatch
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 from chmarl_pb.errors import ChmarlError, OptionError
+from chmarl_pb.executors import Executor, Local
 from chmarl_pb.learning.runs.interrupts import run_command
 from training.tables.page import write_page
 from training.tables.rows import TABLES, Row
 from training.tables.runs import Run, python
-from training.tables.schedule import Schedule, end
+from training.tables.schedule import Schedule, as_step, end, on_ray
 
 RESULTS, OUT, PAGE = Path("results"), Path("out/tables"), Path("docs/results.md")
 
@@ -48,13 +50,27 @@ def _work(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> lis
     """Do all runs that are not finished; return the names of those that failed."""
     runs = make_runs(chosen, extra)
     write_page(chosen.results, page)  # what is wrong with it shows now, not after the first run
-    schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page))
+    launch = as_step if chosen.ray is None else partial(on_ray, chosen.ray)
+    schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page), launch)
     if schedule.waiting:
-        prepare(schedule.waiting, chosen.data, chosen.jobs)
+        with _executor(chosen) as executor:
+            prepare(schedule.waiting, chosen.data, executor)
     schedule.work()
     if schedule.waiting:
         print(f"{len(schedule.waiting)} runs were not started: the time was up", file=sys.stderr)
     return schedule.failed
+
+
+@contextmanager
+def _executor(chosen: argparse.Namespace) -> Iterator[Executor]:
+    """Yield who makes the data sets."""
+    if chosen.ray is None:
+        yield Local(chosen.jobs)
+        return
+    from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
+
+    with RayExecutor(chosen.ray) as executor:
+        yield executor
 
 
 def make_runs(chosen: argparse.Namespace, extra: tuple[str, ...] = ()) -> list[Run]:
@@ -84,7 +100,7 @@ def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
     return names
 
 
-def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
+def prepare(runs: Sequence[Run], data: Path, executor: Executor) -> None:
     """Make what several runs need, if it is missing: weights of encoders, data sets, features of their pictures.
 
     Raises:
@@ -100,7 +116,7 @@ def prepare(runs: Sequence[Run], data: Path, workers: int) -> None:
                 raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
     cloned = [run.row for run in runs if run.row.clones and not _is_trained(run)]
     for observation, encoder in dict.fromkeys((row.observation, row.image_encoder) for row in cloned):
-        _prepare_data(observation, encoder, data, workers)
+        _prepare_data(observation, encoder, data, executor)
 
 
 def _finished(command: list[str]) -> int:
@@ -116,7 +132,7 @@ def _is_trained(run: Run) -> bool:
     return run.next_step() != "train"
 
 
-def _prepare_data(observation: str, image_encoder: str, data: Path, workers: int) -> None:
+def _prepare_data(observation: str, image_encoder: str, data: Path, executor: Executor) -> None:
     from rich.progress import Progress
 
     from chmarl_pb.data.generate import generate
@@ -125,7 +141,7 @@ def _prepare_data(observation: str, image_encoder: str, data: Path, workers: int
     recipe = Recipe(observation=observation)
     with Progress() as bar:
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
-        dataset = generate(recipe, data, workers, lambda done: bar.update(line, advance=done))
+        dataset = generate(recipe, data, progress=lambda done: bar.update(line, advance=done), executor=executor)
     if observation == "visual":  # here, as one run would wait for the other
         from chmarl_pb.learning.networks.frozen import frozen_encoder
         from chmarl_pb.learning.networks.kept_features import kept_features
@@ -146,6 +162,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seeds", type=int, help="trainings of each row (default: 3, on pictures mostly 1)")
     parser.add_argument("--jobs", type=int, default=2, help="processes side by side (default 2)")
+    parser.add_argument("--ray", metavar="ADDRESS", help="do the runs on a Ray cluster, --jobs at a time")
     parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")
     parser.add_argument("--show", action="store_true", help="train nothing, write the page")
     parser.add_argument("--data", type=Path, default=Path("out/data"), help="of data sets (default %(default)s)")

@@ -1,12 +1,15 @@
 """Arguments that several commands share."""
 
 import argparse
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.envs.options import SENSORS, SYMBOLS, Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
+from chmarl_pb.executors import Executor, Local
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
 
@@ -118,7 +121,43 @@ def add_played(parser: argparse.ArgumentParser) -> None:
     )
     add_observation(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    add_workers(parser)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say who does the work."""
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    parser.add_argument(
+        "--ray", metavar="ADDRESS",
+        help="do the work on a Ray cluster: HOST:PORT of its head, auto for the one on this machine, or local; "
+        "needs the extra scale",
+    )  # fmt: skip
+
+
+@contextmanager
+def executor_of(options: argparse.Namespace) -> Iterator[Executor]:
+    """Yield who does the work; the own files that the options name are shipped to a cluster.
+
+    Raises:
+        OptionError: the number of workers is less than one, or no cluster answers.
+        MissingExtraError: Ray is asked for and not installed.
+    """
+    if options.ray is None:
+        yield Local(options.workers)
+        return
+    from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
+
+    with RayExecutor(options.ray, own_files(vars(options))) as executor:
+        yield executor
+
+
+def own_files(options: Mapping[str, Any]) -> list[Path]:
+    """Return the files of the user's that options name: homes, catalogues, robots, checkpoints, modules."""
+    named = [options.get(name) for name in ("home", "catalog", "policy", "env")]
+    texts = [str(name) for name in (*named, *(options.get("robots") or ()), *(options.get("fill") or ())) if name]
+    modules = [text.partition(":")[0].partition(".")[0] for text in texts if ":" in text]
+    candidates = [*texts, *modules, *(f"{module}.py" for module in modules)]
+    return [path for path in map(Path, candidates) if path.exists()]
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:

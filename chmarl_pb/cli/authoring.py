@@ -2,13 +2,22 @@
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
-from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, output_folder
+from chmarl_pb.cli.arguments import (
+    add_catalog,
+    add_verb,
+    add_workers,
+    catalog_of,
+    executor_of,
+    output_file,
+    output_folder,
+)
 from chmarl_pb.cli.output import say
 from chmarl_pb.errors import ChmarlError, OptionError
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import replacing, write_atomically
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.export import export_gltf, export_urdf
 from chmarl_pb.homes.generate.store import generate_home
@@ -59,6 +68,7 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     generate.add_argument("--seed", type=int, required=True, metavar="N", help="which home: a whole number from 0 on")
     generate.add_argument("--count", type=int, default=1, metavar="K", help="homes of K seeds from N on (default: 1)")
     generate.add_argument("--out", type=output_folder, required=True, metavar="DIR", help="folder to write to")
+    add_workers(generate)
 
 
 def _new(options: argparse.Namespace) -> int:
@@ -117,8 +127,26 @@ def _export(options: argparse.Namespace) -> int:
 
 def _generate(options: argparse.Namespace) -> int:
     """Make up homes from seeds."""
-    for seed in range(options.seed, options.seed + options.count):
-        path = generate_home(seed, options.out)
-        preview(path, path.with_suffix(".png"))
-        print(path)
+    seeds = range(options.seed, options.seed + options.count)
+    with executor_of(options) as executor:
+        for files in map(_home_files, seeds) if executor.alone else executor.map(_home_files, seeds, ordered=True):
+            for path, content in files.items():
+                if not _holds(options.out / path, content):
+                    with replacing(options.out / path) as temporary:
+                        temporary.write_bytes(content)
+            print(options.out / next(path for path in files if path.suffix == ".urdf"))
     return 0
+
+
+def _home_files(seed: int) -> dict[Path, bytes]:
+    """Return the files of a home with its picture, by their paths in its folder; its URDF, which needs them, last."""
+    with tempfile.TemporaryDirectory(prefix="chmarl-home-") as name:
+        home = generate_home(seed, Path(name))
+        preview(home, home.with_suffix(".png"))
+        files = sorted((path for path in Path(name).rglob("*") if path.is_file()), key=lambda path: path == home)
+        return {path.relative_to(name): path.read_bytes() for path in files}
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    """Return whether a file, e.g. a mesh that homes share, is there already."""
+    return path.is_file() and path.read_bytes() == content

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_track, output_folder
+from chmarl_pb.cli.arguments import add_track, add_workers, executor_of, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
@@ -37,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_track(parser)
     add_json(parser)
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    add_workers(parser)
     parser.add_argument(
         "--out", type=output_folder, default=Path("out/baselines"), metavar="DIR", help="folder for results"
     )
@@ -65,12 +65,12 @@ def run_baselines(options: argparse.Namespace) -> int:
         load_tasks(split)  # says so if there is no such split
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
     own = "" if options.track == PAPER else f"{options.track}-"
-    with progress_bar() as bar:
+    with executor_of(options) as executor, progress_bar() as bar:
         for split in splits:
             for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
-                    policy, split, seeds=range(options.seeds), workers=options.workers,
+                    policy, split, seeds=range(options.seeds), executor=executor,
                     out=options.out / f"{own}{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
                     track=options.track,
                 )  # fmt: skip

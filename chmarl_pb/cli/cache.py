@@ -10,7 +10,9 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
+from chmarl_pb.cli.arguments import add_workers, executor_of
 from chmarl_pb.errors import OptionError
+from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.rendering.view_store import Entry, view_store
@@ -27,12 +29,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--clear", action="store_true", help="remove them all")
     what.add_argument("--fill", nargs="+", metavar="HOME", help="draw all views of these homes, e.g. before a training")
     parser.add_argument("--size", type=int, default=128, metavar="N", help="pixels of the views to draw (default: 128)")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that draw (default: 2)")
+    add_workers(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     if options.fill:
-        return run_fill(options.fill, options.size, options.workers)
+        with executor_of(options) as executor:
+            return run_fill(options.fill, options.size, executor)
     return run_cache(options.clear)
 
 
@@ -68,31 +71,37 @@ def _run_other(folder: Path, what: str, pattern: str, clear: bool) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def run_fill(homes: Sequence[str], size: int, workers: int) -> int:
-    """Draw all views of homes that are not stored yet; return 0.
+def run_fill(homes: Sequence[str], size: int, executor: Executor) -> int:
+    """Draw all views of homes that the machines of an executor have not stored yet; return 0.
 
     Args:
         homes: names or paths.
         size: width and height of the pictures.
-        workers: number of processes.
+        executor: who draws; each machine has a store of its own.
 
     Raises:
         HomeError: a home cannot be read.
         OptionError: the store has no room, or an option is out of range.
     """
-    from chmarl_pb.sensing.view_filling import MB, Filling, draw  # not to show what is stored: it starts PyBullet
+    from chmarl_pb.sensing.view_filling import (  # not to show what is stored: it starts PyBullet
+        MB,
+        Filling,
+        draw,
+        missing,
+    )
 
-    if not 16 <= size <= 1024 or workers < 1:
-        raise OptionError(f"size={size}, workers={workers}: use a size from 16 to 1024 and at least 1 worker")
+    if not 16 <= size <= 1024:
+        raise OptionError(f"size={size}: use a size from 16 to 1024")
     filling = Filling(homes, size)
     print(f"{', '.join(homes)}: all views take {filling.bytes / MB:,.1f} MB, {filling.missing:,} are missing")
-    if jobs := filling.jobs():
+    elsewhere = not isinstance(executor, Local)
+    if jobs := filling.jobs(elsewhere):
         with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
-            row = bar.add_task("drawing views", total=filling.missing)
-            for count in draw(jobs, workers):
+            row = bar.add_task("drawing views", total=None if elsewhere else filling.missing)
+            for count in draw(jobs, executor):
                 bar.advance(row, count)
-    if filling.missing:
-        raise OptionError(f"{filling.missing:,} views found no room in the store; end what uses it, or raise its limit")
+    if left := missing(homes, size, executor) if elsewhere else filling.missing:
+        raise OptionError(f"{left:,} views found no room in the store; end what uses it, or raise its limit")
     return 0
 
 

@@ -11,7 +11,16 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_verb, output_folder, verbs
+from chmarl_pb.cli.arguments import (
+    add_catalog,
+    add_home,
+    add_robots,
+    add_verb,
+    add_workers,
+    executor_of,
+    output_folder,
+    verbs,
+)
 from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
@@ -21,7 +30,6 @@ from chmarl_pb.data.store import default_root
 from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.processes import check_workers
 from chmarl_pb.progress import LateProgress
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 
@@ -56,7 +64,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     verifying.add_argument("--share", type=float, default=1.0, metavar="F", help="share of episodes (default: 1)")
     for verb in (making, verifying):
         verb.add_argument("--split", action="append", metavar="S", help="only this split; may be repeated")
-        verb.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+        add_workers(verb)
     stats = add_verb(
         all_verbs,
         "stats",
@@ -80,7 +88,6 @@ def generate_datasets(options: argparse.Namespace) -> int:
         OptionError: an option has a value that it does not know.
         DatasetError: another data set of this name is in the folder.
     """
-    check_workers(options.workers)
     root = options.out or default_root()
     chosen = options.split or (BENCHMARK_SPLITS if options.home is None else ("train",))
     modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
@@ -90,9 +97,10 @@ def generate_datasets(options: argparse.Namespace) -> int:
         for split in chosen
     ]
     made = []
-    for recipe in recipes:
-        with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:
-            made.append(generate(recipe, root, options.workers, progress))
+    with executor_of(options) as executor:
+        for recipe in recipes:
+            with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:
+                made.append(generate(recipe, root, progress=progress, executor=executor))
     facts = [statistics.dataset_statistics(dataset) for dataset in made]
     _print_datasets(facts)
     say(f"In {root}: set MINARI_DATASETS_PATH={root}, then minari.load_dataset({made[0].dataset_id!r}).")
@@ -109,7 +117,6 @@ def verify_datasets(options: argparse.Namespace) -> int:
         TaskError: there is no such split.
         DatasetError: there is none, or one is damaged or differs from its replay.
     """
-    check_workers(options.workers)
     for split in options.split or ():
         load_tasks(split)  # says so if there is no such split
     root = options.out or default_root()
@@ -119,10 +126,11 @@ def verify_datasets(options: argparse.Namespace) -> int:
     if not datasets:
         raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
     replayed: dict[str, dict[str, int]] = {}
-    for dataset in datasets:
-        with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
-            count = verify(dataset, options.share, options.workers, progress)
-        replayed[dataset.dataset_id] = {"replayed": count, "episodes": dataset.episodes}
+    with executor_of(options) as executor:
+        for dataset in datasets:
+            with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
+                count = verify(dataset, options.share, progress=progress, executor=executor)
+            replayed[dataset.dataset_id] = {"replayed": count, "episodes": dataset.episodes}
     tell(options, lambda: replayed, partial(_print_replayed, replayed))
     return 0
 

@@ -14,6 +14,7 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_robots,
     add_rules,
+    executor_of,
     given_of,
     output_file,
     rules_of,
@@ -84,10 +85,10 @@ def run_evaluation(options: argparse.Namespace) -> int:
             track=track,
         )
         where = options.home
-    with progress_bar() as bar:
+    with executor_of(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
-            options.policy, options.split, options.observation, range(options.seeds), options.workers,
+            options.policy, options.split, options.observation, range(options.seeds), executor=executor,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip

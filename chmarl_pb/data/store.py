@@ -51,21 +51,26 @@ def parts_folder(root: Path, recipe: Recipe) -> Path:
 # Writing
 
 
-def write_part(path: Path, recording: Recording) -> None:
+def part_of(recording: Recording) -> bytes:
+    """Return one episode as a file with a checksum."""
+    # In memory: on a full disk HDF5 would end the process.
+    with h5py.File("episode", "w", driver="core", backing_store=False, libver=_LIBVER) as file:
+        group = file.create_group("episode")
+        _write(group, recording.arrays)
+        group.attrs.update(recording.metadata)
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return _seal(content) + content
+
+
+def write_part(path: Path, part: bytes) -> None:
     """Write one episode, whole or not at all.
 
     Raises:
         WriteError: the disk is full.
     """
-    # In memory: on a full disk HDF5 would end the process.
-    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=_LIBVER) as file:
-        group = file.create_group("episode")
-        _write(group, recording.arrays)
-        group.attrs.update(recording.metadata)
-        file.flush()
-        content = file.id.get_file_image()
     with replacing(path) as temporary:
-        temporary.write_bytes(_seal(content) + content)
+        temporary.write_bytes(part)
 
 
 def _seal(content: bytes) -> bytes:

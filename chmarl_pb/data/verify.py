@@ -13,7 +13,7 @@ from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import Arrays, replay
 from chmarl_pb.errors import DatasetError, OptionError
-from chmarl_pb.processes import in_processes
+from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
 
@@ -34,7 +34,13 @@ def chosen(episodes: int, share: float) -> list[int]:
     return [int(number) for number in np.unique(np.linspace(0, episodes - 1, count).astype(int))]
 
 
-def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Progress = lambda _: None) -> int:
+def verify(
+    dataset: Dataset,
+    share: float = 1.0,
+    workers: int = 2,
+    progress: Progress = lambda _: None,
+    executor: Executor | None = None,
+) -> int:
     """Check a data set's file and replay a share of its episodes.
 
     Args:
@@ -42,6 +48,8 @@ def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Pro
         share: of its episodes, above 0 and up to 1.
         workers: number of processes.
         progress: called with 1 for each replayed episode.
+        executor: where the work is done, e.g. a :class:`chmarl_pb.ray_executor.RayExecutor`; None: in ``workers``
+            processes of this machine.
 
     Returns:
         Number of replayed episodes.
@@ -52,8 +60,9 @@ def verify(dataset: Dataset, share: float = 1.0, workers: int = 2, progress: Pro
     numbers = chosen(dataset.episodes, share)
     recipe = _recipe(dataset)
     dataset.check()
-    jobs = [(number, recipe.tasks[number]) for number in numbers]
-    for _ in in_processes(partial(_replay, dataset.folder, recipe), jobs, workers):
+    tasks = recipe.tasks
+    jobs = ((number, tasks[number], *dataset.episode(number)) for number in numbers)
+    for _ in executor_of(executor, workers).map(partial(_replay, dataset.main, recipe), jobs):
         progress(1)
     return len(numbers)
 
@@ -77,10 +86,10 @@ def _recipe(dataset: Dataset) -> Recipe:
     return recipe
 
 
-def _replay(folder: Path, recipe: Recipe, job: tuple[int, Task]) -> None:
-    dataset, (number, task) = Dataset(folder), job
-    stored, metadata = dataset.episode(number)
-    place = f"{dataset.main}: episode {number}"
+def _replay(file: Path, recipe: Recipe, job: tuple[int, Task, Arrays, dict[str, Any]]) -> None:
+    """Replay a stored episode; the file is only named in errors."""
+    number, task, stored, metadata = job
+    place = f"{file}: episode {number}"
     if metadata.get("options/task") != task.id:
         raise DatasetError(f"{place} is of task {metadata.get('options/task')!r} instead of {task.id!r}")
     actions = stored["actions"]

@@ -17,6 +17,7 @@ from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.evaluation.audit_file import Audit, Line
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.executors import Executor
 from chmarl_pb.policies.registry import PARTS, TALKING, USES
 from chmarl_pb.tasks.symbols import Talk
 
@@ -59,6 +60,7 @@ def audit(
     workers: int = 2,
     out: Path | str | None = None,
     progress: Progress = lambda row, finished, total: None,
+    executor: Executor | None = None,
     **options: Any,
 ) -> Audit:
     """Play the shortcut policies and, beside them, policies that use what they are given.
@@ -75,6 +77,8 @@ def audit(
         out: JSON file for the audit. The results of its rows lie in a folder of the same name without the ending; rows
             that are there already with the same settings are kept, so that the same call goes on after an interruption.
         progress: called after each episode.
+        executor: where the work is done, e.g. a :class:`chmarl_pb.ray_executor.RayExecutor`; None: in ``workers``
+            processes of this machine.
         **options: of :func:`chmarl_pb.evaluate`: ``observation``, ``tasks``, and those of the environment.
 
     Raises:
@@ -93,7 +97,7 @@ def audit(
         path = None if file is None else file.with_suffix("") / f"{row.slug}.json"
         report = evaluate(
             row.policy, split, seeds=seeds, workers=workers, out=path, reuse=True, progress=partial(progress, row.name),
-            **{**given, **row.changes},
+            executor=executor, **{**given, **row.changes},
         )  # fmt: skip
         lines.append(_line(row, setting, report))
         reports.append(report)

@@ -15,11 +15,11 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of_parallel, rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
+from chmarl_pb.executors import Executor
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, imported
-from chmarl_pb.processes import in_processes
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -108,22 +108,21 @@ def policy_seed(instruction: str, seed: int) -> int:
     return int(np.random.SeedSequence([seed, *words]).generate_state(1)[0])
 
 
-def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
+def play(setup: Setup, jobs: Sequence[Job], executor: Executor) -> Iterator[Played]:
     """Return the played episodes as they come, in no certain order; what is wrong with the policy is said at once.
 
     Args:
         setup: policy and environment.
         jobs: what to play.
-        workers: number of processes; 1 plays in this one.
+        executor: where they are played; one job, or one worker of this machine, plays here.
 
     Raises:
         OptionError: there is no such policy, or it cannot be sent to other processes.
         WorkerError: one of them died.
     """
-    workers = min(workers, len(jobs))
     if not jobs:
         return iter(())
-    if workers == 1:
+    if executor.alone or len(jobs) == 1:
         return _play_here(Player(setup), jobs)
     try:
         pickled = pickle.dumps(setup)
@@ -134,8 +133,8 @@ def play(setup: Setup, jobs: Sequence[Job], workers: int) -> Iterator[Played]:
         ) from error
     if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
         Player(setup).close()  # here, before processes are started for it
-    lots = _lots(jobs, workers)
-    return chain.from_iterable(in_processes(partial(_play_lot, pickled), lots, workers))
+    lots = _lots(jobs, executor)
+    return chain.from_iterable(executor.map(partial(_play_lot, pickled), lots))
 
 
 def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
@@ -154,10 +153,11 @@ def _play_lot(setup: bytes, jobs: Sequence[Job]) -> list[Played]:
     return [_player(setup).play(job) for job in jobs]
 
 
-def _lots(jobs: Sequence[Job], workers: int) -> list[list[Job]]:
-    """Return what one process plays at a time: one job, or those of a home if there are more homes than it keeps."""
+def _lots(jobs: Sequence[Job], executor: Executor) -> list[list[Job]]:
+    """Return what one process plays at a time: few jobs, or those of a home if there are more homes than it keeps."""
     homes: dict[str, list[Job]] = defaultdict(list)
     for job in jobs:
         homes[job[0].home].append(job)
-    most = 1 if len(homes) <= MOST_SIMULATIONS else max(1, len(jobs) // (4 * workers))
+    share = max(1, len(jobs) // (4 * executor.workers))
+    most = min(share, executor.worthwhile) if len(homes) <= MOST_SIMULATIONS else share
     return [same[first : first + most] for same in homes.values() for first in range(0, len(same), most)]

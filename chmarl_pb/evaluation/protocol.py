@@ -21,10 +21,10 @@ from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import Report, in_order, load_result
 from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
-from chmarl_pb.processes import check_workers
 from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM, find_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -50,9 +50,10 @@ def evaluate(
     progress: Progress = lambda finished, total: None,
     plays: Plays | None = None,
     env_fn: str | EnvFn | None = None,
+    executor: Executor | None = None,
     **options: Any,
 ) -> Report:
-    """Evaluate a policy; its numbers do not depend on the number of workers.
+    """Evaluate a policy; its numbers do not depend on who plays, nor on how many.
 
     >>> report = chmarl_pb.evaluate("planner", "val-unseen", workers=1, tasks=["val-unseen-000"])
     >>> report.success_rate, report.plw
@@ -76,6 +77,8 @@ def evaluate(
         env_fn: makes the environment, as ``module:callable`` or itself: it takes the keyword arguments of
             :func:`chmarl_pb.parallel_env` and returns that environment, in wrappers of its own. The result names it,
             its wrappers, and the options that it leaves the environment with.
+        executor: where the work is done, e.g. a :class:`chmarl_pb.ray_executor.RayExecutor`; None: in ``workers``
+            processes of this machine.
         **options: of the environment, see :class:`chmarl_pb.envs.options.Options`; tasks name their homes. A
             checkpoint plays by the rules that it was trained with where no option says otherwise.
 
@@ -100,7 +103,7 @@ def evaluate(
     chosen = _chosen(split, tasks)
     setup = _at_home(setup, chosen)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
-    check_workers(workers)
+    executor = executor_of(executor, workers)
     file = None if out is None else Path(out)
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
@@ -114,8 +117,10 @@ def evaluate(
         if kept := _kept(file, settings, reuse):  # another process may just have written it
             return kept
         ledger = None if file is None else Ledger(file, settings, jobs)
-        episodes = _played(setup, jobs, plays or partial(play, workers=workers), ledger, progress)
-        report = Report(settings, _run(label, workers, time.perf_counter() - start), in_order(episodes, chosen))
+        episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
+        report = Report(
+            settings, _run(label, executor.workers, time.perf_counter() - start), in_order(episodes, chosen)
+        )
         if file is not None and ledger is not None:
             report.save(file)
             ledger.remove()

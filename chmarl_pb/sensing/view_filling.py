@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.executors import Executor
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.processes import in_processes
 from chmarl_pb.rendering.home_views import HomeViews, home_views
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.rendering.view_store import ViewFile, ViewStore, view_store
@@ -69,11 +69,11 @@ class Filling:
         """Number of views that the store lacks."""
         return sum(len(file.gaps()) for file in self._files.values())
 
-    def jobs(self) -> list[Job]:
-        """Return what is to be drawn."""
+    def jobs(self, elsewhere: bool = False) -> list[Job]:
+        """Return what is to be drawn: what this store lacks, or all views, for machines with stores of their own."""
         found = []
         for key, file in self._files.items():
-            gaps = file.gaps()
+            gaps = list(range(file.poses)) if elsewhere else file.gaps()
             found += [Job(*key, tuple(gaps[first : first + _AT_ONCE])) for first in range(0, len(gaps), _AT_ONCE)]
         return found
 
@@ -93,13 +93,22 @@ class Filling:
             )
 
 
-def draw(jobs: Sequence[Job], workers: int) -> Iterator[int]:
-    """Draw views into the store in some processes, with one worker in this one; yield how many more are done.
+def draw(jobs: Sequence[Job], executor: Executor) -> Iterator[int]:
+    """Draw views into the store of each machine, with one worker in this process; yield how many more are done.
 
     Raises:
         WorkerError: a process died.
     """
-    return map(_draw, jobs) if workers == 1 else in_processes(_draw, jobs, workers)
+    return map(_draw, jobs) if executor.alone else executor.everywhere(_draw, jobs)
+
+
+def missing(homes: Sequence[str], size: int, executor: Executor) -> int:
+    """Return the number of views that the stores of all machines lack."""
+    return sum(executor.everywhere(_missing, [(tuple(homes), size)]))
+
+
+def _missing(wanted: tuple[tuple[str, ...], int]) -> int:
+    return Filling(*wanted).missing
 
 
 def _draw(job: Job) -> int:

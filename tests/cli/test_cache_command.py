@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from chmarl_pb.cli import main
+from chmarl_pb.executors import Local
 from chmarl_pb.files import cache_folder
 from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.home import Home
@@ -87,7 +88,7 @@ def test_filling_goes_on_after_an_interruption(home: Home, draws: list[int], mon
 def test_several_processes_fill_the_store(home: Home) -> None:
     filling = fill.Filling([str(home.path)], SIZE)
     jobs, before = filling.jobs()[:3], filling.missing
-    assert sum(fill.draw(jobs, workers=2)) == sum(len(job.poses) for job in jobs) == before - filling.missing
+    assert sum(fill.draw(jobs, Local(2))) == sum(len(job.poses) for job in jobs) == before - filling.missing
 
 
 @pytest.mark.usefixtures("seen_small")

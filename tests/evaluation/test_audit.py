@@ -21,6 +21,7 @@ from chmarl_pb.evaluation.metrics import Figure, Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.executors import Local
 from chmarl_pb.policies.registry import BUILT_IN, PARTS, USES
 
 TASKS = ["val-unseen-000", "val-unseen-001"]
@@ -95,7 +96,7 @@ def test_rows_that_are_there_are_not_played_again(found: Audit, folder: Path, mo
 
 def _plays(played: list[Any], setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
     played.append(setup.policy)
-    return play(setup, jobs, 1)
+    return play(setup, jobs, Local(1))
 
 
 def test_the_command_prints_a_table_or_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,7 @@ from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import Job, Setup
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import home_hash
+from chmarl_pb.executors import Local
 from chmarl_pb.homes import home as home_module
 from chmarl_pb.tasks.generated_homes import EPISODES_IN_A_HOME
 from chmarl_pb.tasks.splits import fixed_homes, load_tasks
@@ -47,12 +48,12 @@ def test_homes_are_played_one_after_the_other_and_need_not_be_made_before(monkey
 
 def test_jobs_of_a_home_go_to_one_process_where_there_are_many_homes() -> None:
     jobs = [(task, seed) for task in load_tasks("generated-val") for seed in (0, 1)]
-    lots = play._lots(jobs, 2)
+    lots = play._lots(jobs, Local(2))
     assert [job for lot in lots for job in lot] == jobs
     assert len(lots) == 50 and all(len({task.home for task, _ in lot}) == 1 for lot in lots)
-    assert max(map(len, play._lots(jobs, 100))) == 2, "many processes share the jobs of a home"
+    assert max(map(len, play._lots(jobs, Local(100)))) == 2, "many processes share the jobs of a home"
     few: list[Job] = [(task, 0) for task in load_tasks("test-seen")]
-    assert sorted(play._lots(few, 2), key=lambda lot: few.index(lot[0])) == [[job] for job in few]
+    assert sorted(play._lots(few, Local(2)), key=lambda lot: few.index(lot[0])) == [[job] for job in few]
 
 
 def test_the_hash_of_a_fixed_home_is_the_recorded_one() -> None:

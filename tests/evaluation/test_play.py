@@ -5,6 +5,7 @@ import pytest
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.play import Player, Setup, episode_seed, play
+from chmarl_pb.executors import Local
 from chmarl_pb.tasks.splits import load_tasks
 
 TASKS = load_tasks("val-unseen")[:3]
@@ -29,9 +30,9 @@ def test_an_episode_does_not_depend_on_those_before_it() -> None:
 
 
 def test_nothing_to_play() -> None:
-    assert list(play(SETUP, [], workers=4)) == []
+    assert list(play(SETUP, [], Local(4))) == []
 
 
 def test_an_unknown_policy_is_refused_at_once() -> None:
     with pytest.raises(OptionError, match="no_such"):
-        play(Setup("no_such_policy", SETUP.options), [(TASKS[0], 0)], workers=1)
+        play(Setup("no_such_policy", SETUP.options), [(TASKS[0], 0)], Local(1))

@@ -21,6 +21,7 @@ from chmarl_pb.errors import ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.gain import gain, points
 from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.executors import Local
 from chmarl_pb.learning.runs.logger import Logger
 from training import table
 from training.tables.page import NOT_RUN, write_page
@@ -494,10 +495,10 @@ def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monke
     monkeypatch.setattr(table, "_finished", finished)
     rows = [row_of("IQL", "visual"), row_of("Imitation of search, then MAPPO", "visual"), row_of("QMIX")]
     runs = [Run(row, 0, tmp_path / "out", tmp_path / "results", tmp_path) for row in rows]
-    table.prepare(runs, tmp_path, 1)
+    table.prepare(runs, tmp_path, Local(1))
     assert begun == [["training.pretrain", "--network", "detector"]]
     with pytest.raises(ChmarlError, match=r"training\.pretrain has failed"):
-        table.prepare(runs, tmp_path, 1)
+        table.prepare(runs, tmp_path, Local(1))
 
 
 # The grounded track

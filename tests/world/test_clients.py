@@ -12,6 +12,7 @@ import pybullet
 import pytest
 
 import chmarl_pb
+from chmarl_pb.envs.vector.engine import Engine
 from chmarl_pb.errors import ChmarlError, HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.rendering import home_views as home_views_module
@@ -195,6 +196,7 @@ def test_the_interpreter_exits_silently(ending: str) -> None:
 
 def test_workers_of_a_dropped_vector_end() -> None:
     env = chmarl_pb.vector_env(2, workers=2)
+    assert isinstance(env._engine, Engine)
     (worker,) = env._engine._processes
     env.reset(seed=0)
     del env

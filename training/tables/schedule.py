@@ -24,6 +24,11 @@ def as_step(command: list[str]) -> list[str]:
     return python(["training.tables.step", *command])
 
 
+def on_ray(address: str, command: list[str]) -> list[str]:
+    """Return a step's command as it is started to run on a Ray cluster."""
+    return as_step(["training.tables.on_ray", address, *command])
+
+
 class Schedule:
     """Runs that wait, that are at work, and that are over.
 

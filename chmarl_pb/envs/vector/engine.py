@@ -5,12 +5,13 @@ import pickle
 import tempfile
 import time
 import weakref
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
@@ -32,6 +33,31 @@ class WorkerTraceback(Exception):
     def __str__(self) -> str:
         """Return the text on lines of its own."""
         return f"\n{self.args[0]}"
+
+
+class AnyEngine(Protocol):
+    """What a vector needs of whoever steps its environments; see :class:`Engine`."""
+
+    @property
+    def signature(self) -> Signature:
+        """What each of the environments is like."""
+
+    @property
+    def memory(self) -> Memory:
+        """What the environments read and write."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether a command has not been answered yet."""
+
+    def send(self, command: str, *arguments: Any) -> None:
+        """Let the environments begin with a command."""
+
+    def receive(self) -> list[Any]:
+        """Return an answer of each environment, in their order."""
+
+    def close(self) -> None:
+        """Close the environments."""
 
 
 class Engine(Uncopied):
@@ -143,16 +169,7 @@ class Engine(Uncopied):
             self.close()
             raise
         self._command = None
-        entries: list[Any] = []
-        for share, answer in zip(self._shares, answers, strict=True):
-            if isinstance(answer, Failure):
-                if command not in _HARMLESS:
-                    self.close()
-                if share is self._shares[0]:
-                    raise answer.error
-                raise answer.error from WorkerTraceback(f"in the worker of environments {list(share)}:\n{answer.trace}")
-            entries += answer
-        return entries
+        return gathered(self._shares, answers, command, self.close)
 
     def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:
         """Carry out this process's part of a command."""
@@ -184,6 +201,32 @@ class Engine(Uncopied):
     def close(self) -> None:
         """Close the environments and end the workers; closing twice is allowed."""
         self._close()
+
+
+def gathered(
+    shares: Sequence[range], answers: Sequence[list[Any] | Failure], command: str, close: Callable[[], None]
+) -> list[Any]:
+    """Return the answers of all environments, in their order.
+
+    Args:
+        shares: the numbers of the environments that each answer is of.
+        answers: an entry for each of them, or what went wrong; its trace is empty if that was in this process.
+        command: that they answer.
+        close: closes all environments.
+
+    Raises:
+        Exception: what went wrong in an environment; unless it was an attribute, all have been closed.
+    """
+    entries: list[Any] = []
+    for share, answer in zip(shares, answers, strict=True):
+        if isinstance(answer, Failure):
+            if command not in _HARMLESS:
+                close()
+            if not answer.trace:
+                raise answer.error
+            raise answer.error from WorkerTraceback(f"in the worker of environments {list(share)}:\n{answer.trace}")
+        entries += answer
+    return entries
 
 
 def _shared_file(size: int) -> "IO[bytes]":

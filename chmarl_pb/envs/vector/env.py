@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 
 from chmarl_pb.envs.registration import id_of
 from chmarl_pb.envs.tracks import MAX_STEPS
-from chmarl_pb.envs.vector.engine import Engine, start
+from chmarl_pb.envs.vector.engine import AnyEngine, start
 from chmarl_pb.envs.vector.infos import InfoTable
 from chmarl_pb.envs.vector.worker import MakeEnv
 from chmarl_pb.errors import ActionError, OptionError
@@ -35,7 +35,7 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
 
     _instead = "make another by vector_env(...)"
 
-    def __init__(self, engine: Engine, count: int, autoreset: AutoresetMode, copy: bool = True):
+    def __init__(self, engine: AnyEngine, count: int, autoreset: AutoresetMode, copy: bool = True):
         """Join the environments of an engine.
 
         Args:
@@ -139,7 +139,7 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         return mask
 
 
-def write_actions(engine: Engine, actions: Any) -> None:
+def write_actions(engine: AnyEngine, actions: Any) -> None:
     """Put actions where the environments read them.
 
     Raises:
@@ -194,6 +194,7 @@ def vector_env(
     workers: int | None = None,
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     copy: bool = True,
+    backend: str = "processes",
     **options: Any,
 ) -> HouseholdVectorEnv:
     """Return ``n`` environments as one Gymnasium VectorEnv.
@@ -205,6 +206,8 @@ def vector_env(
             for each core.
         autoreset_mode: when an environment whose episode is over is reset.
         copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
+        backend: "processes" of this machine, or "ray": each worker is an actor, with a processor of its own, of the
+            Ray cluster that this process has joined, else of that of ``RAY_ADDRESS`` or of this machine.
         **options: of each environment; see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:
@@ -218,7 +221,18 @@ def vector_env(
     except ValueError as error:
         known = ", ".join(repr(mode.value) for mode in AutoresetMode)
         raise OptionError(f"autoreset_mode={autoreset_mode!r} is not known; use one of: {known}") from error
-    return HouseholdVectorEnv(start(make_function(env_id, options), n, workers, mode), n, mode, copy)
+    make = make_function(env_id, options)
+    return HouseholdVectorEnv(_engine(backend, make, n, workers, mode), n, mode, copy)
+
+
+def _engine(backend: str, make: MakeEnv, n: int, workers: int | None, mode: AutoresetMode) -> AnyEngine:
+    if backend == "ray":
+        from chmarl_pb.envs.vector.ray_engine import RayEngine  # which not everybody has
+
+        return RayEngine(make, n, workers, mode)
+    if backend != "processes":
+        raise OptionError(f"backend={backend!r} is not known; use 'processes' or 'ray'")
+    return start(make, n, workers, mode)
 
 
 def _of_ids(kind: str) -> Callable[..., HouseholdVectorEnv]:

@@ -214,7 +214,7 @@ def serve(
         try:
             batch = Batch(make.fn, numbers, autoreset)
         except Exception as error:
-            answers.send(_failure(error))
+            answers.send(failure(error))
             return
         with closing(batch):
             answers.send(batch.start())
@@ -242,10 +242,10 @@ def _answer(batch: Batch, command: str, arguments: tuple[Any, ...]) -> bytes:
     try:
         return pickle.dumps(getattr(batch, command)(*arguments), pickle.HIGHEST_PROTOCOL)
     except Exception as error:
-        return pickle.dumps(_failure(error))
+        return pickle.dumps(failure(error))
 
 
-def _failure(error: Exception) -> Failure:
+def failure(error: Exception) -> Failure:
     """Return an error with its traceback; one that cannot travel becomes a RuntimeError with its text."""
     trace = traceback.format_exc()
     try:

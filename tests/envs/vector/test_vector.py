@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import chmarl_pb
 from chmarl_pb.envs.registration import ENV_IDS
+from chmarl_pb.envs.vector.engine import Engine
 from chmarl_pb.envs.vector.env import HouseholdVectorEnv, vector_env
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from tests.helpers.toy_env import ToyEnv
@@ -188,6 +189,7 @@ def test_task_and_errors_pass_through(homes: VectorEnv) -> None:
 def test_make_vec_finds_every_id(env_id: str) -> None:
     made = gymnasium.make_vec(env_id, 1, image_size=32, **OPTIONS)
     assert isinstance(made, HouseholdVectorEnv)
+    assert isinstance(made._engine, Engine)
     single = made._engine._batch.envs[0]
     assert single.spec is not None and single.spec.id == env_id
     made.reset(seed=0)
