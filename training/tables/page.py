@@ -245,8 +245,9 @@ def _made_with(row: Row, same: Sequence[Record]) -> str:
     checkpoint = same[0]["checkpoint"]
     config = checkpoint.get("config", {})
     encoder = _read(same[0]["observation"], config)
-    begun = checkpoint.get("begun_with", checkpoint)
-    imitated = begun.get("config", {}).get("expert", TEACHER) if begun.get("algorithm") == "imitation" else ""
+    begun, imitated = checkpoint.get("begun_with", {}), config.get("expert", "")
+    if begun.get("algorithm") == "imitation":
+        imitated = begun.get("config", {}).get("expert", TEACHER)
     if checkpoint.get("kind") == "bc":
         imitated = "planner"
     teacher = f"teacher: {imitated}" if imitated else ""
