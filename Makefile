@@ -12,7 +12,7 @@ FITS := import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.10 python3 python; do \
 	$$p -c '$(FITS)' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: demo test check docs coverage test-slow bench peers scaling tables assets homes clean
+.PHONY: demo test check docs coverage test-slow dist test-lowest lock bench peers scaling tables assets homes clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -37,6 +37,26 @@ coverage: $(VENV)/.dev
 
 test-slow: $(VENV)/.dev
 	$(RUN)/python -m pytest -n 2 --dist worksteal -m slow
+
+# Wheel and sdist in build/dist, tried in empty environments of all Pythons that are there.
+dist: $(VENV)/.release
+	rm -rf build/dist
+	$(RUN)/python -m build --outdir build/dist
+	$(RUN)/python -m twine check --strict build/dist/*
+	$(RUN)/python -m tools.distribution build/dist
+
+# The fast tests with the lowest versions that pyproject.toml allows, on the oldest Python.
+test-lowest:
+	rm -rf build/lowest
+	$(or $(LOWEST),python3.10) -m venv build/lowest
+	build/lowest/bin/python -m pip install --quiet uv
+	build/lowest/bin/uv pip install --quiet --python build/lowest/bin/python --resolution lowest-direct --editable ".[train,dev]"
+	build/lowest/bin/chmarl-pb doctor
+	build/lowest/bin/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+# Versions that were tried together: requirements.lock.
+lock: $(VENV)/.release
+	$(RUN)/uv pip compile --quiet --universal --all-extras --no-header pyproject.toml --output-file requirements.lock
 
 bench: $(VENV)/.run
 	$(RUN)/chmarl-pb bench
@@ -77,6 +97,10 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
 	$(RUN)/python -m pip install --quiet --editable ".[docs,train]"
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.release: pyproject.toml | $(VENV)/bin/python
+	$(RUN)/python -m pip install --quiet --editable ".[release]"
 	@touch $@ $(VENV)/.run
 
 $(PEERS)/.run: benchmarks/requirements.txt pyproject.toml | $(VENV)/bin/python
