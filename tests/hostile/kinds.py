@@ -1,7 +1,6 @@
 """Kinds of files that strangers may send: valid ones to begin with, and what reads them."""
 
 import io
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,12 +28,14 @@ class Kind:
         mutated: which of them are mutated.
         mutations: what is done to them.
         load: reads the files of a folder as a user would.
+        use: the same, and more that takes its time, for a part of the cases.
     """
 
     files: Callable[[], list[Files]]
     mutated: tuple[str, ...]
     mutations: tuple[Mutation, ...]
     load: Callable[[Path], object]
+    use: Callable[[Path], object] | None = None
 
 
 # Homes
@@ -65,7 +66,8 @@ def _obj() -> str:
 
 def _homes_with(name: str, *contents: bytes | str) -> Callable[[], list[Files]]:
     mesh = f'<mesh filename="{name}"/>'
-    return lambda: [_home(mesh, **{name.replace(".", "__"): content, "a__mtl": MTL, "t__png": _picture("PNG")}) for content in contents]  # fmt: skip
+    others = {"a__mtl": MTL, "t__png": _picture("PNG")}
+    return lambda: [_home(mesh, **{name.replace(".", "__"): content, **others}) for content in contents]
 
 
 def _load_home(folder: Path) -> None:
@@ -189,13 +191,18 @@ def _results() -> list[Files]:
     return [{path.name: path.read_bytes()}]
 
 
+def _load_result(folder: Path) -> None:
+    from chmarl_pb.evaluation.result import load_result
+
+    load_result(folder / "result.json")
+
+
 def _report(folder: Path) -> None:
     """Read a result, and show it on a page."""
     from chmarl_pb.evaluation.report import page
     from chmarl_pb.evaluation.result import load_result
 
     report = load_result(folder / "result.json")
-    json.dumps(report.facts)
     page([report], folder)
 
 
@@ -266,8 +273,12 @@ def _models() -> list[Files]:
     from chmarl_pb.learning.sb3.train import BEST, run
 
     small = {"n_steps": 4, "batch_size": 4, "n_epochs": 1}
-    goal = replace(PRESETS["goal"], settings={**PRESETS["goal"].settings, "ppo": {**PRESETS["goal"].settings["ppo"], **small}})
-    config = Config("ppo", "CHMARL/SceneGraphHumanoid-v0", "goal", steps=4, interval=4, envs=1, tasks=1, max_steps=4, features=8)  # fmt: skip
+    goal = replace(
+        PRESETS["goal"], settings={**PRESETS["goal"].settings, "ppo": {**PRESETS["goal"].settings["ppo"], **small}}
+    )
+    config = Config(
+        "ppo", "CHMARL/SceneGraphHumanoid-v0", "goal", steps=4, interval=4, envs=1, tasks=1, max_steps=4, features=8
+    )
     with patch.dict(PRESETS, {"goal": goal}):
         run(config, Path("model"), workers=0)
     found = [{"best.zip": (Path("model") / BEST).read_bytes()}]
@@ -327,28 +338,41 @@ def kinds(cases: int) -> dict[str, Kind]:
     of_json = (*TEXT, mutations.nested, *[json_change] * 8)
     of_toml = (*TEXT, mutations.nested, mutations.quoted, mutations.quoted)
     of_xml = (*TEXT, *[mutations.xml] * 4, *[mutations.numbers] * 4)
-    of_zip = (mutations.flips, mutations.cut, mutations.spliced, mutations.field, mutations.evil, *[mutations.archive] * 8)
+    of_zip = (
+        mutations.flips,
+        mutations.cut,
+        mutations.spliced,
+        mutations.field,
+        mutations.evil,
+        *[mutations.archive] * 8,
+    )
     stls = (stl(4), ascii_stl().encode())
     return {
-        "home": Kind(lambda: [_home(a__mtl=MTL, t__png=_picture("PNG"))], ("home.urdf",), of_xml, _load_home),
-        "obj": Kind(_homes_with("m.obj", _obj()), ("m.obj",), TEXT, _load_home),
-        "stl": Kind(_homes_with("m.stl", *stls), ("m.stl",), (*BINARY, *TEXT), _load_home),
-        "dae": Kind(_homes_with("m.dae", dae(), _sample_dae()), ("m.dae",), of_xml, _load_home),
-        "material": Kind(_homes_with("m.obj", _obj()), ("a.mtl",), TEXT, _load_home),
-        "texture": Kind(_textured, ("t.png",), BINARY, _load_home),
+        "home": Kind(
+            lambda: [_home(a__mtl=MTL, t__png=_picture("PNG"))], ("home.urdf",), of_xml, _load_home, play_home
+        ),
+        "obj": Kind(_homes_with("m.obj", _obj()), ("m.obj",), TEXT, _load_home, play_home),
+        "stl": Kind(_homes_with("m.stl", *stls), ("m.stl",), (*BINARY, *TEXT), _load_home, play_home),
+        "dae": Kind(_homes_with("m.dae", dae(), _sample_dae()), ("m.dae",), of_xml, _load_home, play_home),
+        "material": Kind(_homes_with("m.obj", _obj()), ("a.mtl",), TEXT, _load_home, play_home),
+        "texture": Kind(_textured, ("t.png",), BINARY, _load_home, play_home),
         "layout": Kind(_layouts, ("home.toml",), of_toml, _build),
         "catalogue": Kind(_things, tuple(_things()[0]), (*of_toml, mutations.xml), _load_things),
-        "robot": Kind(_robots, ("crane.toml", "crane.urdf", "crane.urdf", "m.obj"), (*of_toml, mutations.xml), _load_robot),
+        "robot": Kind(
+            _robots, ("crane.toml", "crane.urdf", "crane.urdf", "m.obj"), (*of_toml, mutations.xml), _load_robot
+        ),
         "task": Kind(_tasks, ("tasks.csv",), TEXT, _read_tasks),
         "episode": Kind(_episodes, ("episode.json",), of_json, _load_episode),
-        "result": Kind(_results, ("result.json",), of_json, _report),
+        "result": Kind(_results, ("result.json",), of_json, _load_result, _report),
         "audit": Kind(_audits, ("audit.json",), of_json, _load_audit),
         "checkpoint": Kind(_policies, ("best.pt",), of_zip, _load_policy),
         "run": Kind(_runs, ("last.pt", "last.pt", "last.pt", "metrics.jsonl"), of_zip, _resume),
         "sb3": Kind(_models, ("best.zip",), of_zip, _load_model),
         "views": Kind(_views, ("views.npz",), of_zip, _read_views),
-        "data set": Kind(_datasets, ("main_data.hdf5", "metadata.json"), (*BINARY, *TEXT, mutations.nested), _read_dataset),
-    }  # fmt: skip
+        "data set": Kind(
+            _datasets, ("main_data.hdf5", "metadata.json"), (*BINARY, *TEXT, mutations.nested), _read_dataset
+        ),
+    }
 
 
 def _textured() -> list[Files]:
@@ -359,5 +383,3 @@ def _textured() -> list[Files]:
 
 def _sample_dae() -> str:
     return dae(node='<matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url="#g"/>')
-
-

@@ -33,7 +33,8 @@ NUMBERS = (
     b"4294967296", b"18446744073709551616", b"9" * 400, b"9" * 5000, b"0x10", b"1_0", b"", b"1e", b"--1", b"true",
 )  # fmt: skip
 NAMES = (
-    "../secret.obj", "../../etc/passwd", "/etc/passwd", "/dev/zero", "..\\secret.obj", "./../secret.obj", "", ".", "..", "a\0b",
+    "../secret.obj", "../../etc/passwd", "/etc/passwd", "/dev/zero", "..\\secret.obj", "./../secret.obj",
+    "", ".", "..", "a\0b",
     "x" * 5000, "http://localhost/x", "file:///etc/passwd", "package://x/y", "os:system", "../code-ran", "%s%n%x",
     "$(touch ../code-ran)", "`touch ../code-ran`", "\u00e9\u202e", "__class__", "NaN", "null", "~root/.profile", "con",
 )  # fmt: skip
@@ -158,7 +159,8 @@ BINARY: tuple[Mutation, ...] = (flips, cut, spliced, swollen, field, field)
 _BOMB = "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10 if n else "bomb"}">' for n in range(10))
 _PROLOGUES = (
     f"<!DOCTYPE x [{_BOMB}]>", '<!DOCTYPE x [<!ENTITY e9 SYSTEM "../secret.obj">]>',
-    '<!DOCTYPE x SYSTEM "../secret.obj">', '<?xml version="1.0" encoding="utf-16"?>', '<?xml-stylesheet href="../secret.obj"?>',
+    '<!DOCTYPE x SYSTEM "../secret.obj">', '<?xml version="1.0" encoding="utf-16"?>',
+    '<?xml-stylesheet href="../secret.obj"?>',
 )  # fmt: skip
 
 

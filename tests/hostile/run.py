@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from tests.hostile.kinds import Kind, kinds, play_home
+from tests.hostile.kinds import Kind, kinds
 from tests.hostile.mutations import SECRET, Stream, replaced
 from tests.hostile.watch import Guard, Openings, Worker
 
 _ODD = 0.02  # share of the cases in which a file is a link, a pipe, a folder, a device or endless
-_PLAYED = 10  # of so many cases with homes one is also looked at by cameras
+_USED = 10  # of so many cases one is also used: a home by cameras, a result for a page
+_NAMED = (".urdf", ".obj", ".stl", ".dae", ".mtl", ".png")
 
 
 def make(kind: Kind, valid: Sequence[dict[str, bytes]], rng: Stream, folder: Path) -> None:
@@ -37,7 +38,7 @@ def make(kind: Kind, valid: Sequence[dict[str, bytes]], rng: Stream, folder: Pat
         (folder / other).write_bytes(content)
     if rng.random() < _ODD:
         # A file that the user names may be a link to anywhere; what it names stays in its folder.
-        replaced(folder / name, rng, outside=name == "home.urdf" or name != kind.mutated[0])
+        replaced(folder / name, rng, outside=name.endswith(_NAMED) and name != "home.urdf")
 
 
 def fuzz(name: str, kind: Kind, cases: Sequence[int], guard: Guard, keep: Path | None) -> dict[str, Any]:
@@ -58,13 +59,12 @@ def fuzz(name: str, kind: Kind, cases: Sequence[int], guard: Guard, keep: Path |
             for other, content in files.items():
                 (folder / other).write_bytes(content)
             kind.load(folder)
-        if name == "home":
-            play_home(root / "valid-0")
+            if kind.use:
+                kind.use(folder)
         for case in cases:
             folder = root / str(case)
             make(kind, valid, np.random.default_rng([zlib.crc32(name.encode()), case]), folder)
-            load = play_home if (folder / "home.urdf").exists() and case % _PLAYED == 9 else kind.load
-            end = worker.end_of(load, folder)
+            end = worker.end_of(kind.use if kind.use and case % _USED == 9 else kind.load, folder)
             ends[end.outcome] += 1
             slowest = max(slowest, end.seconds)
             if not end.is_good:
@@ -74,7 +74,8 @@ def fuzz(name: str, kind: Kind, cases: Sequence[int], guard: Guard, keep: Path |
             shutil.rmtree(folder)
         worker.close()
         os.chdir(before)
-    return {"kind": name, "cases": len(cases), **ends, "bad": bad, "slowest_s": round(slowest, 2), "seconds": round(time.monotonic() - start)}  # fmt: skip
+    took = {"slowest_s": round(slowest, 2), "seconds": round(time.monotonic() - start)}
+    return {"kind": name, "cases": len(cases), **ends, "bad": bad, **took}
 
 
 def _pipes(folder: str, names: list[str]) -> list[str]:

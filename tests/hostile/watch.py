@@ -22,7 +22,8 @@ BYTES = 2 * 2**30
 
 _STARTS = (
     "os.system", "os.exec", "os.posix_spawn", "os.fork", "os.forkpty", "os.startfile", "subprocess.Popen", "pty.spawn",
-    "pickle.find_class", "socket.connect", "socket.bind", "urllib.Request", "ctypes.dlopen", "os.putenv", "webbrowser.open",
+    "pickle.find_class", "socket.connect", "socket.bind", "urllib.Request", "ctypes.dlopen", "os.putenv",
+    "webbrowser.open",
 )  # fmt: skip
 _CHANGES = ("os.remove", "os.rename", "os.rmdir", "os.link", "os.symlink", "os.truncate", "shutil.rmtree", "os.chmod")
 _OWN = tuple(
