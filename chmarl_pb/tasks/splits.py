@@ -131,7 +131,7 @@ def read_tasks(path: Path) -> list[Task]:
         reader = csv.DictReader(rows)
         fields = tuple(reader.fieldnames or ())
     except (ValueError, csv.Error) as error:
-        raise TaskError(f"{path}: not a table in UTF-8 ({error}); restore the file") from error
+        raise TaskError(f"{path}: not a text in UTF-8 ({error}); restore the file") from error
     if fields != FIELDS:
         raise TaskError(f"{path}: its first line is not {','.join(FIELDS)}; restore the file")
     try:

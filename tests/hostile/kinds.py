@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -165,7 +166,8 @@ def _episodes() -> list[Files]:
     from chmarl_pb.tasks.splits import load_tasks
 
     task, path, found = load_tasks("test-unseen")[0], Path("episode.json"), []
-    for options in ({}, {"messages": "symbols", "feedback": False}):
+    choices: tuple[dict[str, Any], ...] = ({}, {"messages": "symbols", "feedback": False})
+    for options in choices:
         env = HouseholdEnv(home=task.home, max_steps=4, **options)
         save_episode(record_episode(env, make_policy("random", env), "random", 5, task), path)
         env.close()
@@ -234,10 +236,10 @@ def _load_policy(folder: Path) -> None:
     load_policy(folder / "best.pt")(_env())
 
 
-_kept: dict[str, object] = {}
+_kept: dict[str, Any] = {}
 
 
-def _env() -> "object":
+def _env() -> Any:
     """An environment that the cases share; it was made before they were forked."""
     from chmarl_pb.envs.parallel import HouseholdEnv
 
@@ -301,7 +303,8 @@ def _views() -> list[Files]:
     from chmarl_pb.learning.networks.labelled_views import Views
 
     file, rng = io.BytesIO(), np.random.default_rng(0)
-    np.savez(file, **{one.name: rng.integers(0, 255, (2, 4), np.uint8) for one in fields(Views)})
+    arrays: dict[str, Any] = {one.name: rng.integers(0, 255, (2, 4), np.uint8) for one in fields(Views)}
+    np.savez(file, **arrays)
     return [{"views.npz": file.getvalue()}]
 
 

@@ -7,9 +7,9 @@ import pickle
 import re
 import string
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from chmarl_pb.learning.runs.seal import LENGTH, seal
 from tests.helpers.damage import Evil
 
+_Option = TypeVar("_Option")
 Stream = np.random.Generator
 Mutation = Callable[[bytes, Stream], bytes]
 
@@ -64,7 +65,7 @@ def drawn(strategy: st.SearchStrategy[Any], count: int) -> list[Any]:
     return found
 
 
-def _choice(rng: Stream, options: Any) -> Any:
+def _choice(rng: Stream, options: Sequence[_Option]) -> _Option:
     return options[int(rng.integers(len(options)))]
 
 
@@ -255,7 +256,7 @@ def archive(content: bytes, rng: Stream) -> bytes:
 
 def evil(content: bytes, rng: Stream) -> bytes:
     """Be a pickle that runs code."""
-    return _choice(rng, (_evil(), sealed(_evil()), _evil() + content))  # type: ignore[no-any-return]
+    return _choice(rng, (_evil(), sealed(_evil()), _evil() + content))
 
 
 def sealed(content: bytes) -> bytes:

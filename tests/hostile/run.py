@@ -31,7 +31,7 @@ def make(kind: Kind, valid: Sequence[dict[str, bytes]], rng: Stream, folder: Pat
     for _ in range(int(rng.choice((1, 1, 1, 2, 3)))):
         try:
             files[name] = kind.mutations[int(rng.integers(len(kind.mutations)))](files[name], rng)
-        except ValueError:  # no JSON any more
+        except (ValueError, RecursionError):  # no JSON any more, or one that is nested too deeply
             break
     folder.mkdir()
     for other, content in files.items():

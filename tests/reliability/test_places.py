@@ -17,7 +17,12 @@ for number in range(3):
     seen, rewards, *_ = env.step(dict.fromkeys(env.agents, number))
 print(sum(int(part["image"].astype(int).sum()) for part in seen.values()), rewards)
 """
-MOUNTS = 'for place in "$1" "$2" "$3"; do mount --bind "$place" "$place" && mount -o remount,bind,ro "$place" || exit 9; done; shift 3; exec "$@"'
+MOUNTS = """
+for place in "$1" "$2" "$3"; do
+  mount --bind "$place" "$place" && mount -o remount,bind,ro "$place" || exit 9
+done
+shift 3; exec "$@"
+"""
 
 
 def installed(folder: Path) -> Path:
