@@ -1,6 +1,6 @@
 """Mutated files of every kind that strangers may send are read, or refused with one message: see ``run.py``.
 
-20 cases of some kinds here and now; ``make test-slow`` plays 1,000 of each, 4 s to 10 minutes a kind.
+20 cases of some kinds here and now; ``make test-slow`` plays 1,000 of each.
 """
 
 import json
