@@ -375,9 +375,13 @@ def furniture_urdf(model: str) -> Path:
     return _urdf("furniture", model)
 
 
+_LONGEST_NAME = 100  # characters of a model
+
+
 def _urdf(folder: str, name: str) -> Path:
     path = URDF_DIR / folder / f"{name}.urdf"
-    if not path.is_file():
+    if len(name) > _LONGEST_NAME or not path.is_file():
+        path = path.with_name(f"{name[:_LONGEST_NAME]}.urdf")
         known = sorted(file.stem for file in path.parent.glob("*.urdf"))
         raise AssetError(f"{path}: no such model; known in {folder}: {', '.join(known)}")
     return path

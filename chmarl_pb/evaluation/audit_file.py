@@ -9,6 +9,7 @@ from typing import Any
 
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.json_file import WRONG, read_object
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.result import Report
@@ -88,14 +89,14 @@ def load_audit(path: Path | str) -> Audit:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = read_object(path)
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         return Audit(data["settings"], tuple(map(_line, data["rows"])))
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb audit --out` writes audits") from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{path}: not a whole audit: {error!r}; remove it and audit again") from error
+    except WRONG as error:
+        raise ResultError(f"{path}: not a whole audit: {repr(error)[:300]}; remove it and audit again") from error
 
 
 def _line(row: dict[str, Any]) -> Line:

@@ -9,6 +9,7 @@ import chmarl_pb
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import OnStep, rollout
 from chmarl_pb.errors import OptionError, ResultError
+from chmarl_pb.evaluation.json_file import WRONG, plain, read_object
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.files import write_atomically
@@ -168,18 +169,18 @@ def load_episode(path: Path | str) -> EpisodeFile:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        return _parse(json.loads(Path(path).read_text(encoding="utf-8")))
+        return _parse(read_object(path))
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb episode save` writes episodes") from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{path}: not a whole episode file: {error}; save the episode again") from error
+    except WRONG as error:
+        raise ResultError(f"{path}: not a whole episode file: {str(error)[:300]}; save the episode again") from error
 
 
 def _parse(data: dict[str, Any]) -> EpisodeFile:
     """Return the episode of a file's content, or raise an error if its parts do not fit each other."""
     if data.get("format") != FORMAT:
         raise ValueError(f"its format is {data.get('format')!r}, not {FORMAT!r}")
-    file = EpisodeFile(**data)
+    file = plain(EpisodeFile(**data), policy=str, options=dict, success=bool, home_sha256=str, library=str)
     file = replace(
         file,
         task=task_of(data["task"]),

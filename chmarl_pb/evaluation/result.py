@@ -11,6 +11,7 @@ from typing import Any
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
+from chmarl_pb.evaluation.json_file import WRONG, plain, read_object
 from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by, summarize_by_wording
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
@@ -167,7 +168,7 @@ def load_result(path: Path | str) -> Report:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = read_object(path)
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
@@ -175,12 +176,13 @@ def load_result(path: Path | str) -> Report:
         _check_episodes(report)
         if data.get("sha256", _digest(report)) != _digest(report):  # the first results had none
             raise ValueError("its checksum is wrong: it was changed or damaged")
+        json.dumps(report.facts, allow_nan=False)  # here, where what cannot be counted or shown is still refused
         return report
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except WRONG as error:
         raise ResultError(
-            f"{path}: not a whole result of an evaluation: {error!r}; remove it and evaluate again"
+            f"{path}: not a whole result of an evaluation: {repr(error)[:300]}; remove it and evaluate again"
         ) from error
 
 
@@ -227,9 +229,13 @@ def episode_row(episode: Played) -> dict[str, Any]:
 def episode_of(row: dict[str, Any]) -> Played:
     """Return the episode of a row that ``episode_row`` made."""
     actions = tuple(tuple(pair) for pair in row["actions"])
-    optimum = Optimum(**row["optimum"]) if "optimum" in row else None
-    noted = Recognition(**row["recognition"]) if "recognition" in row else None
-    return replace(Played(**row), task=task_of(row["task"]), actions=actions, optimum=optimum, recognition=noted)
+    optimum = plain(Optimum(**row["optimum"]), steps=int, proven=bool) if "optimum" in row else None
+    counts = Recognition(**row["recognition"]) if "recognition" in row else None
+    noted = plain(counts, **dict.fromkeys(asdict(counts), int)) if counts else None
+    if not all(type(number) is int for pair in actions for number in (*pair,)):
+        raise ValueError("an action is no whole number")
+    played = plain(Played(**row), seed=int, steps=int, success=bool, potential=(int, float), instruction=str)
+    return replace(played, task=task_of(row["task"]), actions=actions, optimum=optimum, recognition=noted)
 
 
 def _plain(summaries: dict[str, Summary]) -> dict[str, dict[str, Any]]:

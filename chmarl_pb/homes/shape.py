@@ -217,6 +217,8 @@ def read_shape(element: Element, colours: Mapping[str, Numbers], meshes: Mapping
     if geometry is None or not len(geometry):
         raise ValueError("it has no geometry; use box, cylinder, sphere or mesh")
     shape = geometry[0]
+    if shape.tag not in SIZES or (shape.tag == "mesh" and shape.get("filename", "") not in meshes):
+        raise ValueError(f"its geometry <{shape.tag[:40]}> cannot be read; use one box, cylinder, sphere or mesh")
     sizes = tuple([numbers_of(shape, name, (1.0, 1.0, 1.0)) for name in SIZES[shape.tag]])
     material = element.find("material")
     own = () if material is None else numbers_of(material.find("color"), "rgba")

@@ -1,5 +1,6 @@
 """Robot files: a robot as a URDF and a few facts, in TOML (format: docs/robots.md)."""
 
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
@@ -10,7 +11,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.source import MOST_URDF_BYTES, read_regular, sha256_of
+from chmarl_pb.homes.source import MOST_URDF_BYTES, read_regular, sha256_of, shown
 from chmarl_pb.navigation.lattice import FOOTPRINT, Footprint
 from chmarl_pb.navigation.reach import Reach
 from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
@@ -29,6 +30,7 @@ MOVES = ("drives", "flies")
 
 _Read = TypeVar("_Read")
 _MOST_BYTES = 2**16
+_LONGEST_PROBLEM = 500  # characters
 _SPEEDS = (0.05, 10.0)  # m/s
 
 
@@ -57,7 +59,7 @@ def find_model(robot: str | Path) -> RobotModel:
     except ValueError as error:
         if isinstance(error, AssetError):
             raise
-        raise AssetError(f"{path}: {error}") from error
+        raise AssetError(f"{path}: {str(error)[:_LONGEST_PROBLEM]}") from error
 
 
 @lru_cache(maxsize=64)
@@ -68,7 +70,7 @@ def _urdf_name(path: Path, content: bytes) -> str:
 def _table(path: Path, content: bytes) -> "_Table":
     try:
         return _Table(path, "", tomllib.loads(content.decode()))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise AssetError(f"{path}: not TOML ({error})") from error
 
 
@@ -110,8 +112,10 @@ def _name(path: Path) -> str:
 
 def _urdf(path: Path, name: str) -> Path:
     urdf = path.parent / name
-    if not urdf.is_file():
-        raise AssetError(f"{path}: urdf = {name!r}: no such file beside the robot file")
+    if not os.path.realpath(urdf).startswith(os.path.join(os.path.realpath(path.parent), "")):
+        raise AssetError(f"{path}: urdf = {shown(name)}: leaves the robot file's folder; copy it there")
+    if len(name) > _LONGEST_PROBLEM or not urdf.is_file():
+        raise AssetError(f"{path}: urdf = {shown(name)}: no such file beside the robot file")
     return urdf
 
 
@@ -162,7 +166,7 @@ def _own_arm(rows: "_Table", urdf: Path, footprint: Footprint) -> ArmModel:
     try:
         tree = Tree(urdf)
     except ValueError as error:
-        raise AssetError(f"{urdf}: {error}") from error
+        raise AssetError(f"{urdf}: {str(error)[:_LONGEST_PROBLEM]}") from error
     x, y, z = rows.numbers("grasp", 3, -1.0, 1.0, [0.0, 0.0, 0.0])
     hand = rows.text("hand")
     chain = rows.checked("hand", lambda: chain_to(tree, hand, (x, y, z)))
@@ -251,7 +255,7 @@ class _Table:
         return self.values.get(key, default)
 
     def _problem(self, key: str, what: str) -> AssetError:
-        return AssetError(f"{self.path}: {self.name}{key} {what}")
+        return AssetError(f"{self.path}: {self.name}{key[:_LONGEST_PROBLEM]} {what[:_LONGEST_PROBLEM]}")
 
 
 def _in_range(value: Any, low: float, high: float) -> bool:

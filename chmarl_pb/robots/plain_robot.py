@@ -22,6 +22,8 @@ from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, read_regular, safe_x
 #: The robots of the package.
 FOLDER = URDF_DIR / "robots"
 
+_MOST_SHAPES = 600  # visuals, and as many collisions
+
 
 def plain_robot(urdf: Path) -> Path:
     """Return the URDF of a robot for PyBullet: its own if that is plain, else a copy, kept while the process runs.
@@ -34,7 +36,7 @@ def plain_robot(urdf: Path) -> Path:
     try:
         return _copied(urdf, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]))
     except ValueError as error:
-        raise error if isinstance(error, AssetError) else AssetError(f"{urdf}: {error}") from error
+        raise error if isinstance(error, AssetError) else AssetError(f"{urdf}: {str(error)[:500]}") from error
 
 
 @lru_cache(maxsize=64)
@@ -77,6 +79,9 @@ class _Copy:
         """
         self._source, self._triangles, self._meshes = source, 0, dict[str, bytes]()
         self.files: dict[str, bytes] = {}
+        for tag in ("visual", "collision"):
+            if (count := sum(1 for _ in root.iter(tag))) > _MOST_SHAPES:
+                raise ValueError(f"{count:,} <{tag}> elements, at most {_MOST_SHAPES:,} are read; join some")
         colours = {
             material.get("name", ""): numbers_of(material.find("color"), "rgba") for material in root.iter("material")
         }
@@ -95,7 +100,7 @@ class _Copy:
             if plain or (part.tag == "collision" and shape.mesh is None):
                 return False
             link.remove(part)
-            link.extend(self._seen(shape) if part.tag == "visual" else self._solid(part, shape))
+            link.extend(list(self._seen(shape) if part.tag == "visual" else self._solid(part, shape)))
             return True
         except ValueError as error:
             raise ValueError(f"link {shown(link.get('name', ''))}: {part.tag}: {error}") from error

@@ -7,6 +7,7 @@ from pathlib import Path
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import HomeError, TaskError
 from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.source import read_regular
 from chmarl_pb.tasks.generated_homes import first_homes, numbered_homes
 from chmarl_pb.tasks.task import Task
 
@@ -126,12 +127,17 @@ def read_tasks(path: Path) -> list[Task]:
     if not path.is_file():
         raise TaskError(f"{path}: no such task file; `chmarl-pb tasks build` makes those of the benchmark")
     try:
-        reader = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
-    except UnicodeDecodeError as error:
+        rows = read_regular(path).decode("utf-8").splitlines()
+        reader = csv.DictReader(rows)
+        fields = tuple(reader.fieldnames or ())
+    except (ValueError, csv.Error) as error:
         raise TaskError(f"{path}: not a text in UTF-8 ({error}); restore the file") from error
-    if tuple(reader.fieldnames or ()) != FIELDS:
+    if fields != FIELDS:
         raise TaskError(f"{path}: its first line is not {','.join(FIELDS)}; restore the file")
-    return [_task(path, number, row) for number, row in enumerate(reader, start=2)]
+    try:
+        return [_task(path, number, row) for number, row in enumerate(reader, start=2)]
+    except csv.Error as error:
+        raise TaskError(f"{path}: {error}; restore the file") from error
 
 
 def _task(path: Path, number: int, row: dict[str, str]) -> Task:

@@ -3,9 +3,12 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from difflib import get_close_matches
+from numbers import Integral
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import TaskError
+
+_NUMBERS = {"seed": Integral, "optimal_steps": Integral}
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,11 @@ class Task:
         """Check what needs no catalogue; whether the classes are known is asked when the task is laid out.
 
         Raises:
-            TaskError: the seed is negative, or the task would be solved at its start.
+            TaskError: a field is of another kind, the seed is negative, or the task would be solved at its start.
         """
+        for name, kind in {**dict.fromkeys(("id", "home", "graspable", "source", "target"), str), **_NUMBERS}.items():
+            if not isinstance(getattr(self, name), kind):
+                raise TaskError(f"task {str(self.id)[:80]!r}: its {name} is {str(getattr(self, name))[:80]!r}")
         if self.source == self.target:
             raise TaskError(f"task {self.id!r}: source and target are both {self.source!r}; choose another target")
         if self.seed < 0:

@@ -157,9 +157,17 @@ def _arrays(file: Path) -> dict[str, NDArray[Any]]:
         ChmarlError: it is damaged.
     """
     try:
+        if not file.is_file():
+            raise ValueError("no file")
+        with zipfile.ZipFile(file) as parts:
+            if sum(part.file_size for part in parts.infolist()) > file.stat().st_size:
+                raise ValueError("a compressed zip, which it was not written as")
         with np.load(file) as kept:
-            return {field.name: kept[field.name] for field in fields(Views)}
-    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile) as error:
+            found = {field.name: kept[field.name] for field in fields(Views)}
+        if not all(isinstance(part, np.ndarray) and part.ndim for part in found.values()):
+            raise ValueError("a part is no array")
+        return found
+    except Exception as error:  # zipfile and numpy raise nearly anything on what they have not written
         raise ChmarlError(f"{file}: views that are damaged; remove it, and they are drawn again") from error
 
 

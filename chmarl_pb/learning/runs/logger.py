@@ -30,8 +30,9 @@ class Logger:
         self._board: Any = None
         self.rows = rows
         if self._path is not None:
-            kept = self._path.read_text().splitlines()[:rows] if self._path.exists() and rows else []
-            write_atomically(self._path, "".join(f"{line}\n" for line in kept))
+            kept = self._path.read_bytes().splitlines(keepends=True)[:rows] if self._path.exists() and rows else []
+            text = "".join(line.decode(errors="replace") for line in kept)  # readers leave damaged rows out
+            write_atomically(self._path, text + "\n" * bool(text and text[-1] != "\n"))
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
         self._task = self._progress.add_task(unit, total=total)

@@ -1,0 +1,49 @@
+"""JSON files that others made: read within limits, and refused in one way whatever they hold."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from chmarl_pb.homes.source import read_regular
+
+_MOST_BYTES = 64 * 2**20
+_Row = TypeVar("_Row")
+
+#: What reading an object of a wrong kind raises, beside what ``read_object`` does.
+WRONG = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError)
+
+
+def read_object(path: Path | str) -> dict[str, Any]:
+    """Return the object that a JSON file holds.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no regular file of at most 64 MB, or no JSON object.
+    """
+    if not Path(path).exists():
+        raise FileNotFoundError(path)
+    try:
+        data = json.loads(read_regular(path, _MOST_BYTES).decode("utf-8"))
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(data, dict):
+        raise ValueError(f"it holds {type(data).__name__}, not an object")
+    return data
+
+
+def plain(row: _Row, **kinds: type | tuple[type, ...]) -> _Row:
+    """Return a dataclass after a check of the kinds of its fields.
+
+    Args:
+        row: what a file says.
+        kinds: field -> what it has to be; bool is no number.
+
+    Raises:
+        ValueError: a field is of another kind.
+    """
+    for field in fields(row):  # type: ignore[arg-type]
+        value, kind = getattr(row, field.name), kinds.get(field.name, object)
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind not in (bool, object)):
+            raise ValueError(f"its {field.name} is {str(value)[:80]!r}")
+    return row
