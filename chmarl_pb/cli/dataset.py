@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -24,7 +25,7 @@ from chmarl_pb.cli.arguments import (
 from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
-from chmarl_pb.data.read import find_datasets
+from chmarl_pb.data.read import Dataset, find_datasets
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.store import default_root
 from chmarl_pb.data.verify import chosen, verify
@@ -120,19 +121,21 @@ def verify_datasets(options: argparse.Namespace) -> int:
     for split in options.split or ():
         load_tasks(split)  # says so if there is no such split
     root = options.out or default_root()
-    datasets = [
-        dataset for dataset in find_datasets(root) if not options.split or dataset.recipe["split"] in options.split
-    ]
-    if not datasets:
-        raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
     replayed: dict[str, dict[str, int]] = {}
     with executor_of(options) as executor:
-        for dataset in datasets:
+        for dataset in _chosen_datasets(root, options.split):
             with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
                 count = verify(dataset, options.share, progress=progress, executor=executor)
             replayed[dataset.dataset_id] = {"replayed": count, "episodes": dataset.episodes}
     tell(options, lambda: replayed, partial(_print_replayed, replayed))
     return 0
+
+
+def _chosen_datasets(root: Path, splits: Sequence[str] | None) -> list[Dataset]:
+    found = [dataset for dataset in find_datasets(root) if not splits or dataset.recipe["split"] in splits]
+    if not found:
+        raise DatasetError(f"{root}: no data set to verify; make one by `chmarl-pb dataset generate --out {root}`")
+    return found
 
 
 def _print_replayed(replayed: dict[str, dict[str, int]]) -> None:
