@@ -135,7 +135,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def executor_of(options: argparse.Namespace) -> Iterator[Executor]:
+def chosen_executor(options: argparse.Namespace) -> Iterator[Executor]:
     """Yield who does the work; the own files that the options name are shipped to a cluster.
 
     Raises:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_played, add_rules, executor_of, output_file, rules_of
+from chmarl_pb.cli.arguments import add_played, add_rules, chosen_executor, output_file, rules_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import STDOUT, add_json, tell
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
@@ -39,7 +39,7 @@ def run_audit(options: argparse.Namespace) -> int:
     """
     split = TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
     out = options.out or Path("out/audit") / f"{options.track}-{split}.json"
-    with executor_of(options) as executor, progress_bar() as bar:
+    with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
             split, seeds=range(options.seeds), executor=executor, out=out, progress=partial(_advance, bar, {}),
             observation=options.observation or "scene_graph", tasks=options.task, **rules_of(options),

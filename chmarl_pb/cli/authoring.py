@@ -11,7 +11,7 @@ from chmarl_pb.cli.arguments import (
     add_verb,
     add_workers,
     catalog_of,
-    executor_of,
+    chosen_executor,
     output_file,
     output_folder,
 )
@@ -128,7 +128,7 @@ def _export(options: argparse.Namespace) -> int:
 def _generate(options: argparse.Namespace) -> int:
     """Make up homes from seeds."""
     seeds = range(options.seed, options.seed + options.count)
-    with executor_of(options) as executor:
+    with chosen_executor(options) as executor:
         for files in map(_home_files, seeds) if executor.alone else executor.map(_home_files, seeds, ordered=True):
             for path, content in files.items():
                 if not _holds(options.out / path, content):

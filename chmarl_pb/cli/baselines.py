@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_track, add_workers, executor_of, output_folder
+from chmarl_pb.cli.arguments import add_track, add_workers, chosen_executor, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
@@ -65,7 +65,7 @@ def run_baselines(options: argparse.Namespace) -> int:
         load_tasks(split)  # says so if there is no such split
     reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
     own = "" if options.track == PAPER else f"{options.track}-"
-    with executor_of(options) as executor, progress_bar() as bar:
+    with chosen_executor(options) as executor, progress_bar() as bar:
         for split in splits:
             for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_workers, executor_of
+from chmarl_pb.cli.arguments import add_workers, chosen_executor
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
@@ -34,7 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     if options.fill:
-        with executor_of(options) as executor:
+        with chosen_executor(options) as executor:
             return run_fill(options.fill, options.size, executor)
     return run_cache(options.clear)
 

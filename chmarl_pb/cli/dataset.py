@@ -18,7 +18,7 @@ from chmarl_pb.cli.arguments import (
     add_robots,
     add_verb,
     add_workers,
-    executor_of,
+    chosen_executor,
     output_folder,
     verbs,
 )
@@ -98,7 +98,7 @@ def generate_datasets(options: argparse.Namespace) -> int:
         for split in chosen
     ]
     made = []
-    with executor_of(options) as executor:
+    with chosen_executor(options) as executor:
         for recipe in recipes:
             with _bar(recipe.dataset_id, len(recipe.tasks)) as progress:
                 made.append(generate(recipe, root, progress=progress, executor=executor))
@@ -122,7 +122,7 @@ def verify_datasets(options: argparse.Namespace) -> int:
         load_tasks(split)  # says so if there is no such split
     root = options.out or default_root()
     replayed: dict[str, dict[str, int]] = {}
-    with executor_of(options) as executor:
+    with chosen_executor(options) as executor:
         for dataset in _chosen_datasets(root, options.split):
             with _bar(dataset.dataset_id, len(chosen(dataset.episodes, options.share))) as progress:
                 count = verify(dataset, options.share, progress=progress, executor=executor)

@@ -14,7 +14,7 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_robots,
     add_rules,
-    executor_of,
+    chosen_executor,
     given_of,
     output_file,
     rules_of,
@@ -85,7 +85,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
             track=track,
         )
         where = options.home
-    with executor_of(options) as executor, progress_bar() as bar:
+    with chosen_executor(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
             options.policy, options.split, options.observation, range(options.seeds), executor=executor,
