@@ -234,6 +234,7 @@ def usual() -> list[str]:
     return episodes()
 
 
+@pytest.mark.slow
 def test_episodes_without_compiling_are_the_same(usual: list[str], tmp_path: Path) -> None:
     assert episodes(NUMBA_DISABLE_JIT="1", CHMARL_CACHE=str(tmp_path)) == usual
 

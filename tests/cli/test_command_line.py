@@ -69,7 +69,7 @@ EVALUATE = ("evaluate", "--policy", "random", "--split", "val-unseen", "--task",
         (("homes", "list"), "name"),
         (("homes", "check", "home_6"), "playable"),
         (("things", "list"), "synonyms"),
-        (("bench", "--only", "reset", "--runs", "1", "--warm-up", "1"), "figures"),
+        (("bench", "--only", "planner", "--runs", "1", "--warm-up", "1"), "figures"),
     ],
     ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",
 )

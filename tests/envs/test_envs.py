@@ -16,6 +16,7 @@ from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
+from tests.helpers.env_ids import EACH_ID
 from tests.helpers.playing import DRONE_ACTIONS, HUMANOID_ACTIONS
 
 # Gymnasium advises float boxes without bounds and pictures of other sizes than ours; both are as meant.
@@ -83,15 +84,20 @@ OPTIONS: list[dict[str, Any]] = [
     {"execution": "simulated", "split": "val-unseen", "max_steps": 4},
     {"track": "grounded", "split": "val-unseen"},
 ]
+#: Each id, and each option with the first two ids, which are of both robots; the other pairs are of the slow suite.
+PAIRS = [
+    pytest.param(env_id, options, marks=[pytest.mark.slow] if options and env_id not in ENV_IDS[:2] else ())
+    for env_id in ENV_IDS
+    for options in OPTIONS
+]
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize(("env_id", "options"), PAIRS, ids=str)
 def test_gymnasium_checker(make: Callable[..., Any], env_id: str, options: dict[str, Any]) -> None:
     check_env(make(env_id, **options).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", EACH_ID)
 def test_gymnasium_checker_with_rendering(make: Callable[..., Any], env_id: str) -> None:
     check_env(make(env_id, render_mode="rgb_array").unwrapped)
 

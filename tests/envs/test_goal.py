@@ -13,7 +13,6 @@ import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.cli import main
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.evaluation.protocol import evaluate
@@ -23,6 +22,7 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.language import parse_instruction
+from tests.helpers.env_ids import EACH_ID
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 TASKS = ["val-unseen-000", "val-unseen-001", "val-unseen-002"]
@@ -80,7 +80,7 @@ def test_nothing_else_changes() -> None:
     given.close()
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", EACH_ID)
 def test_every_id_takes_it(make: Callable[..., Any], env_id: str) -> None:
     env = make(env_id, goal=True, image_size=32)
     check_env(env.unwrapped, skip_render_check=True)

@@ -62,7 +62,9 @@ def test_no_display_is_one_sentence(environment: dict[str, str]) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="reads which libraries are loaded")
-@pytest.mark.parametrize("driver", ["dummy", pytest.param("offscreen", marks=pytest.mark.slow), ""])
+@pytest.mark.parametrize(
+    "driver", ["dummy", *(pytest.param(driver, marks=pytest.mark.slow) for driver in ("offscreen", ""))]
+)
 def test_pytorch_optimises_after_a_window(driver: str) -> None:
     pytest.importorskip("torch")
     ended = run((CHECK if driver else REFUSED) + OPTIMISE, **({"SDL_VIDEODRIVER": driver} if driver else {}))

@@ -106,7 +106,10 @@ def misses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return distances
 
 
-@pytest.mark.parametrize("home", home_names())
+@pytest.mark.parametrize(
+    "home",
+    [pytest.param(home, marks=[pytest.mark.slow] * (home not in ("home_1", "home_6"))) for home in home_names()],
+)
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_both_executions_end_the_same(
     simulations: dict[str, Simulation], misses: list[float], home: str, seed: int

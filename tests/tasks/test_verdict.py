@@ -141,7 +141,7 @@ def test_a_tiny_home_gets_fewer_other_objects(write_home: Write) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("home", [LONG, CROSS], ids=["long", "cross"])
+@pytest.mark.parametrize("home", [pytest.param(LONG, marks=pytest.mark.slow), CROSS], ids=["long", "cross"])
 def test_a_sparse_large_home_is_ready_after_few_views(write_home: Write, draws: list[int], home: Boxes) -> None:
     simulation = Simulation(str(write_home(home_text(home))))
     report = check_home(simulation.home.path)

@@ -21,7 +21,7 @@ COMMITTED = Path(__file__).parents[2] / "results" / "proofs.json"
     ("game", "algorithm", "gain", "config"),
     [
         ("non-monotonic", "qmix", 0, QUICK),
-        ("two-step", "vdn", 7, QUICK),
+        pytest.param("two-step", "vdn", 7, QUICK, marks=pytest.mark.slow),
         pytest.param("non-monotonic", "vdn", 0, CONFIG, marks=pytest.mark.slow),
         pytest.param("non-monotonic", "iql", 0, CONFIG, marks=pytest.mark.slow),
     ],
