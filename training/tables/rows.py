@@ -191,6 +191,9 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     rows = {
         "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
         "MAPPO": ("--algo", "mappo", "--episodes", "12000", *_GROUNDED, *seeing),
+        "Imitation of belief": (
+            "--algo", "imitation", "--expert", "belief", "--episodes", "6000", *_GROUNDED, *seeing
+        ),
         "Imitation of belief, then MAPPO": (
             "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", "6000",
             "--episodes", "12000", *_GROUNDED, *seeing,
@@ -207,7 +210,7 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
         checkpoint="best.zip", seeds=1, track=GROUNDED,
     )  # fmt: skip
-    return (*learners[:2], alone, learners[2])
+    return (*learners[:2], alone, *learners[2:])
 
 
 def _with_ours(table: paper.PaperTable) -> tuple[Row, ...]:
