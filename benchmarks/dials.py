@@ -146,22 +146,25 @@ def keep_point(folder: Path, point: Point) -> None:
 
 
 def table(points: Sequence[Point]) -> str:
-    """Return success and PLW as Markdown: a table for each track, a column for each policy and feedback it reads."""
+    """Return success and PLW as Markdown: one table for each track, and one for each policy that reads feedback."""
     parts = []
     for track in dict.fromkeys(point.track for point in points):
         here = [point for point in points if point.track == track]
-        columns = list(dict.fromkeys((point.policy, point.feedback) for point in sorted(here, key=_column)))
-        heads = [policy if feedback == "none" else f"{policy}, feedback: {feedback}" for policy, feedback in columns]
-        lines = [f"| {track}: messages | {' | '.join(heads)} |", "|---" + "|--:" * len(columns) + "|"]
-        for messages in dict.fromkeys(point.messages for point in here):
-            cells = {(one.policy, one.feedback): _cell(one) for one in here if one.messages == messages}
-            lines.append(f"| {messages} | {' | '.join(cells.get(column, '') for column in columns)} |")
-        parts.append("\n".join(lines))
+        parts.append(_table(f"{track}: messages", [one for one in here if one.feedback == "none"], "policy"))
+        for policy in sorted({point.policy for point in here if point.feedback != "none"}):
+            own = [point for point in here if point.policy == policy]
+            parts.append(_table(f"{track}, {policy}: messages; feedback:", own, "feedback"))
     return "\n\n".join(parts)
 
 
-def _column(point: Point) -> tuple[str, int]:
-    return point.policy, point.place[1]
+def _table(title: str, points: Sequence[Point], heads: str) -> str:
+    """Return a table with a row for each setting of messages and a column for each value of an attribute."""
+    columns = list(dict.fromkeys(getattr(point, heads) for point in points))
+    lines = [f"| {title} | {' | '.join(columns)} |", "|---" + "|--:" * len(columns) + "|"]
+    for messages in dict.fromkeys(point.messages for point in points):
+        cells = {getattr(one, heads): _cell(one) for one in points if one.messages == messages}
+        lines.append(f"| {messages} | {' | '.join(cells.get(column, '') for column in columns)} |")
+    return "\n".join(lines)
 
 
 def _cell(point: Point) -> str:

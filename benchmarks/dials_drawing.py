@@ -35,6 +35,7 @@ def draw(points: Sequence["Point"], file: Path) -> None:
     for line, of_line in zip(grid, panels, strict=True):
         for (track, feedback), axes in zip(line, of_line, strict=True):
             here = [point for point in points if (point.track, point.feedback) == (track, feedback)]
+            axes.set_visible(bool(here))
             _panel(axes, here, names, styles)
             axes.set_title(f"track: {track}\nfeedback: {feedback}", fontsize=9, loc="left")
         of_line[0].set_ylabel("messages")
