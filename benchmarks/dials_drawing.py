@@ -55,5 +55,6 @@ def _panel(axes: Any, points: Sequence["Point"], rows: list[str], styles: dict[s
         high = [100 * (point.plw.high or 0) - mean for mean, point in zip(means, own, strict=True)]
         axes.errorbar(means, places, xerr=[low, high], fmt=marker, color=color, markersize=4, capsize=2)
     axes.set(yticks=range(len(rows)), yticklabels=rows, ylim=(len(rows) - 0.5, -0.5), xlim=(0, 100), xlabel="PLW, %")
+    axes.tick_params(labelbottom=True)  # also above panels that are empty
     axes.grid(axis="x", color="#e6e6e6")
     axes.spines[["top", "right"]].set_visible(False)
