@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import h5py
-import minari
 import numpy as np
 import pytest
+
+pytest.importorskip("minari")  # none for Python 3.10
+
+import h5py
+import minari
 
 from chmarl_pb.cli import main
 from chmarl_pb.data import generate as generation
