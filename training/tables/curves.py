@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 _COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
 _COLOURS |= {"ppo": "#17a2b8", "a2c": "#a8a21c", "dqn": "#8c564b", "recurrent-ppo": "#e377c2"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
+#: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
+_OURS = {
+    "Imitation of belief, generated homes": "#d00000", "Imitation of belief": "#000000",
+    "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
+}  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.
 _APART = {
     ("scene_graph", True): "#4c78a8", ("scene_graph", False): "#72b7b2",
@@ -125,6 +130,8 @@ def _draw(
 def _colour(row: Row) -> str:
     if "--centralized" in row.options:
         return _CENTRALIZED
+    if row.name in _OURS:
+        return _OURS[row.name]
     return _COLOURS.get(row.options[1], _OTHER) if row.options[:1] == ("--algo",) else _OTHER
 
 
