@@ -177,7 +177,8 @@ def test_unknown_policies_are_refused(policy: str, words: str) -> None:
         find_policy(policy)
 
 
-def test_checkpoints_need_a_loader(tmp_path: Path) -> None:
+def test_checkpoints_need_a_loader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("chmarl_pb.policies.sources._LOADERS", {})
     path = tmp_path / "net.weights"
     path.write_bytes(b"1")
     with pytest.raises(OptionError, match=r"'\.weights'"):

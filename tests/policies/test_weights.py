@@ -38,6 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     )  # fmt: skip
     write_manifest(tmp_path, {"ours": row})
     monkeypatch.setenv("CHMARL_WEIGHTS", str(tmp_path))
+    monkeypatch.setattr("chmarl_pb.policies.sources._LOADERS", {})
     register_loader(".weights", lambda path: lambda env: chmarl_pb.make_policy("random", env))
     return tmp_path
 

@@ -38,7 +38,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
 
 
 def connected() -> set[int]:
-    """The ids of all clients of this process."""
+    """The ids of all clients of this process: new homes may drop those of other tests' homes from caches."""
     return {number for number in range(1024) if pybullet.getConnectionInfo(number)["isConnected"]}
 
 
@@ -94,7 +94,7 @@ def test_environments_in_reference_cycles_go_with_the_garbage(monkeypatch: pytes
     monkeypatch.setattr("pybullet.connect", connect_once_full)
     client = Client()
     client.close()
-    assert connected() == before
+    assert connected() <= before
 
 
 def test_too_many_clients_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,7 +112,7 @@ def test_a_world_outlives_its_environment() -> None:
     assert world.client in connected()
     world.close()
     world.close()
-    assert connected() == before
+    assert connected() <= before
 
 
 @pytest.mark.parametrize("where", ["home", "object", "robot", "renderer"])
@@ -130,7 +130,7 @@ def test_environments_that_cannot_be_made_keep_no_clients(where: str, monkeypatc
     before = connected()
     with pytest.raises(KeyboardInterrupt) as caught:
         chmarl_pb.parallel_env()
-    assert connected() == before, "although the traceback still refers to all that was made"
+    assert connected() <= before, "although the traceback still refers to all that was made"
     assert caught.tb is not None
 
 
@@ -139,16 +139,16 @@ def test_failed_resets_keep_no_clients(write_home: Callable[..., Path], small_ho
     other = write_home(home_text(kitchen), "other.urdf")
     env = chmarl_pb.parallel_env(home=small_home)
     env.reset(seed=0)
-    before = connected()
+    number, before = env.world.client, connected()
     with pytest.raises(HomeError, match="differ") as caught:
         env._simulations.enter(str(other))
-    assert connected() == before
+    assert connected() <= before
     with pytest.raises(ChmarlError):
         env.reset(options={"task": "no-such-task"})
-    assert connected() == before
+    assert connected() <= before
     env.reset(seed=1)
     env.close()
-    assert len(before - connected()) == 1
+    assert number not in connected()
     assert caught.tb is not None
 
 
@@ -163,12 +163,12 @@ def test_views_of_homes_keep_no_clients(write_home: Callable[[str], Path], monke
     views.look(find_model("drone"), 0, 16)
     assert len(connected() - before) == 1
     del views
-    assert connected() == before
+    assert connected() <= before
     monkeypatch.setattr(home_views_module, "content_hash", lambda home: "another")
     views = HomeViews(home)
     with pytest.raises(HomeError, match="has changed") as caught:
         views.look(find_model("drone"), 0, 16)
-    assert connected() == before
+    assert connected() <= before
     assert caught.tb is not None
 
 
