@@ -7,6 +7,7 @@ moves (see :mod:`chmarl_pb.rendering.movables`). Pictures are kept on disk where
 
 import platform
 import sys
+import weakref
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
@@ -106,6 +107,7 @@ class HomeViews:
         self._store = view_store()
         self._files: dict[tuple[RobotModel, int], ViewFile | None] = {}
         self._kept = _kept()
+        weakref.finalize(self, self._kept.drop, self._number).atexit = False
         self._model: HomeModel | None = None
         self._model_is_known = False
 
@@ -235,7 +237,15 @@ class KeptViews:
         self._views[key] = view, size
         self._bytes += size
         while self._bytes > self._capacity:
-            self._bytes -= self._views.popitem(last=False)[1][1]
+            _, (_, given_back) = self._views.popitem(last=False)
+            self._bytes -= given_back
+
+    def drop(self, number: int) -> None:
+        """Forget the views of a home: a picture of a file keeps the file open."""
+        for key in list(self._views):
+            if key[0] == number:
+                _, given_back = self._views.pop(key)
+                self._bytes -= given_back
 
 
 @cache

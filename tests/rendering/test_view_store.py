@@ -1,6 +1,7 @@
 """The view store: what is on disk equals what would be drawn, for every process and every home."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -160,3 +161,13 @@ def test_a_homes_hash_covers_the_materials_of_its_meshes(write_home: Callable[..
         (path.parent / "stool.mtl").write_text(f"newmtl a\nKd {colour}\n")
         hashes.add(content_hash(load_home(path)))
     assert len(hashes) == 2
+
+
+def test_dropped_homes_keep_no_files_open(folder: Path, home: Home) -> None:
+    """A remembered picture of a file would keep the file's map, and so one more handle, open."""
+    before = len(os.listdir("/proc/self/fd"))
+    views = HomeViews(home)
+    views.look(find_model("drone"), 0, 16)
+    assert len(os.listdir("/proc/self/fd")) > before
+    del views
+    assert len(os.listdir("/proc/self/fd")) <= before
