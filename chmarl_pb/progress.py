@@ -1,12 +1,14 @@
 """Progress bars that appear with the first progress: what is wrong with the arguments is said before."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, TaskID
+
+T = TypeVar("T")
 
 _silent: ContextVar[bool] = ContextVar("silent", default=False)
 
@@ -52,6 +54,13 @@ class LateProgress(Progress):
         """Show the bar and move it on."""
         self.start()
         super().advance(task_id, advance)
+
+    def count(self, values: Iterable[T], total: int, description: str) -> Iterator[T]:
+        """Yield values and count them; ``track`` stops counting while the bar is not shown."""
+        task = self.add_task(description, total=total)
+        for value in values:
+            yield value
+            self.advance(task)
 
     def stop(self) -> None:
         """Leave the bar as it is; nothing is printed if it was never shown."""

@@ -140,6 +140,7 @@ def make() -> Iterator[Callable[..., Any]]:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A store's folder of its own for one test."""
     monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "cache"))
+    view_store_module._warn_of.cache_clear()
     view_store_module._warn.cache_clear()
     return tmp_path / "cache" / "views"
 

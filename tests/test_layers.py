@@ -13,6 +13,7 @@ ROWS = (
         "extras",
         "files",
         "progress",
+        "reading",
         "compiled",
         "assets",
         "catalog",

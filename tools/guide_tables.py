@@ -13,6 +13,7 @@ from chmarl_pb.homes.solids import MOST_CORNERS
 from chmarl_pb.homes.textures import textures
 from chmarl_pb.navigation import check, lattice, surfaces
 from chmarl_pb.navigation.reach import REACH
+from chmarl_pb.reading import MOST_FILE_BYTES
 
 GUIDE = Path(__file__).parents[1] / "docs" / "guide.md"
 BEGIN, END = "<!-- tables: written by python -m tools.guide_tables -->\n", "<!-- end of tables -->\n"
@@ -41,7 +42,7 @@ def _limits() -> list[tuple[str, str]]:
         ("URDF", f"{source.MOST_URDF_BYTES // 2**20} MiB, {source.MOST_ELEMENTS:,} elements"),
         (
             "other files",
-            f"{source.MOST_FILES:,}, {source.MOST_FILE_BYTES // 2**20} MiB each, {source.MOST_BYTES // 2**20} MiB"
+            f"{source.MOST_FILES:,}, {MOST_FILE_BYTES // 2**20} MiB each, {source.MOST_BYTES // 2**20} MiB"
             f" together, {source.MOST_LINES:,} lines of OBJ and materials",
         ),
         ("triangles of all visuals", f"{MOST_TRIANGLES:,}"),

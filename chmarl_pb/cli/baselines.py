@@ -77,7 +77,7 @@ def run_baselines(options: argparse.Namespace) -> int:
             if options.references is not None:
                 episodes = {name: report.episodes for name, report in reports[split].items()}
                 path = options.references / f"{split}.json"
-                before = path.read_text() if path.exists() else ""
+                before = path.read_text() if path.is_file() else ""
                 write_atomically(path, reference_json(split, MAX_STEPS, episodes, before))
     tables = [*_tables(reports), _difficulty(reports, TRACKS[options.track]["max_steps"])]
     tell(

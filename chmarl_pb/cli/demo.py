@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 
 from chmarl_pb.cli.arguments import (
     OBSERVATIONS,
@@ -127,14 +127,16 @@ def _show(recording: Recording, folder: Path, console: Console, film: bool = Tru
         console.print(f"{folder / name}.{ending}  [dim]{sentence}[/dim]", soft_wrap=True)
 
 
-def write_step_page(recording: Recording, path: Path, progress: Progress) -> None:
+def write_step_page(recording: Recording, path: Path, progress: LateProgress) -> None:
     """Draw what the robots see after each step, and write the page."""
     shots = [shot for shot in storyboard(recording) if shot.done]
     views = draw_views(recording.home, recording.team, shots)
-    write_page(path, recording, list(progress.track(views, len(shots), description="Drawing")))
+    write_page(path, recording, list(progress.count(views, len(shots), "Drawing")))
 
 
-def write_files(recording: Recording, shots: list[Shot], folder: Path, progress: Progress, name: str = "demo") -> None:
+def write_files(
+    recording: Recording, shots: list[Shot], folder: Path, progress: LateProgress, name: str = "demo"
+) -> None:
     """Draw all shots; write the video and the page.
 
     Args:
@@ -146,7 +148,7 @@ def write_files(recording: Recording, shots: list[Shot], folder: Path, progress:
     """
     rests: list[dict[str, Image]] = []
     views = _keep_rests(shots, draw_views(recording.home, recording.team, shots), rests)
-    frames = progress.track(compose(recording, shots, views), len(shots), description="Drawing")
+    frames = progress.count(compose(recording, shots, views), len(shots), "Drawing")
     counted = ((frame, shot.frames) for frame, shot in zip(frames, shots, strict=True))
     write_video(folder / f"{name}.mp4", counted, (WIDTH, HEIGHT))
     write_page(folder / f"{name}.html", recording, rests)

@@ -5,6 +5,7 @@ from typing import Any
 import gymnasium
 
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
+from chmarl_pb.errors import OptionError
 
 _GRAPHS, _PICTURES = {"observation": "scene_graph"}, {"observation": "visual"}
 _WITH_BELIEF = {"partner": "belief"}  # the search policy is that of the older ids
@@ -39,7 +40,13 @@ def register_envs() -> None:
 
 
 def options_of(env_id: str) -> dict[str, Any]:
-    """Return the keyword arguments that an id is registered with, its track among them."""
+    """Return the keyword arguments that an id is registered with, its track among them.
+
+    Raises:
+        OptionError: it is no id of the benchmark.
+    """
+    if env_id not in _IDS:
+        raise OptionError(f"{env_id!r} is no id of the benchmark; use one of: {', '.join(_IDS)}")
     _, track, options = _IDS[env_id]
     return {"track": track, **options}
 

@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from chmarl_pb.homes.source import read_regular
+from chmarl_pb.reading import read_regular
 
 _MOST_BYTES = 64 * 2**20
 _Row = TypeVar("_Row")

@@ -12,9 +12,10 @@ from typing import Any, Literal
 
 from chmarl_pb.catalog import BENCHMARK, STRUCTURE, Catalog, Name, ThingClass, names_of
 from chmarl_pb.errors import AssetError, HomeError
-from chmarl_pb.homes.source import Source, read_regular, sha256_of, shown
+from chmarl_pb.homes.source import Source, sha256_of, shown
 from chmarl_pb.homes.things import read_thing
 from chmarl_pb.homes.urdf import read_whole
+from chmarl_pb.reading import read_regular
 
 if sys.version_info >= (3, 11):
     import tomllib

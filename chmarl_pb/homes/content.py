@@ -4,7 +4,8 @@ from pathlib import Path
 
 from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.source import read_regular, sha256_of
+from chmarl_pb.homes.source import sha256_of
+from chmarl_pb.reading import read_regular
 
 __all__ = ["content_hash", "sha256_of"]
 

@@ -20,9 +20,10 @@ from chmarl_pb.homes.paint import Part
 from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
 from chmarl_pb.homes.simplify import simplified
 from chmarl_pb.homes.solids import Points
-from chmarl_pb.homes.source import Source, read_regular, safe_xml
+from chmarl_pb.homes.source import Source, safe_xml
 from chmarl_pb.homes.things import MASSES, MOST_TRIANGLES, Thing, painted
 from chmarl_pb.homes.urdf import Link, read_whole
+from chmarl_pb.reading import read_regular
 
 #: Axis of the file that points up -> the turn that makes it z.
 _UP = {

@@ -14,9 +14,9 @@ from chmarl_pb.catalog import BENCHMARK, Catalog, room_kind
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.furniture import Model, load_model
 from chmarl_pb.homes.layout_file import Colour, Table, read_each, read_tables, refuse
-from chmarl_pb.homes.source import read_regular
 from chmarl_pb.homes.textures import textures
 from chmarl_pb.homes.walls import Gap, Rect, Wall, boundary, gap_in
+from chmarl_pb.reading import read_regular
 
 GRID = 0.25
 """Rooms lie on multiples of this length, in metres: the humanoid's lattice."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, TypeGuard, TypeVar
 
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.source import read_regular
 from chmarl_pb.homes.toml_lines import Place, lines_of
+from chmarl_pb.reading import read_regular
 
 if sys.version_info >= (3, 11):
     import tomllib

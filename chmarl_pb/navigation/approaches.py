@@ -11,6 +11,7 @@ from chmarl_pb.homes.solids import Outlines, Points, Solid
 from chmarl_pb.navigation.lattice import HEADINGS, Lattice, heading_angle
 from chmarl_pb.navigation.reach import Reach
 
+_KEPT = 16_384  # points, 1 kB each
 _ARM_THICKNESS = 0.12  # metres of free height that the forearm needs above the grip
 
 GripPoint = tuple[float, float, float]
@@ -51,6 +52,8 @@ class Approaches:
         """
         x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
         if (x, y) not in self._known:
+            if len(self._known) == _KEPT:
+                self._known.clear()
             self._known[x, y] = self._find_ways(x, y)
         span = self._reach.span(z)
         if span is None:

@@ -5,7 +5,8 @@ It gives the pictures of :mod:`chmarl_pb.rendering.tiny` bit by bit.
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
+from itertools import count
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,16 +24,19 @@ from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
+_STATES = 8192  # of robots, 0.7 kB each
 
 #: A robot, its pose, the number of its posture: positions of joints are slow to compare.
 Stand = tuple[str, int, int]
-_postures: dict[Joints, int] = {}
+_postures = count()
 #: Robot, its pose, the robots that could be in view -> what it sees.
 Seen = dict[tuple[str, int, tuple[Stand, ...]], tuple[str, ...]]
 _seen: OrderedDict[tuple[int, Team], tuple[Objects, Seen]] = OrderedDict()
 #: Robot, its pose, another robot (or itself: its arm) -> whether something of that could be in view.
 InView = dict[tuple[str, int, Stand], bool]
 _in_view: WeakKeyDictionary[HomeViews, dict[Team, InView]] = WeakKeyDictionary()  # shared by all who play in a home
+#: A robot, positions of its joints -> whether its camera shows its own body.
+_themselves: WeakKeyDictionary[Movables, dict[tuple[str, Joints], bool]] = WeakKeyDictionary()
 
 
 class FastRenderer:
@@ -73,6 +77,8 @@ class FastRenderer:
         key = (robot, pose, tuple(others))
         seen = self._seen.get(key)
         if seen is None:
+            if len(self._seen) == _KEPT:
+                self._seen.clear()
             home = self._empty(robot, VISIBILITY_SIZE)
             seen = self._seen[key] = self._names(robot, home, self._with(others) if others else self._numbers)
         return seen
@@ -123,10 +129,15 @@ class FastRenderer:
 
     def _stand_of(self, name: str, state: RobotState) -> tuple[RobotState, Stand, bool]:
         """Return a robot's stand, and whether its camera shows its own body; the state is kept for its id."""
-        if len(self._stands) == _KEPT:
+        if len(self._stands) == _STATES:
             self._stands.clear()
-        posture = _postures.setdefault(state.joints, len(_postures))
-        return state, (name, state.pose, posture), _sees_itself(self._movables, self._team, name, state.joints)
+        themselves = _themselves.setdefault(self._movables, {})
+        key = name, state.joints
+        if key not in themselves:
+            if len(themselves) == _STATES:
+                themselves.clear()
+            themselves[key] = _sees_itself(self._movables, self._models[name], *key)
+        return state, (name, state.pose, _posture(state.joints)), themselves[key]
 
     def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""
@@ -190,11 +201,15 @@ def _seen_of(objects: Objects, team: Team) -> Seen:
     return seen
 
 
-@cache
-def _sees_itself(own: Movables, team: Team, robot: str, joints: Joints) -> bool:
+@lru_cache(maxsize=2**14)
+def _posture(joints: Joints) -> int:
+    """Return a number for positions of joints, which no others ever have."""
+    return next(_postures)
+
+
+def _sees_itself(own: Movables, model: RobotModel, robot: str, joints: Joints) -> bool:
     """Return whether a robot's camera shows its own body: it is drawn alone, in four headings."""
-    models, bodies = {name: model for name, model, _ in team}, Bodies(own)
-    camera, mount = camera_of(models[robot]), models[robot].camera
+    bodies, camera, mount = Bodies(own), camera_of(model), model.camera
     number = np.array([own.numbers[robot]], np.int32)
     for yaw in np.arange(4) * np.pi / 2:
         base = (0.0, 0.0, 0.0), yaw_quaternion(float(yaw))

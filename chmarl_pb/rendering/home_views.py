@@ -29,7 +29,7 @@ from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering.camera import Camera, Picture, camera_of, lens, render, view_matrix
 from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
-from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_store
+from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_memory, view_store
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Client, Vector, World, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
@@ -37,8 +37,6 @@ from chmarl_pb.world.bullet import distribution, pybullet
 #: Part of the hash in the names of stored pictures: raise it when homes are drawn differently, be it by one bit.
 #: ``tests/rendering/test_drawing.py`` fails when they are.
 DRAWING = 1
-CAPACITY = 384 * 2**20  # bytes of kept pictures in this process, without those on disk
-
 _SAMPLED = 12  # camera poses that stand for all in the names of files, with the lattice
 _OWN = 4096  # bytes of a kept view beside its picture
 _numbers = count()
@@ -250,7 +248,7 @@ class KeptViews:
 
 @cache
 def _kept() -> KeptViews:
-    return KeptViews(CAPACITY)
+    return KeptViews(view_memory())
 
 
 def _bytes(picture: Picture) -> int:

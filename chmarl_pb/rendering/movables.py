@@ -90,6 +90,8 @@ class Movables:
     def ball(self, name: str, joints: Joints) -> tuple[float, float]:
         """Return the height above its base and the radius of a ball that holds a robot however it is turned, metres."""
         if (name, joints) not in self._balls:
+            if len(self._balls) >= _KEPT:
+                self._balls.clear()
             bodies = Bodies(self)
             bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), joints)
             x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()

@@ -35,6 +35,7 @@ except ImportError:  # not a POSIX system
 
 FORMAT = 1  # part of the hash in a file's name: raise it when the layout of the files changes
 LIMIT = 8192  # MB of disk, unless CHMARL_CACHE_LIMIT says otherwise; the seven homes at 128 pixels take 7620
+MEMORY = 384  # MB of kept views in a process, unless CHMARL_VIEW_MEMORY says otherwise
 
 _SUFFIX = ".views"
 _PAGE = 4096  # bytes; slots begin at multiples of it
@@ -230,11 +231,23 @@ def view_store() -> ViewStore | None:
     folder = cache_folder()
     if folder is None or fcntl is None or not hasattr(os, "pwritev") or not hasattr(os, "SEEK_HOLE"):
         return None
-    limit = os.environ.get("CHMARL_CACHE_LIMIT") or str(LIMIT)
-    if not limit.isdecimal():
-        _warn(f"CHMARL_CACHE_LIMIT={limit} is not a whole number of MB")
-        return None
-    return _store(folder, int(limit) * 2**20)
+    limit = _megabytes("CHMARL_CACHE_LIMIT", LIMIT)
+    return None if limit is None else _store(folder, limit)
+
+
+def view_memory() -> int:
+    """Return how many bytes of views a process keeps: ``CHMARL_VIEW_MEMORY`` MB, without those on disk."""
+    kept = _megabytes("CHMARL_VIEW_MEMORY", MEMORY)
+    return MEMORY * 2**20 if kept is None else kept
+
+
+def _megabytes(variable: str, default: int) -> int | None:
+    """Return what an environment variable says in MB as bytes, or None, with a warning, if it is no number."""
+    given = os.environ.get(variable) or str(default)
+    if given.isdecimal():
+        return int(given) * 2**20
+    _warn_of(f"{variable}={given} is not a whole number of MB; give one, or leave the variable out")
+    return None
 
 
 @cache
@@ -295,6 +308,10 @@ def _whole_pages(count: int) -> int:
 
 @cache
 def _warn(reason: str) -> None:
-    """Warn of each reason once."""
-    message = f"pictures of homes are kept in memory only: {reason}; fix it, or set CHMARL_CACHE=off"
+    """Warn of each reason once, for which there is no store."""
+    _warn_of(f"pictures of homes are kept in memory only: {reason}; fix it, or set CHMARL_CACHE=off")
+
+
+@cache
+def _warn_of(message: str) -> None:
     warnings.warn(message, RuntimeWarning, stacklevel=3)

@@ -13,7 +13,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.homes.source import MOST_URDF_BYTES, read_regular, safe_xml, shown
+from chmarl_pb.homes.source import MOST_URDF_BYTES, safe_xml, shown
+from chmarl_pb.reading import read_regular
 from chmarl_pb.robots.inverse import Links
 
 Array: TypeAlias = NDArray[np.float64]

@@ -11,9 +11,10 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.source import MOST_URDF_BYTES, read_regular, sha256_of, shown
+from chmarl_pb.homes.source import MOST_URDF_BYTES, sha256_of, shown
 from chmarl_pb.navigation.lattice import FOOTPRINT, Footprint
 from chmarl_pb.navigation.reach import Reach
+from chmarl_pb.reading import read_regular
 from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
 from chmarl_pb.robots.chain import Joint, Tree, chain_to
 from chmarl_pb.robots.model import CameraMount, RobotModel

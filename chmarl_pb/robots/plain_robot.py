@@ -17,7 +17,8 @@ from chmarl_pb.homes.mesh import MOST_TRIANGLES
 from chmarl_pb.homes.paint import Part, parts_of
 from chmarl_pb.homes.plain import plain_mesh
 from chmarl_pb.homes.shape import Numbers, Shape, numbers_of, read_mesh, read_shape
-from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, read_regular, safe_xml, sha256_of, shown
+from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, safe_xml, sha256_of, shown
+from chmarl_pb.reading import read_regular
 
 #: The robots of the package.
 FOLDER = URDF_DIR / "robots"

@@ -7,7 +7,7 @@ from pathlib import Path
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import HomeError, TaskError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.source import read_regular
+from chmarl_pb.reading import read_regular
 from chmarl_pb.tasks.generated_homes import first_homes, numbered_homes
 from chmarl_pb.tasks.task import Task
 

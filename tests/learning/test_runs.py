@@ -12,6 +12,7 @@ import pytest
 import torch
 from gymnasium.spaces import Dict, Discrete, MultiBinary, MultiDiscrete
 
+from chmarl_pb.errors import ResultError
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
@@ -299,6 +300,20 @@ def test_runs_and_weights_of_earlier_versions_are_used(algorithm: str, tmp_path:
         UnevenEnv, algorithm, config, tmp_path, expert=EXPERT
     )  # goes on, which here means that it is finished
     assert again.learner.updates == first.learner.updates
+
+
+@pytest.mark.parametrize("size", [None, 2**40], ids=["no file", "endless"])
+def test_metrics_that_cannot_be_read_are_one_error(size: int | None, tmp_path: Path) -> None:
+    train(UnevenEnv, "vdn", SMALL, tmp_path)
+    (tmp_path / METRICS).unlink()
+    if size is None:
+        (tmp_path / METRICS).symlink_to("/dev/zero")
+    else:
+        with (tmp_path / METRICS).open("wb") as file:
+            file.truncate(size)  # with no room on the disk
+    for use in (partial(train, UnevenEnv, "vdn", SMALL, tmp_path), partial(read_rows, tmp_path / METRICS)):
+        with pytest.raises(ResultError, match=r"regular file|bytes; at most"):
+            use()
 
 
 def test_no_checkpoint_is_chosen_on_a_test_split() -> None:

@@ -455,3 +455,5 @@ def test_command_says_that_it_loads_pytorch(
 def test_unknown_presets_are_refused() -> None:
     with pytest.raises(ValueError, match="preset='best' is not known"):
         Config("ppo", HUMANOID, "best")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'CHMARL/Garden-v0' is no id of the benchmark; use one of: CHMARL/"):
+        Config("ppo", "CHMARL/Garden-v0")

@@ -102,7 +102,18 @@ def test_a_worker_that_dies_is_one_message_and_the_command_goes_on_later(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["evaluation", "data generation"])
+@pytest.mark.parametrize("running", ["evaluation", "audit", "data generation"], indirect=True)
+def test_a_second_command_in_the_folder_is_told_who_is_writing(
+    running: "subprocess.Popen[str]", request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    running.send_signal(signal.SIGSTOP)  # so that it does not end before the second begins
+    second = start(tmp_path, request.node.callspec.params["running"])
+    _, said = second.communicate(timeout=120)
+    assert second.returncode == 2 and str(running.pid) in said and "Traceback" not in said, said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["evaluation", "audit", "data generation"])
 def test_what_is_ended_again_and_again_equals_what_never_was(name: str, tmp_path: Path) -> None:
     ends = []
     for folder, numbers in ((tmp_path / "whole", ()), (tmp_path / "cut", SIGNALS)):
@@ -120,6 +131,8 @@ def test_what_is_ended_again_and_again_equals_what_never_was(name: str, tmp_path
         if name == "evaluation":
             data = json.loads((folder / "out" / "result.json").read_text())
             ends.append((data["sha256"], data["episodes"]))
+        elif name == "audit":
+            ends.append(("", json.loads((folder / "out" / "audit.json").read_text())["rows"]))
         else:
             (path,) = (folder / "out").rglob("metadata.json")
             ends.append((json.loads(path.read_text())["sha256"], []))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering import view_store as view_store_module
 from chmarl_pb.rendering.home_views import HomeViews
-from chmarl_pb.rendering.view_store import ViewStore, view_store
+from chmarl_pb.rendering.view_store import ViewStore, view_memory, view_store
 from tests.helpers.stored_views import (
     LOOKS,
     POSES,
@@ -160,6 +160,15 @@ def test_the_limit_is_read_from_the_environment(folder: Path, home: Home, monkey
         assert_all_equal(looks(home), expected)
 
 
+def test_the_memory_of_views_is_read_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert view_memory() == 384 * 2**20
+    monkeypatch.setenv("CHMARL_VIEW_MEMORY", "16")
+    assert view_memory() == 16 * 2**20
+    monkeypatch.setenv("CHMARL_VIEW_MEMORY", "1.5 GB")
+    with pytest.warns(RuntimeWarning, match="CHMARL_VIEW_MEMORY=1.5 GB is not a whole number of MB"):
+        assert view_memory() == 384 * 2**20
+
+
 # Folders and disks that cannot be written
 
 
@@ -197,6 +206,7 @@ def test_a_store_that_cannot_be_written_is_read(tmp_path: Path, request: pytest.
     file = opened(tmp_path, "whole")
     assert_equal(file.get(3, VIEW), picture(3))
     assert file.put(3, VIEW, picture(4)) is None
+    view_store_module._warn_of.cache_clear()
     view_store_module._warn.cache_clear()
     with pytest.warns(RuntimeWarning, match="memory only"):
         assert ViewStore(tmp_path, 2**30).open("short", POSES, SIZE) is None
@@ -206,6 +216,7 @@ def test_a_store_that_cannot_be_written_is_read(tmp_path: Path, request: pytest.
 
 def test_a_disk_that_fills_up_is_one_warning(tmp_path: Path) -> None:
     file = opened(tmp_path)
+    view_store_module._warn_of.cache_clear()
     view_store_module._warn.cache_clear()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, hard))

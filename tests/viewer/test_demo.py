@@ -11,7 +11,6 @@ import numpy as np
 import pybullet
 import pytest
 from rich.console import Console
-from rich.progress import Progress
 
 from chmarl_pb.cli.demo import demo, write_files
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -21,6 +20,7 @@ from chmarl_pb.frames.panel import HEIGHT, WIDTH
 from chmarl_pb.frames.recording import Recording
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.progress import LateProgress
 from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.tasks.splits import load_tasks
@@ -45,7 +45,7 @@ def shots(recording: Recording) -> list[Shot]:
 @pytest.fixture(scope="module")
 def folder(recording: Recording, shots: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder: Path = tmp_path_factory.mktemp("demo")
-    write_files(recording, shots, folder, Progress(disable=True))
+    write_files(recording, shots, folder, LateProgress(disable=True))
     return folder
 
 
@@ -83,7 +83,7 @@ def test_other_robots_are_shown_too(tmp_path: Path) -> None:
     task = min(load_tasks("test-unseen"), key=lambda task: task.optimal_steps)
     recording = record(task, "scene_graph", robots=("humanoid", "humanoid", "drone"))
     board = [shot for shot in storyboard(recording) if shot.done]
-    write_files(recording, board, tmp_path, Progress(disable=True))
+    write_files(recording, board, tmp_path, LateProgress(disable=True))
     assert recording.success and recording.optimum and recording.optimum.steps <= recording.steps
     page = (tmp_path / "demo.html").read_text(encoding="utf-8")
     assert page.count("data:image/jpeg") == 3 * (recording.steps + 1)

@@ -7,9 +7,13 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from chmarl_pb.errors import ResultError
 from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomically, writing
+from chmarl_pb.reading import read_regular
 
 METRICS, BOARD = "metrics.jsonl", "tensorboard"
+
+_MOST_BYTES = 256 * 2**20
 
 
 class Logger:
@@ -30,7 +34,7 @@ class Logger:
         self._board: Any = None
         self.rows = rows
         if self._path is not None:
-            kept = self._path.read_bytes().splitlines(keepends=True)[:rows] if self._path.exists() and rows else []
+            kept = _lines(self._path)[:rows] if rows else []
             text = "".join(line.decode(errors="replace") for line in kept)  # readers leave damaged rows out
             write_atomically(self._path, text + "\n" * bool(text and text[-1] != "\n"))
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -69,11 +73,25 @@ class Logger:
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a file of metrics, which may be growing; a warning tells of those that are damaged."""
-    lines = path.read_bytes().splitlines(keepends=True)
+    lines = _lines(path)
     rows = [row_of(line) for line in lines]
     if damaged := sum(row is None and line.endswith(b"\n") for row, line in zip(rows, lines, strict=True)):
         warnings.warn(f"{path}: {damaged} of {len(lines)} rows are damaged and left out", RuntimeWarning, stacklevel=2)
     return [row for row in rows if row is not None]
+
+
+def _lines(path: Path) -> list[bytes]:
+    """Return the lines of a file of metrics, none of one that is not there.
+
+    Raises:
+        ResultError: it is no regular file, or too large.
+    """
+    if not path.exists():
+        return []
+    try:
+        return read_regular(path, _MOST_BYTES).splitlines(keepends=True)
+    except ValueError as error:
+        raise ResultError(f"{path}: {error}") from error
 
 
 def row_of(line: bytes) -> dict[str, Any] | None:

@@ -177,6 +177,7 @@ class Config:
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, unknown presets, and actions that an algorithm cannot choose."""
         check(self)
+        options_of(self.env_id)
         if self.replays and self.track != PAPER:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
         if self.preset not in PRESETS:

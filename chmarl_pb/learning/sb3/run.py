@@ -244,7 +244,7 @@ class Log(KVWriter):
     def __init__(self, folder: Path, steps: int):
         """Open the log of a run that goes on from a number of steps."""
         self._path = folder / METRICS
-        rows = read_rows(self._path) if self._path.exists() else []
+        rows = read_rows(self._path)
         write_atomically(self._path, "".join(f"{sealed(row)}\n" for row in rows if row["steps"] <= steps))
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:

@@ -94,11 +94,18 @@ def test_death_of_a_worker(env: HouseholdVectorEnv) -> None:
         env.step(harm(0))
 
 
-def test_worker_killed_between_steps(env: HouseholdVectorEnv) -> None:
-    os.kill(pids(env)[0], signal.SIGKILL)
-    with pytest.raises(WorkerError, match=r"environments 2 to 4 died \(exit code -9"):
+@pytest.mark.parametrize("deadly", [signal.SIGTERM, signal.SIGKILL], ids=lambda number: number.name)
+def test_worker_killed_between_steps(env: HouseholdVectorEnv, deadly: signal.Signals) -> None:
+    os.kill(pids(env)[0], deadly)
+    with pytest.raises(WorkerError, match=rf"environments 2 to 4 died \(exit code -{deadly.value}"):
         for _ in range(3):
             env.step(harm(0))
+
+
+def test_a_worker_leaves_ctrl_c_to_its_parent(env: HouseholdVectorEnv) -> None:
+    os.kill(pids(env)[0], signal.SIGINT)
+    for _ in range(3):
+        env.step(harm(0))
 
 
 def test_what_cannot_travel_harms_nothing(env: HouseholdVectorEnv) -> None:
@@ -153,7 +160,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("deadly", [signal.SIGINT, signal.SIGKILL], ids=["interrupt", "kill"])
+@pytest.mark.parametrize("deadly", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda number: number.name)
 def test_nothing_is_left_behind(tmp_path: Path, deadly: signal.Signals) -> None:
     path = tmp_path / "script.py"
     path.write_text(SCRIPT)
