@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from chmarl_pb.tasks.splits import load_tasks as load_tasks
     from chmarl_pb.tasks.task import Task as Task
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 #: Public name -> module that defines it; loaded at first use, so that importing the package is quick.
 _PUBLIC = {

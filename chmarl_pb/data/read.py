@@ -1,6 +1,7 @@
 """Read data sets from disk; whatever is damaged is refused with the file's name."""
 
-import json
+import errno
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property
@@ -11,6 +12,7 @@ from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
 from chmarl_pb.data.record import Arrays
 from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE
 from chmarl_pb.errors import ChmarlError, DatasetError
+from chmarl_pb.evaluation.json_file import WRONG, read_object
 from chmarl_pb.extras import needs
 from chmarl_pb.files import file_hash
 
@@ -37,7 +39,7 @@ class Dataset:
         self.main = folder / "data" / MAIN_FILE
         path = folder / "data" / METADATA_FILE
         try:
-            self.metadata: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            self.metadata: dict[str, Any] = read_object(path)
             self.episodes = int(self.metadata["total_episodes"])
             self.steps = int(self.metadata["total_steps"])
             self.recipe: dict[str, Any] = self.metadata["recipe"]
@@ -46,9 +48,10 @@ class Dataset:
             raise DatasetError(
                 f"{path}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
             ) from error
-        except (ValueError, KeyError, TypeError) as error:
+        except WRONG as error:
             raise DatasetError(
-                f"{path}: damaged ({error!r}); remove its folder, and run `chmarl-pb dataset generate`"
+                f"{path}: damaged ({type(error).__name__}: {str(error)[:200]}); remove its folder, and run "
+                "`chmarl-pb dataset generate`"
             ) from error
 
     @property
@@ -65,13 +68,17 @@ class Dataset:
         """Check that the file of episodes is as it was made, and that the metadata fit it.
 
         Raises:
-            DatasetError: it is missing, cut or changed.
+            DatasetError: it is missing, no regular file, cut or changed.
         """
         try:
             sha256 = _sha256(*(state := _state(self.main)))
         except FileNotFoundError as error:
             raise DatasetError(
                 f"{self.main}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
+            ) from error
+        except OSError as error:
+            raise DatasetError(
+                f"{self.main}: cannot be read ({error.strerror}); make it a regular file that can be read"
             ) from error
         if sha256 != self.sha256:
             raise DatasetError(
@@ -117,8 +124,14 @@ State = tuple[Path, int, int, int]
 
 
 def _state(path: Path) -> State:
-    """Return what changes when a file is written to."""
+    """Return what changes when a regular file is written to.
+
+    Raises:
+        OSError: it is no regular file, or cannot be looked at.
+    """
     status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
     return path, status.st_ino, status.st_size, status.st_ctime_ns
 
 
