@@ -181,7 +181,7 @@ def left_behind(rounds: Sequence[Round]) -> list[str]:
 def main() -> int:
     """Play rounds, print and write what was counted, and return 1 if something grew."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
-    parser.add_argument("--steps", type=int, default=1_000_000, help="joint steps in all (default: 1,000,000)")
+    parser.add_argument("--steps", type=int, default=2_000_000, help="joint steps in all (default: 2,000,000)")
     parser.add_argument("--hours", type=float, help="play so long instead")
     parser.add_argument(
         "--round", type=int, default=2_000, help="joint steps of a round in each environment that stays"

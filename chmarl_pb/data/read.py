@@ -10,7 +10,7 @@ from typing import Any
 
 from chmarl_pb.data.recipe import NAMESPACE, is_dataset_name
 from chmarl_pb.data.record import Arrays
-from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE
+from chmarl_pb.data.store import MAIN_FILE, METADATA_FILE, megabytes
 from chmarl_pb.errors import ChmarlError, DatasetError
 from chmarl_pb.evaluation.json_file import WRONG, read_object
 from chmarl_pb.extras import needs
@@ -44,6 +44,7 @@ class Dataset:
             self.steps = int(self.metadata["total_steps"])
             self.recipe: dict[str, Any] = self.metadata["recipe"]
             self.sha256 = str(self.metadata["sha256"])
+            self._megabytes = float(self.metadata["dataset_size"])
         except FileNotFoundError as error:
             raise DatasetError(
                 f"{path}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
@@ -71,7 +72,9 @@ class Dataset:
             DatasetError: it is missing, no regular file, cut or changed.
         """
         try:
-            sha256 = _sha256(*(state := _state(self.main)))
+            state = _state(self.main)
+            cut = megabytes(self.main) != self._megabytes  # the sum of a file that has grown can take hours
+            corrupted = cut or _sha256(*state) != self.sha256
         except FileNotFoundError as error:
             raise DatasetError(
                 f"{self.main}: missing; remove the folder, if there is one, and run `chmarl-pb dataset generate`"
@@ -80,10 +83,10 @@ class Dataset:
             raise DatasetError(
                 f"{self.main}: cannot be read ({error.strerror}); make it a regular file that can be read"
             ) from error
-        if sha256 != self.sha256:
+        if corrupted:
             raise DatasetError(
-                f"{self.main}: corrupted or cut, its sha256 has changed; remove its folder, and run "
-                "`chmarl-pb dataset generate`"
+                f"{self.main}: corrupted or cut, its {'size' if cut else 'sha256'} has changed; remove its "
+                "folder, and run `chmarl-pb dataset generate`"
             )
         if (found := _counts(*state)) != (self.episodes, self.steps):
             raise DatasetError(

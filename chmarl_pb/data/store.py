@@ -164,6 +164,11 @@ def _end(file: BinaryIO) -> int:
     return int.from_bytes(file.read(8), "little")
 
 
+def megabytes(path: Path) -> float:
+    """Return the size of a file, as the metadata tell it."""
+    return round(path.stat().st_size / 1e6, 1)
+
+
 def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str, Any]:
     who = "planner" if not recipe.noise else f"planner with {recipe.noise:.0%} random actions"
     return {
@@ -171,7 +176,7 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
         "minari_version": minari.__version__,
         "total_episodes": episodes,
         "total_steps": steps,
-        "dataset_size": round(path.stat().st_size / 1e6, 1),
+        "dataset_size": megabytes(path),
         "algorithm_name": who,
         "description": f"{_team(recipe)} solve the tasks of {recipe.split} in simulated homes, driven by the "
         f"{who}. One episode for each task, in the order of the task file.",

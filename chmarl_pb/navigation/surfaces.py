@@ -4,6 +4,7 @@ A surface is derived from collision geometry: every level top of a receptacle's 
 other solids of the home cover, with the free height above each cell.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -111,7 +112,7 @@ def _levels(solids: list[Solid]) -> list[float]:
 
 def _grid(thing: Thing, tops: list[Solid]) -> tuple[float, list[Points]]:
     """Return the yaw of a grid over some tops of a thing, and where its cells' centres are along both its axes."""
-    yaw = float(np.arctan2(thing.frame[1, 0], thing.frame[0, 0]))
+    yaw = math.atan2(thing.frame[1, 0], thing.frame[0, 0])
     corners = np.concatenate([solid.facet for solid in tops if solid.facet is not None]) @ _axes(yaw)
     return yaw, [_ticks(a, b) for a, b in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
 

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.reach import REACH
-from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures
+from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures, from_base
+from chmarl_pb.robots.rounding import rounded
 from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
 
@@ -131,8 +132,7 @@ class Arm(Motors):
         Returns:
             A configuration within the joint limits with the gripper level to straight down, or None.
         """
-        rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
-        point = (np.asarray(target, dtype=float) - base[0]) @ rotation
+        point = from_base(target, base)
         best, least = None, np.inf
         for block, floor in _BLOCKS:
             if least <= floor:
@@ -144,8 +144,7 @@ class Arm(Motors):
 
     def solutions(self, target: ArrayLike, base: Pose) -> Array:
         """Return all configurations (n, joints) of the grid that reach a target as :meth:`solve`'s, the best first."""
-        rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
-        poses, costs = self._postures((np.asarray(target, dtype=float) - base[0]) @ rotation, _CHOICES)
+        poses, costs = self._postures(from_base(target, base), _CHOICES)
         return np.column_stack([poses, np.full((len(poses), 2), OPEN)])[np.argsort(costs, kind="stable")]
 
     def opening(self, width: float) -> Configuration:
@@ -186,12 +185,12 @@ class Arm(Motors):
         upper, fore = self._limbs(span, length[keep], choice[:, 3])
         arm = _frames(fore, -upper)
         wrist = np.swapaxes(arm @ _turns_y(-elbow), 1, 2) @ hand
-        poses = np.column_stack([choice[:, 0], _shoulder_angles(arm), elbow, _wrist_angles(wrist)])
+        poses = rounded(np.column_stack([choice[:, 0], _shoulder_angles(arm), elbow, _wrist_angles(wrist)]))
         joint = shoulder + self._upper * upper
         allowed = ((poses >= self.lower[:8]) & (poses <= self.upper[:8])).all(axis=1)
         allowed &= _clear(joint, shoulder + span, point, choice[:, 0])
         poses, choice, above = poses[allowed], choice[allowed], joint[allowed, 2] - point[2]
-        return poses, self._costs(poses, choice, offset[keep][allowed], above)
+        return poses, rounded(self._costs(poses, choice, offset[keep][allowed], above))
 
     def _limbs(self, span: Array, length: Array, swivel: Array) -> tuple[Array, Array]:
         """Return the unit directions of upper arm and forearm that bridge shoulder to wrist, elbow at a swivel."""

@@ -1,5 +1,6 @@
 """A robot with an arm: drives, picks and places."""
 
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -87,7 +88,7 @@ class MobileManipulator(MobileRobot):
         physics = self.world.physics
         (x, y, z), _ = physics.grasp_pose(self.name)
         _, quaternion = physics.read_base(self.name)
-        yaw = 2 * np.arctan2(quaternion[2], quaternion[3]) + grip.turn
+        yaw = 2 * math.atan2(quaternion[2], quaternion[3]) + grip.turn
         return (float(x), float(y), float(z - GRIP * self.world.size(grip.item)[2])), yaw_quaternion(yaw)
 
     # Deciding
@@ -173,7 +174,7 @@ class MobileManipulator(MobileRobot):
     def turn_of(self, item: str, stand: int) -> float:
         """Return the yaw in radians of an object relative to the base at a pose."""
         quaternion = self.world.pose(item)[1]
-        return float(2 * np.arctan2(quaternion[2], quaternion[3]) - self.lattice.pose(stand)[2])
+        return float(2 * math.atan2(quaternion[2], quaternion[3]) - self.lattice.pose(stand)[2])
 
     def get_ready(self) -> None:
         """Let the motors keep the arm where it is: they may still have the goal of an earlier motion."""

@@ -7,6 +7,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from chmarl_pb.robots.rounding import rounded
+from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
 
 Array: TypeAlias = NDArray[np.float64]
@@ -26,6 +28,12 @@ class Postures:
     empty: tuple[Configuration, ...]
     loaded: tuple[Configuration, ...]
     between: tuple[Configuration, ...] = ()
+
+
+def from_base(target: ArrayLike, base: Pose) -> Array:
+    """Return a point (3,) of the world in the frame of a base, metres."""
+    rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
+    return rounded((np.asarray(target, dtype=float) - base[0]) @ rotation)
 
 
 class Motors:

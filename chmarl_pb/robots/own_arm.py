@@ -9,7 +9,7 @@ from chmarl_pb.robots.arm import Arm
 from chmarl_pb.robots.arm_boxes import ArmBoxes, Parts
 from chmarl_pb.robots.arm_model import ArmModel
 from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures
+from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures, from_base
 from chmarl_pb.world import UPRIGHT, Pose
 from chmarl_pb.world.bullet import pybullet as p
 
@@ -62,12 +62,12 @@ class OwnArm(Motors):
         Returns:
             A configuration within the joint limits, or None.
         """
-        found = self._model.space.solve(_from_base(target, base), _BEST_OF)
+        found = self._model.space.solve(from_base(target, base), _BEST_OF)
         return (*found[0].tolist(), *self._model.open) if len(found) else None
 
     def solutions(self, target: ArrayLike, base: Pose) -> Array:
         """Return configurations (n, joints) that reach a target as :meth:`solve`'s, the best first."""
-        found = self._model.space.solve(_from_base(target, base))
+        found = self._model.space.solve(from_base(target, base))
         return np.column_stack([found, np.tile(self._model.open, (len(found), 1))])
 
     def opening(self, _width: float) -> Configuration:
@@ -105,10 +105,3 @@ def _postures(model: ArmModel) -> Postures:
     empty, loaded = ([(*posture, *fingers) for posture in drawn_in] for fingers in ends)
     both = [(*one[: model.moving], *fingers) for one, fingers in zip((model.carry, model.rest), ends, strict=True)]
     return Postures((model.rest, both[0], *empty), (model.carry, both[1], *loaded))
-
-
-def _from_base(target: ArrayLike, base: Pose) -> Array:
-    """Return a point of the world in the frame of a base."""
-    rotation = np.reshape(p.getMatrixFromQuaternion(base[1]), (3, 3))
-    point: Array = (np.asarray(target, dtype=float) - base[0]) @ rotation
-    return point

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.homes.solids import Points
+from chmarl_pb.robots.rounding import rounded
 from chmarl_pb.world import TIME_STEP
 
 _NO_MOVE = 1e-4  # metres, radians or seconds at full speed that are not worth a step
@@ -33,7 +34,7 @@ def drive(corners: Points, start: float, end: float, speed: float, turn_speed: f
     """
     (x, y), yaw = corners[0].tolist(), start
     for goal_x, goal_y in corners[1:].tolist():
-        ahead = float(np.arctan2(goal_y - y, goal_x - x))
+        ahead = float(rounded(np.arctan2(goal_y - y, goal_x - x)))
         if abs(wrap(ahead - yaw)) > _ALIGNED:
             yield _leg((x, y, angle) for angle in _turn(yaw, ahead, turn_speed))
             yaw = ahead

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from chmarl_pb.navigation.reach import Band, Reach
 from chmarl_pb.robots.inverse import Column, Links, descend, place, search
+from chmarl_pb.robots.rounding import rounded
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ class Workspace:
             point, pointing = self.hand(row)
             point[2] += height
             descend(self.links, row, point, pointing, _DIRECT)
-        return found
+        return rounded(found, self.links.lower, self.links.upper)
 
     def hand(self, configuration: ArrayLike) -> tuple[Array, Array]:
         """Return the grasp point and where the gripper points in a configuration, in the frame of the base."""
@@ -93,9 +94,10 @@ class Workspace:
         level = np.cos(_PITCHES)
         wanted = np.column_stack([level * np.cos(yaw), level * np.sin(yaw), -np.sin(_PITCHES)])
         count = search(self.links, self.column, np.asarray(target, dtype=float), wanted, starts, found)
-        configurations, numbers = found[:count, :-1], found[:count, -1].astype(int)
+        numbers = found[:count, -1].astype(int)
+        configurations = rounded(found[:count, :-1], self.links.lower, self.links.upper)
         steep = np.append(_PITCHES, 0.0)[numbers] - _PITCHES[0]
-        order = np.argsort(steep**2 + self._strain(configurations), kind="stable")
+        order = np.argsort(rounded(steep**2 + self._strain(configurations)), kind="stable")
         best: Array = configurations[order]
         return best
 

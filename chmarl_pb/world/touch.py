@@ -1,5 +1,6 @@
 """Which places for an object touch objects that stand already: boxes that stand upright, turned about z."""
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -42,7 +43,7 @@ def _touching_one(places: NDArray[np.floating], size: Size, reach: float, pose: 
     (rows,) = (level & (np.abs(dx) < reach) & (np.abs(dy) < reach)).nonzero()
     dx, dy, yaw = dx[rows], dy[rows], places[rows, 3]
     cosine, sine = np.cos(yaw), np.sin(yaw)
-    turn = 2 * np.arctan2(quaternion[2], quaternion[3]) - yaw
+    turn = 2 * math.atan2(quaternion[2], quaternion[3]) - yaw
     c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     along = np.abs(cosine * dx + sine * dy) > size[0] / 2 + (c * other[0] + s * other[1]) / 2 + _GAP
     across = np.abs(cosine * dy - sine * dx) > size[1] / 2 + (s * other[0] + c * other[1]) / 2 + _GAP

@@ -299,6 +299,17 @@ def test_cut_file_is_found(dataset: Dataset, capsys: pytest.CaptureFixture[str])
     assert str(dataset.main) in capsys.readouterr().err
 
 
+def test_endless_files_and_files_that_are_none_are_found(dataset: Dataset) -> None:
+    os.truncate(dataset.main, 10**13)  # no block of it is written, but all of it would be summed up
+    with pytest.raises(DatasetError, match=r"main_data\.hdf5: corrupted or cut, its size has changed"):
+        Dataset(dataset.folder).check()
+    for path, what in ((dataset.main, "main_data"), (dataset.main.with_name("metadata.json"), "metadata")):
+        path.unlink()
+        os.mkfifo(path)
+        with pytest.raises(DatasetError, match=rf"{what}\.\w+: .*regular file"):
+            Dataset(dataset.folder).check()
+
+
 def test_missing_and_damaged_metadata_are_found(dataset: Dataset) -> None:
     path = dataset.main.with_name("metadata.json")
     path.write_text(path.read_text()[:-20])

@@ -1,6 +1,9 @@
 """Rollouts are bit by bit those that were recorded, and ``chmarl-pb doctor`` says where they are not."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,15 @@ def test_rollouts_are_those_that_were_recorded(name: str) -> None:
         "other results than in golden.json, where versions and processor are named: `chmarl-pb doctor` compares them; "
         "where the change is meant, `chmarl-pb doctor --record chmarl_pb/evaluation/golden.json` writes it anew"
     )
+
+
+def test_driven_motions_are_the_same_bits_with_other_instructions_of_the_processor() -> None:
+    """Linear algebra and trigonometry take other instructions on other processors, and round differently there."""
+    features = "X86_V4 X86_V3 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR AVX2 FMA3"
+    old = {**os.environ, "OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": features}
+    code = "from chmarl_pb.evaluation import golden; print(golden.ROLLOUTS['simulated execution']())"
+    found = subprocess.run([sys.executable, "-W", "ignore", "-c", code], env=old, capture_output=True, text=True)
+    assert found.stdout.strip() == golden.recorded()["digests"]["simulated execution"], found.stderr
 
 
 def test_a_digest_tells_every_bit() -> None:

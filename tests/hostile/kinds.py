@@ -328,10 +328,8 @@ def _read_dataset(folder: Path) -> None:
     from chmarl_pb.data.read import Dataset
     from chmarl_pb.data.statistics import dataset_statistics
 
-    (folder / "x" / "data").mkdir(parents=True)
-    for path in list(folder.iterdir()):
-        if path.name != "x":
-            path.rename(folder / "x" / "data" / path.name)
+    (folder / "x").mkdir()
+    (folder / "x" / "data").symlink_to(folder)
     dataset_statistics(Dataset(folder / "x"))
 
 
