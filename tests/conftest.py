@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import hypothesis
 import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -26,6 +27,8 @@ from tests.helpers.warm_processes import start_warm
 
 def pytest_configure(config: pytest.Config) -> None:
     """Give each run a view store of its own, which its workers and subprocesses inherit, and let Ctrl-C reach them."""
+    hypothesis.settings.register_profile("patient", deadline=None)  # no test asks how long something takes
+    hypothesis.settings.load_profile("patient")
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it

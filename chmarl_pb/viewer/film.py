@@ -1,12 +1,14 @@
 """The storyboard: which scenes the video shows, in which order and for how long."""
 
 from dataclasses import dataclass
+from math import ceil
 
 from chmarl_pb.frames.motion_player import Scene
 from chmarl_pb.frames.recording import Recording
 
 FRAME_RATE = 30  # frames a second, as the snapshots come
-SPEED = 2  # how much faster than life motions are shown
+SLOWEST = 2  # how much faster than life motions are shown at least
+LONGEST = 600  # frames of motion in a film: longer episodes are shown faster
 _OPENING, _PAUSE, _ENDING = 45, 18, 75  # frames that the scene rests
 
 
@@ -27,12 +29,17 @@ class Shot:
     frames: int = 1
 
 
+def speed(recording: Recording) -> int:
+    """Return how much faster than life the motions of a recording are shown."""
+    return max(SLOWEST, ceil(sum(len(moment.motion) for moment in recording.moments) / LONGEST))
+
+
 def storyboard(recording: Recording) -> list[Shot]:
     """Return the shots of a recording: every step's motion, then a pause on its result."""
-    last = recording.steps
+    last, every = recording.steps, speed(recording)
     shots = []
     for step, moment in enumerate(recording.moments):
-        shots += [Shot(step, False, scene) for scene in moment.motion[::SPEED]]
+        shots += [Shot(step, False, scene) for scene in moment.motion[::every]]
         pause = _OPENING if step == 0 else _ENDING if step == last else _PAUSE
         shots.append(Shot(step, True, moment.rest, pause))
     return shots

@@ -7,7 +7,7 @@ from chmarl_pb.frames.frame import Image, put_together
 from chmarl_pb.frames.panel import Heading
 from chmarl_pb.frames.plan_map import PlanMap
 from chmarl_pb.frames.recording import Recording
-from chmarl_pb.viewer.film import SPEED, Shot
+from chmarl_pb.viewer.film import Shot, speed
 
 
 def compose(recording: Recording, shots: list[Shot], views: Iterable[dict[str, Image]]) -> Iterator[Image]:
@@ -34,5 +34,5 @@ def _around(recording: Recording, shot: Shot) -> Image:
     words = f"Step {shot.step} of {last}" if shot.step else "Start"
     if finished:
         words = panel.ending_words(recording.success, last)
-    heading = Heading(words, recording.success if finished else None, f"shown at {SPEED}x speed")
+    heading = Heading(words, recording.success if finished else None, f"shown at {speed(recording)}x speed")
     return panel.draw_panel(recording, now, known, heading).pixels()

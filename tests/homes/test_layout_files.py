@@ -54,7 +54,7 @@ ROWS = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.dictionaries(KEYS, ROWS, max_size=3), st.lists(st.dictionaries(KEYS, ROWS, max_size=3), max_size=3))
 def test_lines_are_those_of_any_toml(top: dict[str, str], tables: list[dict[str, str]]) -> None:
     text = "".join(f"{key} = {value} # = [\n" for key, value in top.items())

@@ -54,7 +54,7 @@ def drawn(strategy: st.SearchStrategy[Any], count: int) -> list[Any]:
 
     @seed(0)
     @settings(
-        max_examples=count, database=None, deadline=None, phases=[Phase.generate],
+        max_examples=count, database=None, phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
     @given(strategy)

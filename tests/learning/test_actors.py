@@ -98,7 +98,7 @@ def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
         assert play_greedily(Collector(game, 1), agents, [0])[0].episode_return == best
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.integers(1, 6), min_size=2, max_size=4), st.integers(0, 10**6))
 def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
     learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))

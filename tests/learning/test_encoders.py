@@ -75,7 +75,7 @@ def by_definition(
     return torch.relu(matrix @ encoder.second(nodes)).mean(dim=0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(graphs(), min_size=1, max_size=4))
 def test_graphs_are_convolved_as_defined(encoder: GraphEncoder, several: list[tuple[np.ndarray, ...]]) -> None:
     features = encoder(*stacked(*several))
@@ -88,7 +88,7 @@ def gradient_of(parameter: torch.nn.Parameter) -> torch.Tensor:
     return parameter.grad.clone()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(graphs().filter(lambda graph: graph[0].any()))
 def test_gradients_are_those_of_the_definition(encoder: GraphEncoder, graph: tuple[np.ndarray, ...]) -> None:
     found = []
@@ -100,7 +100,7 @@ def test_gradients_are_those_of_the_definition(encoder: GraphEncoder, graph: tup
         torch.testing.assert_close(ours, wanted, atol=1e-3, rtol=1e-3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(graphs(), st.randoms(use_true_random=False))
 def test_order_of_the_nodes_does_not_count(
     encoder: GraphEncoder, graph: tuple[np.ndarray, ...], random: Random

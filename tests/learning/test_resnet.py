@@ -66,7 +66,7 @@ def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenEncoder, size
 FORGETFUL = FrozenEncoder("resnet18", WHOLE, kept=0)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=4), st.integers(0, 99))
 def test_features_do_not_depend_on_company(sizes: list[int], seed: int) -> None:
     images = pictures(sum(sizes), 64, seed)
@@ -99,7 +99,7 @@ def test_features_are_remembered(frozen: FrozenEncoder) -> None:
     assert few(images[:0]).shape == (0, 512)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.integers(0, 2**31),
     st.sampled_from([(3, 5, 3, 1, 1), (8, 16, 1, 2, 0), (16, 8, 3, 2, 1), (3, 4, 7, 2, 0)]),

@@ -33,7 +33,7 @@ from tests.helpers.stored_views import (
 # What happens to the files
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(writes=st.lists(st.tuples(st.integers(0, POSES - 1), st.integers(0, 3)), max_size=30))
 def test_a_store_returns_what_was_put_last_and_nothing_else(tmp_path: Path, writes: list[tuple[int, int]]) -> None:
     first, second, last = opened(tmp_path), opened(tmp_path), {}
@@ -56,7 +56,7 @@ def test_a_picture_of_another_camera_does_not_count(tmp_path: Path) -> None:
     assert opened(tmp_path).get(3, turned) is None
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(where=st.integers(0, 10**9), bit=st.integers(0, 7))
 def test_a_flipped_bit_is_never_handed_out(tmp_path: Path, where: int, bit: int) -> None:
     filled(tmp_path)

@@ -80,7 +80,7 @@ def within_limits(arm: Arm, configuration: tuple[float, ...]) -> bool:
 
 
 @given(place=inside, base=anywhere)
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200, derandomize=True)
 def test_reaches_all_that_reach_promises(arm: Arm, place: Triple, base: Triple) -> None:
     target = target_of(base, *place)
     move_base(arm, *base)
@@ -109,7 +109,7 @@ def test_gives_up_out_of_reach(arm: Arm, target: Triple) -> None:
 
 
 @given(place=inside, other=inside, base=anywhere)
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 def test_depends_on_base_and_target_alone(arm: Arm, place: Triple, other: Triple, base: Triple) -> None:
     target = target_of(base, *place)
     move_base(arm, *base)
@@ -210,7 +210,7 @@ def test_build_reproduces_the_committed_files(tmp_path: Path) -> None:
     assert built == {file.relative_to(OUT): file.read_bytes() for file in committed}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(base=anywhere, target=inside)
 def test_solving_block_by_block_finds_the_best_of_all_choices(
     arm: Arm, base: tuple[float, float, float], target: tuple[float, float, float]

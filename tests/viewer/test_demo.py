@@ -24,7 +24,7 @@ from chmarl_pb.progress import LateProgress
 from chmarl_pb.rendering.movables import team_in
 from chmarl_pb.rendering.plan_view import draw_plan
 from chmarl_pb.tasks.splits import load_tasks
-from chmarl_pb.viewer.film import Shot, storyboard
+from chmarl_pb.viewer.film import LONGEST, SLOWEST, Shot, speed, storyboard
 from chmarl_pb.viewer.record import choose_task, record
 from chmarl_pb.viewer.table import print_table
 
@@ -112,6 +112,14 @@ def test_storyboard_pauses_once_a_step(recording: Recording) -> None:
     assert [shot.step for shot in board if shot.done] == list(range(recording.steps + 1))
     assert all(shot.frames == 1 for shot in board if not shot.done)
     assert [shot.step for shot in board] == sorted(shot.step for shot in board)
+
+
+def test_long_episodes_are_shown_faster(recording: Recording) -> None:
+    (start, *moments), times = recording.moments, 1 + 2 * LONGEST // sum(len(one.motion) for one in recording.moments)
+    long = replace(recording, moments=(start, *moments * times))
+    assert speed(recording) >= SLOWEST and speed(long) > SLOWEST
+    moving = [shot for shot in storyboard(long) if not shot.done]
+    assert LONGEST / 2 < len(moving) <= LONGEST + long.steps, "a motion has one frame at least"
 
 
 def test_table_names_every_step(recording: Recording) -> None:

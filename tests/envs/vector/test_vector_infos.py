@@ -25,7 +25,7 @@ INFOS = st.fixed_dictionaries(
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(INFOS, INFOS), min_size=1, max_size=6))
 def test_changes_give_the_infos(steps: list[tuple[dict[str, Any], ...]]) -> None:
     table, finders = InfoTable(2), [ChangeFinder(), ChangeFinder()]

@@ -18,7 +18,7 @@ from chmarl_pb.navigation.check import MOST_ROOMS, MOST_THINGS
 
 SEEDS = range(24)
 seeds = st.integers(0, 10**15 - 1)
-few = settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+few = settings(max_examples=5, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
 @cache
