@@ -89,12 +89,22 @@ class KernelStore(NullCache):
         arguments, _ = sigutils.normalize_signature(sig)
         facts = _versions(), codegen.magic_tuple(), [_kind(one) for one in arguments], _code(self._function)
         key = hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
-        return f"{self._function.__module__}.{self._function.__qualname__}-{key}{_SUFFIX}"
+        return f"{_start(self._function)}-{key}{_SUFFIX}"
+
+
+def _start(function: FunctionType) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
 
 
 def kernels() -> dict[Path, list[Path]]:
     """Return the files of machine code that are stored, by their folders, the best first."""
     return {folder: sorted(folder.glob(f"*{_SUFFIX}")) for folder in _folders()}
+
+
+def is_stored(function: Any) -> bool:
+    """Return whether some machine code of a compiled function lies on disk, or none is needed."""
+    code = getattr(function, "py_func", None)
+    return code is None or any(any(folder.glob(f"{_start(code)}-*{_SUFFIX}")) for folder in _folders())
 
 
 def _checked(content: bytes) -> bytes:

@@ -32,7 +32,7 @@ from chmarl_pb.viewer.film import Shot, storyboard
 from chmarl_pb.viewer.frame import compose
 from chmarl_pb.viewer.page import write_page
 from chmarl_pb.viewer.record import choose_task, record, record_file
-from chmarl_pb.viewer.studio import draw_views
+from chmarl_pb.viewer.studio import compiling, draw_views
 from chmarl_pb.viewer.table import print_table
 from chmarl_pb.viewer.video import write_video
 
@@ -87,7 +87,7 @@ def demo(task: str | Task | None, observation: str, out: Path, policy: str = "pl
     """
     chosen = choose_task() if task is None else find_task(task) if isinstance(task, str) else task
     folder, console = open_folder(out), Console()
-    with _progress(console) as progress:
+    with _progress(console) as progress, compiling():
         bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
         recording = record(chosen, observation, policy, lambda: progress.advance(bar), **options)
     _show(recording, folder, console)

@@ -13,6 +13,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.extras import check
 from chmarl_pb.files import open_folder
 from chmarl_pb.viewer.record import choose_task
+from chmarl_pb.viewer.studio import compiling
 
 _NAME = "watch"  # of the files
 
@@ -43,7 +44,8 @@ def _run(options: argparse.Namespace) -> int:
         return _live(options)
     folder = open_folder(options.out)
     task = choose_task() if options.task is None and options.home is None else task_of(options)
-    file, _ = played(options, task)
+    with compiling():
+        file, _ = played(options, task)
     if options.page:
         return write_page(file, folder / f"{_NAME}.html")
     return show_episode(file, folder, name=_NAME)

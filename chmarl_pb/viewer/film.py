@@ -8,7 +8,7 @@ from chmarl_pb.frames.recording import Recording
 
 FRAME_RATE = 30  # frames a second, as the snapshots come
 SLOWEST = 2  # how much faster than life motions are shown at least
-LONGEST = 600  # frames of motion in a film: longer episodes are shown faster
+LONGEST = 450  # frames of motion in a film: longer episodes are shown faster
 _OPENING, _PAUSE, _ENDING = 45, 18, 75  # frames that the scene rests
 
 

@@ -2,19 +2,53 @@
 
 import os
 import pickle
+import subprocess
+import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache, partial
 
+from chmarl_pb.compiled import is_stored
 from chmarl_pb.frames.frame import VIEW_SIZE, Image, shrunk
-from chmarl_pb.frames.motion_player import Replay
+from chmarl_pb.frames.motion_player import Replay, scene_of
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.processes import in_processes
-from chmarl_pb.rendering.movables import Team
+from chmarl_pb.rendering import raster
+from chmarl_pb.rendering.movables import Team, team_in
+from chmarl_pb.tasks.simulation import Simulation
+from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.film import Shot
 
 _FINE, _COARSE = 2, 1  # pixels drawn for each finished one, along a side: at rest, and in motion where it must be quick
 _MOST_WORKERS = 8
 _FEW = 16  # shots that are not worth a second process
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Let another process compile meanwhile what draws pictures, if that was never done: it takes as long as playing."""
+    if is_stored(raster.picture) or os.cpu_count() == 1:
+        yield
+        return
+    call = f"from {__name__} import draw_once; draw_once()"
+    other = subprocess.Popen([sys.executable, "-c", call], stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield
+        other.wait()
+    finally:
+        other.kill()
+        other.wait()
+
+
+def draw_once() -> None:
+    """Draw what robots see of an empty home, so that what draws pictures is compiled and stored."""
+    simulation = Simulation(load_tasks("test-unseen")[0].home)
+    try:
+        replay = Replay(simulation.home, team_in(simulation.world, simulation.models))
+        for robot in simulation.models:
+            replay.picture(robot, scene_of(simulation.world), VIEW_SIZE)
+    finally:
+        simulation.close()
 
 
 def draw_views(home: Home, team: Team, shots: list[Shot]) -> Iterator[dict[str, Image]]:
