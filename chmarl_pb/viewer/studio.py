@@ -26,7 +26,7 @@ _FEW = 16  # shots that are not worth a second process
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Let another process compile meanwhile what draws pictures, if that was never done: it takes as long as playing."""
+    """Let another process compile what draws pictures, if that was never done; it takes as long as playing does."""
     if is_stored(raster.picture) or os.cpu_count() == 1:
         yield
         return
