@@ -8,7 +8,7 @@ classes stand after these, see :func:`chmarl_pb.homes.catalog_file.load_catalog`
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -331,6 +331,7 @@ RELATIONS = ("on", "inside", "near", "held_by", "in_room")
 RELATION_IDS = {name: number for number, name in enumerate(RELATIONS, start=1)}
 
 
+@lru_cache(maxsize=4096)
 def class_of(thing: str) -> str:
     """Return the class of a thing's name: ``kitchen/stove_1`` -> ``stove``, ``mug_1`` -> ``mug``."""
     return thing.rsplit("/", 1)[-1].rstrip("0123456789").rstrip("_")

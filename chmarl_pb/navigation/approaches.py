@@ -42,6 +42,7 @@ class Approaches:
         """Reach over a home's solids from the poses of a lattice."""
         self._solids, self._lattice, self._reach = solids, lattice, reach
         self._known: dict[tuple[float, float], _Ways] = {}
+        self._stands: dict[GripPoint, int | None] = {}
 
     def stand(self, grip: GripPoint, taken: Collection[int] = ()) -> int | None:
         """Return the lattice pose from which the arm reaches a point best, or None.
@@ -50,14 +51,24 @@ class Approaches:
             grip: x, y, z of the point in the world, metres.
             taken: cells in which somebody else stands.
         """
-        x, y, z = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
+        point = round(grip[0], 4), round(grip[1], 4), round(grip[2], 4)
+        if taken:
+            return self._find_stand(point, taken)
+        if point not in self._stands:
+            if len(self._stands) == _KEPT:
+                self._stands.clear()
+            self._stands[point] = self._find_stand(point, ())
+        return self._stands[point]
+
+    def _find_stand(self, point: GripPoint, taken: Collection[int]) -> int | None:
+        x, y, z = point
+        span = self._reach.span(z)
+        if span is None:
+            return None
         if (x, y) not in self._known:
             if len(self._known) == _KEPT:
                 self._known.clear()
             self._known[x, y] = self._find_ways(x, y)
-        span = self._reach.span(z)
-        if span is None:
-            return None
         ways = self._known[x, y]
         in_the_way = (ways.top > z) & (ways.bottom < z + _ARM_THICKNESS)
         free = ~ways.crossed[:, in_the_way].any(axis=1)

@@ -28,7 +28,8 @@ _APART = {
     ("scene_graph", True): "#4c78a8", ("scene_graph", False): "#72b7b2",
     ("visual", True): "#e45756", ("visual", False): "#f58518",
 }  # fmt: skip
-_STYLE: Any = {
+#: Of all pictures of the page.
+STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "grid.color": "#e6e6e6", "savefig.dpi": 110, "axes.titlesize": 10, "axes.titlelocation": "left",
 }  # fmt: skip
@@ -64,7 +65,7 @@ def draw_curves(
     panels = [panel for panel in _PANELS if any(_curves(same, *panel[1:]) for _, same in known)]
     if not panels:
         return []
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(3.7 * len(panels) + 1.9, 3.2), layout="constrained")
         for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             _draw(axes, table == "feedback", known, *panel)

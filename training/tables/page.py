@@ -2,17 +2,14 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import GROUNDED, TEST_SPLITS
-from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.cooperation import reference_scores, reference_scores_by_wording
+from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
@@ -20,27 +17,26 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.policies.registry import SEARCHES, SEEING, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
+from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, name_of, runs_of, values
 from training.tables.curves import draw_curves
+from training.tables.lessons import TEACHER, lessons
 from training.tables.rows import TABLES, Row
 from training.tables.runs import Record, read_records
 
-Records = dict[tuple[str, str], list[Record]]
-
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 TITLES |= {GROUNDED: "The grounded track"}
-METRICS = {"PLW": "plw", "Success rate": "success_rate"}
-NOT_RUN = "not run yet"
-HEADLINE = SPLITS[-1]
 GROUNDED_SPLIT = TEST_SPLITS[GROUNDED]
 #: Built-in policies below the learners -> what they do.
 BUILT_IN = {**SHORTCUTS, **SEARCHES}
-TEACHER = "search"  # of our rows from before there was a choice
 POOL = "mean"  # of graphs, in runs from before this was a setting
 
-INTRO = f"""# Results of the learners
+TITLE = """# Results of the learners
 
 Written by `python -m training.table --show` from the files in `results/`; do not edit. How the runs are made:
 [training.md](training.md#the-tables). What is measured: [benchmark.md](benchmark.md#metrics).
+"""
+
+READING = f"""## How to read the tables
 
 All numbers are per cent. *Paper*: Goyal et al., in VirtualHome; the homes, tasks and pictures there are others,
 so the columns tell which way things go and not which program is better. *Ours*: mean ± sample standard deviation
@@ -109,7 +105,7 @@ def write_page(results: Path, page: Path) -> None:
 
 def _write_page(results: Path, page: Path) -> None:
     records = read_records(results, TABLES)
-    parts = [INTRO, *_headlines(records)]
+    parts = [TITLE, *lessons(records, page.parent), READING]
     for table, rows in TABLES.items():
         if table == GROUNDED:
             command = f"```\n{_command(table)}\n```"
@@ -128,54 +124,6 @@ def _command(table: str) -> str:
     return f"python -m training.table --table {table}"
 
 
-def _headlines(records: Records) -> list[str]:
-    """Return, for each observation, the row that is best on the validation splits, beside the paper's best."""
-    lines = []
-    for table, published in (("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL)):
-        best = max(
-            (row for row in TABLES[table] if _of(row, records)), key=lambda row: _valid(row, records), default=None
-        )
-        theirs = max(published.rows, key=lambda row: row.plw[-1])
-        beside = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
-        if best is None:
-            lines.append(f"- {TITLES[table]}, test-unseen: {NOT_RUN} ({beside}).")
-            continue
-        plw, success = (_values(_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
-        search = _built_in(TEACHER, "plw", HEADLINE)
-        share = f", {fmean(plw) / search:.0%} of the PLW of {TEACHER}" if search else ""
-        whose = "best on validation" if best.published else "ours, best on validation"
-        lines.append(
-            f"- {TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{_cell(plw)}**"
-            f"{_intervals(best, records, 'plw')}, success **{_cell(success)}**"
-            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_over_blind(plw, table, records)}"
-        )
-    return ["\n".join(lines)]
-
-
-def _over_blind(values: Sequence[float], table: str, records: Records) -> str:
-    """Return the gain of a row over the best blind policy, and how many rows of learners have one."""
-    best = best_blind(HEADLINE)
-    if best is None:
-        return ""
-    known = [gain(_values(same, "plw", HEADLINE), HEADLINE) for row in TABLES[table] if (same := _of(row, records))]
-    ahead = sum((gained or 0) > 0 for gained in known)
-    blind = f"(*{best.name}*, {100 * (best.plw.mean or 0):.1f})"
-    own = f"Gain over the best blind policy {blind}: **{points(gain(values, HEADLINE))}** points"
-    return f"{own}; {ahead} of the {len(known)} learners' rows gain anything."
-
-
-def _intervals(row: Row, records: Records, metric: str) -> str:
-    """Return the intervals over the tasks of test-unseen, one for each seed that has one, in brackets."""
-    summaries = [record["evaluation"]["splits"][SPLITS[-1]]["summary"][metric] for record in _of(row, records)]
-    known = [one for one in summaries if one.get("low") is not None]
-    text = "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in known)
-    return f" ({text})" if text else ""
-
-
-def _valid(row: Row, records: Records) -> float:
-    return fmean(fmean(_values(_of(row, records), "plw", split)) for split in SPLITS[:2])
-
-
 def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str:
     """Return one metric of a table as Markdown."""
     metric = METRICS[title]
@@ -183,17 +131,17 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     lines.append("|---|---|---|" + "--:|--:|" * len(SPLITS))
     if gains := metric == "plw" and best_blind(HEADLINE) is not None:
         lines = [lines[0] + " gain |", lines[1] + "--:|"]
-    name = _setting if table == "feedback" else _name
+    name = _setting if table == "feedback" else name_of
     for row in rows:
-        same = _of(row, records)
+        same = runs_of(row, records)
         cells = (
-            f" {_paper(row, metric, number)} | {_cell(_values(same, metric, split))} |"
+            f" {_paper(row, metric, number)} | {cell(values(same, metric, split))} |"
             for number, split in enumerate(SPLITS)
         )
         lines.append(f"| {name(row)} | {_seeds(row, same)} | {_made_with(row, same)} |{''.join(cells)}")
-        lines[-1] += f" {points(gain(_values(same, metric, HEADLINE), HEADLINE))} |" * gains
+        lines[-1] += f" {points(gain(values(same, metric, HEADLINE), HEADLINE))} |" * gains
     for policy, does in BUILT_IN.items():
-        scores = [_built_in(policy, metric, split) for split in SPLITS]
+        scores = [built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             told = ", told the true classes" * (table == "visual" and policy in SEEING)
             ours = "".join(f" | {100 * (score or 0):.1f} |" for score in scores)
@@ -207,11 +155,11 @@ def _grounded(rows: Sequence[Row], records: Records) -> str:
     lines = ["| | observes | seeds | made with | success % | PLW % | picks % | places % |"]
     lines.append("|---|---|---|---|" + "--:|" * 4)
     for row in rows:
-        same, seen = _of(row, records), "graphs" if row.observation == "scene_graph" else "pictures"
+        same, seen = runs_of(row, records), "graphs" if row.observation == "scene_graph" else "pictures"
         shares = [record["evaluation"]["splits"][GROUNDED_SPLIT]["recognition"] for record in same]
         cells = [
-            *(_cell(_values(same, metric, GROUNDED_SPLIT)) for metric in ("success_rate", "plw")),
-            *(_cell([one[name] for one in shares if name in one]) for name in ("pick_share", "place_share")),
+            *(cell(values(same, metric, GROUNDED_SPLIT)) for metric in ("success_rate", "plw")),
+            *(cell([one[name] for one in shares if name in one]) for name in ("pick_share", "place_share")),
         ]  # fmt: skip
         made = _made_with(row, same)
         lines.append(f"| {row.name} | {seen} | {_seeds(row, same)} | {made} | {' | '.join(cells)} |")
@@ -222,9 +170,11 @@ def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
     """Return a table of PLW for seen and for held-out wording apart, of the rows whose runs tell it."""
     lines = [f"| PLW %, seen, held-out | {' | '.join(SPLITS)} |", "|---|" + "--:|" * len(SPLITS)]
     for row in rows:
-        known = [record for record in _of(row, records) if "per_wording" in record["evaluation"]["splits"][SPLITS[-1]]]
-        cells = (", ".join(_cell(_apart(known, split, name)) for name in WORDINGS) for split in SPLITS)
-        lines += [f"| {_name(row)} | {' | '.join(cells)} |"] if known else []
+        known = [
+            record for record in runs_of(row, records) if "per_wording" in record["evaluation"]["splits"][SPLITS[-1]]
+        ]
+        cells = (", ".join(cell(_apart(known, split, name)) for name in WORDINGS) for split in SPLITS)
+        lines += [f"| {name_of(row)} | {' | '.join(cells)} |"] if known else []
     scores = {split: reference_scores_by_wording(split, MAX_STEPS) for split in SPLITS}
     for policy in BUILT_IN:
         if all(policy in same for of_split in scores.values() for same in of_split.values()):
@@ -275,18 +225,14 @@ def _ends(rows: Sequence[Row], records: Records) -> list[str]:
     lines = [f"| row | {' | '.join(ENDS)} |", "|---|" + "--:|" * len(ENDS)]
     for row in rows:
         counts = Counter[float]()
-        for record in _of(row, records):
+        for record in runs_of(row, records):
             counts.update(
                 {float(phi): n for phi, n in record["evaluation"]["splits"][SPLITS[-1]].get("ends", {}).items()}
             )
         shares = (sum(counts[phi] for phi in phis) / max(counts.total(), 1) for phis in ENDS.values())
         if counts:
-            lines.append(f"| {_name(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
+            lines.append(f"| {name_of(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
     return [ENDS_NOTE, "\n".join(lines)] if len(lines) > 2 else []
-
-
-def _name(row: Row) -> str:
-    return row.name if row.published else f"*{row.name}* (ours)"
 
 
 def _setting(row: Row) -> str:
@@ -319,29 +265,6 @@ def _settings(record: Record) -> dict[str, object]:
     before = {"graph_pool": POOL, "word_vectors": False, "numbers_past": False, "grounding_coef": 0.0}
     settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
     return {name: value for name, value in settings.items() if name not in own}
-
-
-def _of(row: Row, records: Records) -> list[Record]:
-    return records.get((row.table, row.slug), [])
-
-
-def _values(same: Sequence[Record], metric: str, split: str) -> list[float]:
-    """Return a metric of each run, 0 to 1."""
-    return [record["evaluation"]["splits"][split]["summary"][metric]["mean"] for record in same]
-
-
-def _cell(values: Sequence[float]) -> str:
-    if not values:
-        return ""
-    spread = f" ± {100 * stdev(values):.1f}" if len(values) > 1 else ""
-    return f"{100 * fmean(values):.1f}{spread}"
-
-
-@cache
-def _built_in(policy: str, metric: str, split: str) -> float | None:
-    """Return a metric of a built-in policy, 0 to 1, from the lengths that are kept of it."""
-    scores = reference_scores(split, MAX_STEPS)
-    return getattr(scores[policy], metric) if policy in scores else None
 
 
 def _runs(records: Records) -> list[str]:

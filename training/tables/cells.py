@@ -1,0 +1,47 @@
+"""What the tables of results are made of: runs of a row, their values, and how a cell shows them."""
+
+from collections.abc import Sequence
+from functools import cache
+from statistics import fmean, stdev
+
+from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.evaluation.cooperation import reference_scores
+from chmarl_pb.evaluation.paper import SPLITS
+from training.tables.rows import Row
+from training.tables.runs import Record
+
+Records = dict[tuple[str, str], list[Record]]
+
+METRICS = {"PLW": "plw", "Success rate": "success_rate"}
+NOT_RUN = "not run yet"
+HEADLINE = SPLITS[-1]
+
+
+def runs_of(row: Row, records: Records) -> list[Record]:
+    """Return the kept runs of a row, one for each seed."""
+    return records.get((row.table, row.slug), [])
+
+
+def values(same: Sequence[Record], metric: str, split: str) -> list[float]:
+    """Return a metric of each run, 0 to 1."""
+    return [record["evaluation"]["splits"][split]["summary"][metric]["mean"] for record in same]
+
+
+def cell(values: Sequence[float]) -> str:
+    """Return mean and spread of shares, in per cent."""
+    if not values:
+        return ""
+    spread = f" ± {100 * stdev(values):.1f}" if len(values) > 1 else ""
+    return f"{100 * fmean(values):.1f}{spread}"
+
+
+@cache
+def built_in(policy: str, metric: str, split: str) -> float | None:
+    """Return a metric of a built-in policy, 0 to 1, from the lengths that are kept of it."""
+    scores = reference_scores(split, MAX_STEPS)
+    return getattr(scores[policy], metric) if policy in scores else None
+
+
+def name_of(row: Row) -> str:
+    """Return a row's name as the tables show it."""
+    return row.name if row.published else f"*{row.name}* (ours)"

@@ -1,0 +1,185 @@
+"""What one learns from the results, in a few sentences and one picture, both computed from the kept runs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+
+from chmarl_pb.envs.tracks import TEST_SPLITS
+from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.gain import best_blind, gain, points
+from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.files import replacing
+from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, runs_of, values
+from training.tables.curves import STYLE
+from training.tables.rows import TABLES, Row
+
+TEACHER = "search"  # of our rows from before there was a choice
+
+_TITLES = {"scene-graph": "Graphs", "visual": "Pictures"}
+_LINES = {"blind": "#d00000", "search": "#6b6b6b", "belief": "#000000"}
+_OWN, _PAPERS = "#17a2b8", "#4c78a8"
+_BAR = 0.17  # inches
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A sentence with the scores of some rows.
+
+    Attributes:
+        sentence: with a place for each row's score.
+        rows: (table, name of the row, split).
+    """
+
+    sentence: str
+    rows: tuple[tuple[str, str, str], ...]
+
+
+def _lesson(sentence: str, *names: str, table: str = "scene-graph", split: str = HEADLINE) -> Lesson:
+    return Lesson(sentence, tuple((table, name, split) for name in names))
+
+
+_LESSONS = (
+    _lesson(
+        "**Messages**: the board alone takes QMIX from {} to {}; the best policy that neither sees nor reads has more.",
+        "QMIX", "QMIX + messages",
+    ),
+    _lesson(
+        "**Words**: PPO for the humanoid alone has {}; told the class ids of what it is asked for, and with five "
+        "times the steps, {}. What learners lack is the tie between a word and a thing, not the search.",
+        "PPO, humanoid only", "PPO, humanoid only, goal observed",
+    ),
+    _lesson(
+        "**Memory** brings nothing beside a board that never forgets: PPO has {}, Recurrent PPO {}.",
+        "PPO, humanoid only, goal observed", "Recurrent PPO, humanoid only, goal observed",
+    ),
+    _lesson(
+        "**The partner**: PPO that also drives the drone has {}, the humanoid beside a drone that follows *belief* {}.",
+        "PPO, both robots, goal observed", "PPO, humanoid only, goal observed",
+    ),
+    _lesson(
+        "**Homes**: imitation of *belief* in the five homes of training has {}, with as many episodes in generated "
+        "homes {}.",
+        "Imitation of belief", "Imitation of belief, generated homes",
+    ),
+    _lesson(
+        "**MAPPO after imitation** adds little: {} becomes {} in the five homes.",
+        "Imitation of belief", "Imitation of belief, then MAPPO",
+    ),
+    Lesson(
+        "**Eyes**: the same learner has {} on graphs and {} on pictures by our detector.",
+        tuple((table, "Imitation of belief, generated homes", HEADLINE) for table in _TITLES),
+    ),
+    Lesson(
+        "**New homes**: clones of the planner with messages have {} on test-seen, {} on test-unseen, as in the paper.",
+        tuple(("scene-graph", "BC decentralized + messages", split) for split in SPLITS[2:]),
+    ),
+    _lesson(
+        "**Without the board, with words to find out**: in the grounded track imitation of *belief* has {}, where the "
+        "best blind policy has next to nothing ([the audit](benchmark.md#the-grounded-track)).",
+        "Imitation of belief", table="grounded", split=TEST_SPLITS["grounded"],
+    ),
+)  # fmt: skip
+
+
+def lessons(records: Records, folder: Path) -> list[str]:
+    """Return the Markdown of what one learns, and draw its picture into a folder."""
+    lines = _headlines(records)
+    for lesson in _LESSONS:
+        scores = [_score(records, *row) for row in lesson.rows]
+        if all(scores):
+            lines.append(f"- {lesson.sentence.format(*scores)}")
+    text = f"## What one learns from them\n\nPLW on {HEADLINE}, per cent, if nothing else is said."
+    return [text, "\n".join(lines), *_draw(records, folder)]
+
+
+def _score(records: Records, table: str, name: str, split: str) -> str:
+    row = next(row for row in TABLES[table] if row.name == name)
+    same = runs_of(row, records)
+    return cell(values(same, "plw", split)) if same else ""
+
+
+def _headlines(records: Records) -> list[str]:
+    """Return, for each observation, the row that is best on the validation splits, beside the paper's best."""
+    lines = []
+    for table, published in (("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL)):
+        best = max(
+            (row for row in TABLES[table] if runs_of(row, records)), key=lambda row: _valid(row, records), default=None
+        )
+        theirs = max(published.rows, key=lambda row: row.plw[-1])
+        beside = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
+        if best is None:
+            lines.append(f"- {_TITLES[table]}, test-unseen: {NOT_RUN} ({beside}).")
+            continue
+        plw, success = (values(runs_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
+        search = built_in(TEACHER, "plw", HEADLINE)
+        share = f", {fmean(plw) / search:.0%} of the PLW of {TEACHER}" if search else ""
+        whose = "best on validation" if best.published else "ours, best on validation"
+        lines.append(
+            f"- {_TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{cell(plw)}**"
+            f"{_intervals(best, records, 'plw')}, success **{cell(success)}**"
+            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_over_blind(plw, table, records)}"
+        )
+    return lines
+
+
+def _over_blind(plw: Sequence[float], table: str, records: Records) -> str:
+    """Return the gain of a row over the best blind policy, and how many rows of learners have one."""
+    best = best_blind(HEADLINE)
+    if best is None:
+        return ""
+    known = [gain(values(same, "plw", HEADLINE), HEADLINE) for row in TABLES[table] if (same := runs_of(row, records))]
+    ahead = sum((gained or 0) > 0 for gained in known)
+    blind = f"(*{best.name}*, {100 * (best.plw.mean or 0):.1f})"
+    own = f"Gain over the best blind policy {blind}: **{points(gain(plw, HEADLINE))}** points"
+    return f"{own}; {ahead} of the {len(known)} learners' rows gain anything."
+
+
+def _intervals(row: Row, records: Records, metric: str) -> str:
+    """Return the intervals over the tasks of test-unseen, one for each seed that has one, in brackets."""
+    summaries = [record["evaluation"]["splits"][SPLITS[-1]]["summary"][metric] for record in runs_of(row, records)]
+    known = [one for one in summaries if one.get("low") is not None]
+    text = "; ".join(f"{100 * one['low']:.0f} to {100 * one['high']:.0f}" for one in known)
+    return f" ({text})" if text else ""
+
+
+def _valid(row: Row, records: Records) -> float:
+    return fmean(fmean(values(runs_of(row, records), "plw", split)) for split in SPLITS[:2])
+
+
+def _draw(records: Records, folder: Path) -> list[str]:
+    """Draw every row's score beside those of policies that learn nothing; return the Markdown that shows it."""
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError:
+        return []
+    known = {table: [row for row in TABLES[table] if runs_of(row, records)] for table in _TITLES}
+    if not any(known.values()):
+        return []
+    with matplotlib.rc_context(STYLE):
+        height = 1.0 + _BAR * max(map(len, known.values()))
+        figure = Figure(figsize=(10.5, height), layout="constrained")
+        for axes, (table, rows) in zip(figure.subplots(1, len(known)), known.items(), strict=True):
+            scores = {row.name: [100 * one for one in values(runs_of(row, records), "plw", HEADLINE)] for row in rows}
+            names = sorted(scores, key=lambda name: fmean(scores[name]))
+            published = {row.name for row in rows if row.published}
+            colours = [_PAPERS if name in published else _OWN for name in names]
+            axes.barh(names, [fmean(scores[name]) for name in names], color=colours, height=0.7)
+            for place, name in enumerate(names):
+                axes.plot([min(scores[name]), max(scores[name])], [place, place], color="black", linewidth=1)
+            for policy, colour in _LINES.items():
+                if (score := built_in(policy, "plw", HEADLINE)) is not None:
+                    axes.axvline(100 * score, color=colour, linestyle="--", linewidth=1, label=policy)
+            axes.set_title(f"{_TITLES[table]}: PLW on {HEADLINE} (%)")
+            axes.tick_params(axis="y", labelsize=7)
+            axes.grid(visible=False, axis="y")
+        figure.axes[0].legend(loc="lower right", fontsize=7)
+        path = folder / "results_overview.png"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format="png", metadata={"Software": None})
+    text = (
+        "Bars are means over seeds, black lines go from the lowest to the highest seed; dark blue: the paper's rows; "
+        "dashed: policies that learn nothing."
+    )
+    return [f"![All rows]({path.name})", text]
