@@ -24,7 +24,8 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.executors import Local
 from chmarl_pb.learning.runs.logger import Logger
 from training import table
-from training.tables.page import NOT_RUN, write_page
+from training.tables.cells import NOT_RUN
+from training.tables.page import write_page
 from training.tables.rows import TABLES, Row
 from training.tables.runs import FORMAT, Run, curve, read_records
 from training.tables.schedule import Launch, Schedule

@@ -181,17 +181,18 @@ OURS: tuple[Row, ...] = (
 def _grounded(observation: str) -> tuple[Row, ...]:
     """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
 
-    Budgets are estimates: a core plays some 60 joint steps a second with an expert and 100 without, a third of it the
+    Budgets are what fits: a core plays some 60 joint steps a second with an expert and 100 without, a third of it the
     draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
+    PPO's 150,000 steps are some 6,000 episodes.
     """
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = ("--image-encoder", "detector") if observation == "visual" else ()
     features = ("--image-encoder", "resnet18") if observation == "visual" else ()
     ppo = ("--algo", "ppo", "--env", f"CHMARL/Grounded{kind}Humanoid-v0", "--preset", "encoder", "--workers", "1")
-    ppo += ("--steps", "300000", *features)
+    ppo += ("--steps", "150000", *features)
     rows = {
         "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
-        "MAPPO": ("--algo", "mappo", "--episodes", "12000", *_GROUNDED, *seeing),
+        "MAPPO": ("--algo", "mappo", "--episodes", "6000", *_GROUNDED, *seeing),
         "Imitation of belief": (
             "--algo", "imitation", "--expert", "belief", "--episodes", "6000", *_GROUNDED, *seeing
         ),
