@@ -46,6 +46,27 @@ def in_processes(
         yield from _results(pool, work, iter(jobs), _AHEAD * workers, ordered)
 
 
+@contextmanager
+def meanwhile(work: Callable[[], object]) -> Iterator[None]:
+    """Let another process do something while the block runs, and wait for it at the end, unless the block fails.
+
+    Nothing comes back, not even an error: it is for what only saves time.
+
+    Args:
+        work: a function of a module; called in the other process.
+
+    Raises:
+        WorkerError: no process can be started.
+    """
+    with _pool(1) as pool:
+        try:
+            done = pool.submit(work)
+        except OSError as error:
+            raise _not_started(error) from error
+        yield
+        wait_for([done])
+
+
 def check_workers(workers: int) -> None:
     """Check a number of processes.
 

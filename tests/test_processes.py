@@ -6,7 +6,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 
 from chmarl_pb import processes
 from chmarl_pb.errors import OptionError, WorkerError
-from chmarl_pb.processes import in_processes
+from chmarl_pb.processes import in_processes, meanwhile
 
 PACKAGE = Path(__file__).parents[1]
 pytestmark = pytest.mark.usefixtures("spawned")
@@ -52,6 +53,32 @@ def test_a_dead_process_is_an_error_after_all_that_was_finished(ordered: bool) -
         for number in in_processes(die_at, range(6), 2, ordered):
             found.append(number)
     assert sorted(found) == [0, 1, 2, 3, 4]
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def fail() -> None:
+    raise ValueError("in the other process")
+
+
+def sleep_long() -> None:
+    time.sleep(600)
+
+
+@pytest.mark.parametrize("work", [os.getpid, fail, die])
+def test_what_is_done_meanwhile_brings_nothing_not_even_an_error(work: Callable[[], object]) -> None:
+    with meanwhile(work):
+        pass
+    assert not active_children()
+
+
+def test_what_is_done_meanwhile_ends_with_what_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "_PATIENCE", 0.2)
+    with pytest.raises(KeyError), meanwhile(sleep_long):
+        raise KeyError("here")
+    assert not active_children()
 
 
 def test_processes_at_work_end_soon_when_nobody_waits_for_them(monkeypatch: pytest.MonkeyPatch) -> None:

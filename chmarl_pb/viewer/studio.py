@@ -2,17 +2,15 @@
 
 import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache, partial
 
 from chmarl_pb.compiled import is_stored
 from chmarl_pb.frames.frame import VIEW_SIZE, Image, shrunk
 from chmarl_pb.frames.motion_player import Replay, scene_of
 from chmarl_pb.homes.home import Home, load_home
-from chmarl_pb.processes import in_processes
+from chmarl_pb.processes import in_processes, meanwhile
 from chmarl_pb.rendering import raster
 from chmarl_pb.rendering.movables import Team, team_in
 from chmarl_pb.tasks.simulation import Simulation
@@ -27,17 +25,8 @@ _FEW = 16  # shots that are not worth a second process
 @contextmanager
 def compiling() -> Iterator[None]:
     """Let another process compile what draws pictures, if that was never done; it takes as long as playing does."""
-    if is_stored(raster.picture) or os.cpu_count() == 1:
+    with nullcontext() if is_stored(raster.picture) or os.cpu_count() == 1 else meanwhile(draw_once):
         yield
-        return
-    call = f"from {__name__} import draw_once; draw_once()"
-    other = subprocess.Popen([sys.executable, "-c", call], stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield
-        other.wait()
-    finally:
-        other.kill()
-        other.wait()
 
 
 def draw_once() -> None:
