@@ -3,6 +3,8 @@
 Numba's own store of machine code ends the program where it finds no folder to write to, trusts damaged files, and runs
 old code when a constant or a called function of another file has changed. Here a file's name holds a hash of all that
 its machine code depends on, a checksum stands before its content, and what cannot be stored is compiled in memory.
+Of processes that need the same code, one compiles it and the others wait: functions that call each other do not do so
+in a circle, so no two processes wait for one another.
 """
 
 import hashlib
@@ -12,6 +14,7 @@ import platform
 import stat
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -30,13 +33,16 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
-from chmarl_pb.files import cache_folder, replacing
+from chmarl_pb.errors import BusyError, WriteError
+from chmarl_pb.files import Lock, cache_folder, replacing
 
 config: Any = numba_config  # what Numba makes of its environment variables
 COMPILES = not config.DISABLE_JIT
 
 _SUFFIX = ".kernel"
 _CHECKSUM = hashlib.sha256().digest_size  # bytes at the start of a file
+_PATIENCE = 60.0  # seconds that a process waits for what another one compiles, many times what it takes
+_PAUSE = 0.02  # seconds between two looks
 _KEPT = 16  # files of one function in a folder: signatures, machines and versions of its code
 
 
@@ -59,21 +65,37 @@ class KernelStore(NullCache):
     def __init__(self, function: FunctionType):
         """Keep the code of a function."""
         self._function = function
+        self._compiling: dict[str, Lock | None] = {}  # name of a file -> what keeps other processes from making it
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function of a signature, or None if it is not stored or the file is damaged."""
         target_context.refresh()
         name = self._file_name(sig, target_context.codegen())
-        for folder in _folders():
-            with suppress(Exception):  # whatever is wrong with a file, to compile anew puts it right
-                return CompileResult._rebuild(target_context, *pickle.loads(_checked((folder / name).read_bytes())))
-        return None
+        found = _stored(name, target_context)
+        if found is None and name not in self._compiling:
+            self._compiling[name] = _lock(name)
+            found = _stored(name, target_context)  # by the process that was waited for
+            if found is not None:
+                self._compiled(name)
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the compiled function of a signature in the first folder that can be written."""
-        if data.library.has_dynamic_globals:  # addresses of this process
-            return
-        name, content, tried = self._file_name(sig, data.codegen), dumps(data._reduce()), []
+        name = self._file_name(sig, data.codegen)
+        try:
+            if not data.library.has_dynamic_globals:  # addresses of this process
+                self._store(name, dumps(data._reduce()))
+        finally:
+            self._compiled(name)
+
+    def _compiled(self, name: str) -> None:
+        """Let other processes go on that wait for a file."""
+        lock = self._compiling.pop(name, None)
+        if lock is not None:
+            lock.close()
+
+    def _store(self, name: str, content: bytes) -> None:
+        tried = []
         for folder in _folders(to_write=True):
             try:
                 with replacing(folder / name) as path:
@@ -90,6 +112,31 @@ class KernelStore(NullCache):
         facts = _versions(), codegen.magic_tuple(), [_kind(one) for one in arguments], _code(self._function)
         key = hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
         return f"{_start(self._function)}-{key}{_SUFFIX}"
+
+
+def _stored(name: str, target_context: Any) -> Any:
+    """Return the compiled function of a file, or None if there is none or it is damaged."""
+    for folder in _folders():
+        with suppress(Exception):  # whatever is wrong with a file, to compile anew puts it right
+            return CompileResult._rebuild(target_context, *pickle.loads(_checked((folder / name).read_bytes())))
+    return None
+
+
+def _lock(name: str) -> Lock | None:
+    """Wait until no other process makes a file, and keep others from it.
+
+    None where nothing can be written, or if it takes too long: the other one may have been interrupted at it.
+    """
+    end = time.monotonic() + _PATIENCE
+    for folder in _folders(to_write=True):
+        with suppress(WriteError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # without locks, processes compile side by side
+            while time.monotonic() < end:
+                with suppress(BusyError):
+                    return Lock(folder / name)
+                time.sleep(_PAUSE)
+            break
+    return None
 
 
 def _start(function: FunctionType) -> str:

@@ -76,6 +76,50 @@ def test_machine_code_is_read_by_the_next_process(folders: list[Path]) -> None:
     assert (answer(second), loaded(second)) == (121, 1)
 
 
+SIDE_BY_SIDE = """
+import sys, time
+from pathlib import Path
+from numba.core import event
+from chmarl_pb import compiled as module
+class Listener(event.Listener):
+    def on_start(self, event):
+        print(event.data["dispatcher"].py_func.__name__)
+        time.sleep(1.0)  # long enough for the other process to come to it
+    def on_end(self, event):
+        pass
+event.register("numba:compile", Listener())
+module._folders = lambda to_write=False: iter([Path(sys.argv[1])])
+sys.path.insert(0, sys.argv[2])
+import some_kernels
+assert some_kernels.outer(10.0, some_kernels.Pair(100, 7)) == 121
+"""
+
+
+@needs_numba
+def test_of_two_processes_one_compiles_and_the_other_waits(tmp_path: Path) -> None:
+    (tmp_path / "some_kernels.py").write_text(SOURCE.format(**USUAL))
+    command = [sys.executable, "-c", SIDE_BY_SIDE, str(tmp_path / "kernels"), str(tmp_path)]
+    started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = "".join(process.communicate(timeout=120)[0] for process in started)
+    assert [process.returncode for process in started] == [0, 0]
+    own = [name for name in said.split() if name in ("inner", "outer")]
+    assert sorted(own) == ["inner", "outer"], "compiled twice"
+    assert sorted(path.suffix for path in (tmp_path / "kernels").iterdir()) == [".kernel", ".kernel"], "locks are left"
+
+
+@needs_numba
+def test_nobody_waits_for_ever_for_a_process_that_was_interrupted(
+    folders: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled_module, "_PATIENCE", 0.1)
+    first = module()["outer"]._cache
+    monkeypatch.setattr(type(first), "_file_name", lambda *_: "some.kernel")
+    lock = compiled_module._lock("some.kernel")
+    assert lock is not None and compiled_module._lock("some.kernel") is None
+    assert answer(module()) == 121
+    lock.close()
+
+
 CHANGES = {
     "a constant": ({"factor": "np.float64(3)"}, 131),
     "the type of a constant": ({"factor": "np.float32(2)"}, 121),

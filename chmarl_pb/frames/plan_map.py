@@ -133,10 +133,12 @@ def _fill(picture: Image, corners: list[Point], colour: Colour, strength: float)
 
 def _blend(picture: Image, strength: Image, share: float, colour: Colour) -> None:
     """Lay a share of a colour over a picture, as strongly as ``strength`` (0 to 255) says in each pixel."""
-    touched = strength > 0
-    under = picture[touched]
-    alpha = strength[touched, None] * np.float32(share / 255)
-    picture[touched] = under + alpha * (np.array(colour, dtype=np.float32) - under) + np.float32(0.5)
+    left, top, width, height = cv2.boundingRect(strength)  # most of a map is not touched
+    place, strong = picture[top : top + height, left : left + width], strength[top : top + height, left : left + width]
+    touched = strong > 0
+    under = place[touched]
+    alpha = strong[touched, None] * np.float32(share / 255)
+    place[touched] = under + alpha * (np.array(colour, dtype=np.float32) - under) + np.float32(0.5)
 
 
 def _stamp(picture: Image, sprite: Image, middle: Point) -> None:

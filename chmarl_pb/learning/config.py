@@ -83,6 +83,7 @@ class RunConfig:
         numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
             :mod:`chmarl_pb.learning.networks.match`.
+        home_rollouts: rollouts in a row that an environment stays in one of endless homes, at most as many as it says.
         validation_interval: episodes between two validations.
         checkpoint_interval: episodes between two checkpoints.
         log_interval: episodes between two rows of metrics.
@@ -108,6 +109,7 @@ class RunConfig:
     word_vectors: bool = False
     numbers_past: bool = False
     grounding_coef: float = amount(0.0)
+    home_rollouts: int = count(100)
     validation_interval: int = count(1_000)
     checkpoint_interval: int = count(1_000)
     log_interval: int = count(200)

@@ -84,9 +84,12 @@ class Picture:
 
 
 def empty_picture(size: int) -> Picture:
-    """Return a picture of nothing, of a width and height in pixels."""
+    """Return a picture of nothing, of a width and height in pixels, which cannot be drawn on."""
     shape = (size, size)
-    return Picture(np.zeros(shape, np.uint32), np.ones(shape, np.float32), np.full(shape, -1, np.int32))
+    empty = Picture(np.zeros(shape, np.uint32), np.ones(shape, np.float32), np.full(shape, -1, np.int16))
+    for array in (empty.colour, empty.depth, empty.segmentation):
+        array.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
+    return empty
 
 
 def view_matrix(eye: Pose) -> Vector:

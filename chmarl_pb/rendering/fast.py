@@ -185,10 +185,7 @@ class FastRenderer:
 def _nothing() -> Shown:
     """Return a view of no home, in arrays of the kinds that views of homes have."""
     empty = empty_picture(VISIBILITY_SIZE)
-    links = empty.segmentation.astype(np.int16)
-    for array in (empty.depth, links):
-        array.flags.writeable = False
-    return Shown(empty.depth, links, bounds.farthest(empty.depth), np.zeros(0, np.int64))
+    return Shown(empty.depth, empty.segmentation, bounds.farthest(empty.depth), np.zeros(0, np.int64))
 
 
 def _seen_of(objects: Objects, team: Team) -> Seen:

@@ -13,7 +13,7 @@ from chmarl_pb.world.bullet import pybullet
 
 _HEIGHT = 200.0  # metres of the camera over the floor: so far that walls show no sides
 _MARGIN = 0.25  # metres around the floors
-_OVERSAMPLING = 3
+_OVERSAMPLING = 2
 #: Of pictures of homes for people.
 LIGHT = {
     "lightDirection": (-5, -9, 16),

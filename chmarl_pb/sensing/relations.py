@@ -64,7 +64,7 @@ def _relate(seen, facts, node_of_room, edges):  # type: ignore[no-untyped-def]
     near = np.empty(_NEIGHBOURS, np.int32)
     row, size = 0, len(edges)
     for node, number in enumerate(seen):
-        row = _set(edges, row, size, node, node_of_room[facts.room[number]], _IN_ROOM)
+        row = _set(edges, row, size, node, int(node_of_room[facts.room[number]]), _IN_ROOM)
     for node, number in enumerate(seen):
         for other, carrier in enumerate(seen):
             if facts.carrier[number] == carrier:
@@ -72,7 +72,7 @@ def _relate(seen, facts, node_of_room, edges):  # type: ignore[no-untyped-def]
     for node, number in enumerate(seen):
         if facts.movable[number]:
             for place in range(_find_neighbours(node, seen, facts, near)):
-                row = _set(edges, row, size, node, near[place], _NEAR)
+                row = _set(edges, row, size, node, int(near[place]), _NEAR)
 
 
 @compiled

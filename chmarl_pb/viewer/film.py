@@ -8,7 +8,8 @@ from chmarl_pb.frames.recording import Recording
 
 FRAME_RATE = 30  # frames a second, as the snapshots come
 SLOWEST = 2  # how much faster than life motions are shown at least
-LONGEST = 450  # frames of motion in a film: longer episodes are shown faster
+LONGEST = 800  # frames of a film: motions of longer episodes are shown faster
+_FEWEST = 4  # frames of motion in a step, however long the episode is
 _OPENING, _PAUSE, _ENDING = 45, 18, 75  # frames that the scene rests
 
 
@@ -31,7 +32,9 @@ class Shot:
 
 def speed(recording: Recording) -> int:
     """Return how much faster than life the motions of a recording are shown."""
-    return max(SLOWEST, ceil(sum(len(moment.motion) for moment in recording.moments) / LONGEST))
+    steps = max(recording.steps, 1)
+    room = max(LONGEST - _OPENING - (steps - 1) * _PAUSE - _ENDING, steps * _FEWEST)
+    return max(SLOWEST, ceil(sum(len(moment.motion) for moment in recording.moments) / room))
 
 
 def storyboard(recording: Recording) -> list[Shot]:

@@ -8,11 +8,11 @@ from functools import cache, partial
 
 from chmarl_pb.compiled import is_stored
 from chmarl_pb.frames.frame import VIEW_SIZE, Image, shrunk
-from chmarl_pb.frames.motion_player import Replay, scene_of
+from chmarl_pb.frames.motion_player import Replay
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.processes import in_processes, meanwhile
-from chmarl_pb.rendering import raster
-from chmarl_pb.rendering.movables import Team, team_in
+from chmarl_pb.rendering import visible_pixels
+from chmarl_pb.rendering.movables import Team
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.film import Shot
@@ -24,18 +24,22 @@ _FEW = 16  # shots that are not worth a second process
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Let another process compile what draws pictures, if that was never done; it takes as long as playing does."""
-    with nullcontext() if is_stored(raster.picture) or os.cpu_count() == 1 else meanwhile(draw_once):
+    """Let another process compile what tells what robots see, if that was never done, while this one compiles the rest.
+
+    This one draws the empty home first, which takes as long to compile; what either has compiled, both use.
+    """
+    with nullcontext() if is_stored(visible_pixels.visible) or os.cpu_count() == 1 else meanwhile(see_once):
         yield
 
 
-def draw_once() -> None:
-    """Draw what robots see of an empty home, so that what draws pictures is compiled and stored."""
-    simulation = Simulation(load_tasks("test-unseen")[0].home)
+def see_once() -> None:
+    """Find out whether a robot sees an object, and make the graph of it, but draw no picture."""
+    task = load_tasks("test-unseen")[0]
+    simulation = Simulation(task.home)
     try:
-        replay = Replay(simulation.home, team_in(simulation.world, simulation.models))
-        for robot in simulation.models:
-            replay.picture(robot, scene_of(simulation.world), VIEW_SIZE)
+        setting, item = simulation.begin(task), simulation.renderer.names[0]
+        simulation.renderer.could_see(next(iter(simulation.robots)), setting.goal.item)
+        simulation.graphs.graph(simulation.world.state, (item,), setting.states)
     finally:
         simulation.close()
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+import cv2
 import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ def write_video(path: Path, frames: Iterable[tuple[NDArray[np.uint8], int]], siz
     """
     with replacing(path) as temporary:
         writer = imageio_ffmpeg.write_frames(
-            str(temporary), size, fps=FRAME_RATE, codec="libx264", pix_fmt_in="rgb24", pix_fmt_out="yuv420p",
+            str(temporary), size, fps=FRAME_RATE, codec="libx264", pix_fmt_in="yuv420p", pix_fmt_out="yuv420p",
             macro_block_size=2, ffmpeg_log_level="quiet",
             output_params=["-crf", _QUALITY, "-preset", "veryfast", "-movflags", "+faststart", "-f", "mp4"],
         )  # fmt: skip
@@ -34,8 +35,9 @@ def write_video(path: Path, frames: Iterable[tuple[NDArray[np.uint8], int]], siz
         written = 0
         try:
             for picture, count in frames:
+                planes = cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420)  # once for all that it stays, and fast
                 for _ in range(count):
-                    writer.send(np.ascontiguousarray(picture))
+                    writer.send(planes)
                 written += count
         finally:
             writer.close()

@@ -1,19 +1,19 @@
-"""What draws pictures is compiled by another process while a policy plays, and only where that was never done."""
+"""What tells what robots see is compiled by another process while this one draws, and only if that was never done."""
 
 from contextlib import AbstractContextManager, nullcontext
 
 import pytest
 
 from chmarl_pb.compiled import COMPILES, is_stored
-from chmarl_pb.rendering import raster
+from chmarl_pb.rendering import visible_pixels
 from chmarl_pb.viewer import studio
 
 pytestmark = pytest.mark.skipif(not COMPILES, reason="nothing is compiled")
 
 
 def test_machine_code_is_stored_once_it_is_compiled() -> None:
-    studio.draw_once()
-    assert is_stored(raster.picture)
+    studio.see_once()
+    assert is_stored(visible_pixels.visible)
 
 
 @pytest.mark.parametrize(("stored", "cores", "started"), [(False, 2, True), (True, 2, False), (False, 1, False)])
@@ -31,4 +31,4 @@ def test_another_process_is_started_only_where_it_helps(
     monkeypatch.setattr("os.cpu_count", lambda: cores)
     with studio.compiling():
         pass
-    assert found == [studio.draw_once] * started
+    assert found == [studio.see_once] * started

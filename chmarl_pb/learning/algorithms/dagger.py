@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.algorithms.on_policy import set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
@@ -42,6 +43,8 @@ class DAggerConfig(RunConfig):
         expert: built-in policy that is imitated on the benchmark: "belief" or "search"; ``train`` is given one itself.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
+        anneal: share of the episodes, the last ones, in which the learning rate falls linearly, to 0 after the last
+            gradient step; 0: it stays as it is.
     """
 
     episodes: int = count(3_000)
@@ -50,10 +53,15 @@ class DAggerConfig(RunConfig):
     expert: str = "belief"
     gradient_steps: int = natural(4)
     beta: float = share(1.0)
+    anneal: float = share(0.0)
 
     def expert_share(self, episodes: int) -> float:
         """Return the share of actions that the expert takes after a number of episodes."""
         return self.beta * max(1 - 2 * episodes / self.episodes, 0.0)
+
+    def rate_share(self, episodes: int) -> float:
+        """Return the share of the learning rate that is left when a number of episodes were learned from before."""
+        return min((self.episodes - episodes) / (self.anneal * self.episodes), 1.0) if self.anneal else 1.0
 
 
 class DAgger:
@@ -82,6 +90,8 @@ class DAgger:
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes."""
+        before = max(replay.added - self.config.envs, 0)
+        set_learning_rates(self._optimizer, (self.config.learning_rate,), self.config.rate_share(before))
         for _ in range(self.config.gradient_steps):
             batch = replay.sample(self.config.batch_size, rng)
             yield batch, self.update(batch)

@@ -254,12 +254,12 @@ class Run:
 
     def _seeds(self) -> list[int]:
         """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""
-        envs, stay = self.config.envs, self._collector.episodes_in_a_home
+        envs, apart = self.config.envs, self._collector.episodes_in_a_home
         seeds = self._streams["tasks"].integers(2**31, size=envs)
-        if stay > 1:
-            rollouts = self.episodes // envs
-            homes = np.random.default_rng([self.config.seed, rollouts // stay]).integers(2**31 // stay, size=envs)
-            seeds = homes * stay + rollouts % stay
+        if apart > 1:
+            rollouts, stay = self.episodes // envs, min(apart, self.config.home_rollouts)
+            homes = np.random.default_rng([self.config.seed, rollouts // stay]).integers(2**31 // apart, size=envs)
+            seeds = homes * apart + rollouts % stay
         return [int(seed) for seed in seeds]
 
     def _learn(self) -> None:
