@@ -194,7 +194,8 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
         "MAPPO": ("--algo", "mappo", "--episodes", "6000", *_GROUNDED, *seeing),
         "Imitation of belief": (
-            "--algo", "imitation", "--expert", "belief", "--episodes", "6000", *_GROUNDED, *seeing
+            "--algo", "imitation", "--expert", "belief", "--episodes", "6000", "--gradient-steps", "12",
+            "--anneal", "0.5", *_GROUNDED, *seeing
         ),
         "Imitation of belief, then MAPPO": (
             "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", "6000",
