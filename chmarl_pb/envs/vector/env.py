@@ -80,8 +80,16 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         Raises:
             ActionError: the actions are not an array of the action space's shape and kind.
         """
+        self.step_async(actions)
+        return self.step_wait()
+
+    def step_async(self, actions: Any) -> None:
+        """Let the workers begin to step all environments, as Gymnasium's ``AsyncVectorEnv`` does; see :meth:`step`."""
         write_actions(self._engine, actions)
         self._engine.send("step")
+
+    def step_wait(self) -> Step:
+        """Step the environments of this process, wait for the workers, and return what :meth:`step` does."""
         self._table.update(self._engine.receive())
         memory = self._engine.memory
         ends = memory.terminated.copy(), memory.truncated.copy()
