@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import AlreadyPendingCallError
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -84,12 +85,22 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         return self.step_wait()
 
     def step_async(self, actions: Any) -> None:
-        """Let the workers begin to step all environments, as Gymnasium's ``AsyncVectorEnv`` does; see :meth:`step`."""
+        """Let the workers begin to step all environments, as Gymnasium's ``AsyncVectorEnv`` does; see :meth:`step`.
+
+        Raises:
+            AlreadyPendingCallError: the last step has not been waited for.
+        """
+        if self._engine.pending:
+            raise AlreadyPendingCallError("step_async() before step_wait() of the last step", "step_async")
         write_actions(self._engine, actions)
         self._engine.send("step")
 
     def step_wait(self) -> Step:
-        """Step the environments of this process, wait for the workers, and return what :meth:`step` does."""
+        """Step the environments of this process, wait for the workers, and return what :meth:`step` does.
+
+        Raises:
+            NoAsyncCallError: there was no :meth:`step_async`.
+        """
         self._table.update(self._engine.receive())
         memory = self._engine.memory
         ends = memory.terminated.copy(), memory.truncated.copy()

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import AlreadyPendingCallError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import chmarl_pb
@@ -51,6 +52,21 @@ def test_equals_gymnasium(make: Callable[..., Any], workers: int, mode: Autorese
             assert same(ours.reset(options=first), theirs.reset(options=second))
     seeds = [3, None, 5, None, 0]
     assert same(ours.reset(seed=seeds)[0]["self"][::2], theirs.reset(seed=seeds)[0]["self"][::2])
+
+
+@EVERYWHERE
+def test_a_step_in_two_calls_is_a_step(make: Callable[..., Any], workers: int) -> None:
+    first, second = make(workers=workers), make(workers=workers)
+    rng = np.random.default_rng(0)
+    assert same(first.reset(seed=7), second.reset(seed=7))
+    for _ in range(10):
+        chosen = actions(rng)
+        first.step_async(chosen)
+        with pytest.raises(AlreadyPendingCallError, match="step_wait"):
+            first.step_async(actions(rng))
+        assert same(first.step_wait(), second.step(chosen)), "the refused actions have been taken"
+    with pytest.raises(NoAsyncCallError):
+        first.step_wait()
 
 
 def flat_toy() -> gymnasium.Env:
