@@ -68,7 +68,7 @@ class Picture:
     """What a camera sees.
 
     Attributes:
-        colour: (size, size) uint32, the four bytes of each pixel's RGBA as one number.
+        colour: (size, size) uint32, the four bytes of each pixel's RGBA as one number; (0, 0) if nobody wants colours.
         depth: (size, size) float32, TinyRenderer's depth buffer in [0, 1].
         segmentation: (size, size) integers; meaning as the maker of the picture says.
     """

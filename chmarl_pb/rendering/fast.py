@@ -63,11 +63,11 @@ class FastRenderer:
 
     def picture(self, robot: str, size: int) -> Picture:
         """Return what a robot's camera shows."""
-        return draw_over(self._empty(robot, size), self._bodies, self._present(robot), self._first)
+        return draw_over(self._empty(robot, size, colours=True), self._bodies, self._present(robot), self._first)
 
     def image(self, robot: str, size: int) -> NDArray[np.uint8]:
         """Return the colours of what a robot's camera shows."""
-        return image_over(self._empty(robot, size), self._bodies, self._present(robot))
+        return image_over(self._empty(robot, size, colours=True), self._bodies, self._present(robot))
 
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees."""
@@ -112,9 +112,9 @@ class FastRenderer:
         )  # fmt: skip
         return tuple([self.names[number] for number in seen.tolist()])
 
-    def _empty(self, robot: str, size: int) -> HomeView:
+    def _empty(self, robot: str, size: int, colours: bool = False) -> HomeView:
         """Return the empty home as a robot's camera sees it."""
-        return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size, self._world)
+        return self._views.look(self._models[robot], self._world.state.robots[robot].pose, size, self._world, colours)
 
     def _others(self, robot: str) -> list[Stand]:
         """Return the robots that a robot might see: of its own body only what it holds before its camera."""

@@ -38,22 +38,24 @@ class HomeModel:
         placing.put_each(shown, shown, rows, self._models, self._placed)
         self._shown = shown.astype(np.int32)
 
-    def draw(self, lens: Lens, size: int) -> Picture:
+    def draw(self, lens: Lens, size: int, colours: bool = True) -> Picture:
         """Return the picture that a camera takes; its segmentation holds link indices, -1 for nothing.
 
         Args:
             lens: the camera at its pose.
             size: width and height in pixels.
+            colours: whether it has any, which takes twice the time.
         """
         near, far = lens.planes
-        colour = np.full((size, size, 4), _WHITE, np.uint8)
+        side = size if colours else 0
+        colour = np.full((side, side, 4), _WHITE, np.uint8)
         depth = np.full((size, size), depth_of(-far, near, far), np.float32)
         nothing = depth.copy()
         nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
         links = np.full((size, size), -1, np.int32)
         raster.picture(
             self._shown, -1, self._models, self._placed, lens, light(), nothing, bounds.farthest(nothing),
-            clean_canvas(size), self._scratch, colour, depth, links,
+            clean_canvas(size), self._scratch, colours, colour, depth, links,
         )  # fmt: skip
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))
 

@@ -103,7 +103,8 @@ class HomeViews:
         self.space: Space = space_of(home)
         self._number = next(_numbers)
         self._store = view_store()
-        self._files: dict[tuple[RobotModel, int], ViewFile | None] = {}
+        self._files: dict[tuple[RobotModel, int, bool], ViewFile | None] = {}
+        self._coloured: dict[tuple[RobotModel, int], bool] = {}  # camera and size -> whether its views have colours
         self._kept = _kept()
         weakref.finalize(self, self._kept.drop, self._number).atexit = False
         self._model: HomeModel | None = None
@@ -115,7 +116,9 @@ class HomeViews:
         with self._loaded() as (client, _):
             return client
 
-    def look(self, robot: RobotModel, pose: int, size: int, world: World | None = None) -> HomeView:
+    def look(
+        self, robot: RobotModel, pose: int, size: int, world: World | None = None, colours: bool = True
+    ) -> HomeView:
         """Return the empty home as a robot's camera sees it from a lattice pose.
 
         Args:
@@ -123,26 +126,50 @@ class HomeViews:
             pose: its pose on its lattice.
             size: width and height in pixels.
             world: one of this home, so that the home need not be loaded once more.
+            colours: whether the picture has to have colours; without them it is drawn in half of the time.
 
         Raises:
             HomeError: the home's files have changed since it was read.
         """
-        key = (self._number, robot, pose, size)
+        colours = self._colours(robot, size, colours)
+        key = (self._number, robot, pose, size, colours)
         view = self._kept.get(key)
         if view is None:
-            matrix, camera = view_matrix(robot.eye(self.space, pose)), camera_of(robot)
-            file, taken = self._file(robot, size), _OWN
-            picture = file.get(pose, matrix) if file else None
-            if picture is None:
-                drawn = self.draw(camera, matrix, size, world).picture
-                picture = file.put(pose, matrix, drawn) if file else None
-                if picture is None:
-                    picture, taken = drawn, _OWN + _bytes(drawn)
-            view = HomeView(matrix, picture, camera)
+            view, taken = self._find(robot, pose, size, world, colours)
             self._kept.put(key, view, taken)
         return view
 
-    def draw(self, camera: Camera, view: Vector, size: int, world: World | None = None) -> HomeView:
+    def _colours(self, robot: RobotModel, size: int, wanted: bool) -> bool:
+        """Return whether a view has colours; also for those who want none, if they are there or others want them.
+
+        To draw one twice takes longer than to draw it with colours at once.
+        """
+        key = (robot, size)
+        known = self._coloured.get(key)
+        if known is None:
+            known = not COMPILES or (self._store is not None and self._store.has(self._file_name(robot, size, True)))
+            self._coloured[key] = known
+        if wanted and not known:
+            self._coloured[key] = known = True
+        return known
+
+    def _find(
+        self, robot: RobotModel, pose: int, size: int, world: World | None, colours: bool
+    ) -> tuple[HomeView, int]:
+        """Return a view that this process does not keep yet, and how many bytes of memory it takes."""
+        matrix, camera = view_matrix(robot.eye(self.space, pose)), camera_of(robot)
+        file, taken = self._file(robot, size, colours), _OWN
+        picture = file.get(pose, matrix) if file else None
+        if picture is None:
+            drawn = self.draw(camera, matrix, size, world, colours).picture
+            picture = file.put(pose, matrix, drawn) if file else None
+            if picture is None:
+                picture, taken = drawn, _OWN + _bytes(drawn)
+        return HomeView(matrix, picture, camera), taken
+
+    def draw(
+        self, camera: Camera, view: Vector, size: int, world: World | None = None, colours: bool = True
+    ) -> HomeView:
         """Draw the empty home anew, from anywhere.
 
         Args:
@@ -150,11 +177,12 @@ class HomeViews:
             view: its view matrix.
             size: width and height in pixels.
             world: one of this home, so that the home need not be loaded once more.
+            colours: whether the picture has to have colours.
         """
         if not self._model_is_known:
             self._model, self._model_is_known = self._read_model(world), True
         if self._model is not None:
-            picture = self._model.draw(lens(camera, view), size)
+            picture = self._model.draw(lens(camera, view), size, colours)
         else:
             drawn = render(self._drawer.number, camera, view, size)
             # TinyRenderer makes normals unit vectors at every use, in place, which rounds some of them to and fro: a
@@ -194,24 +222,25 @@ class HomeViews:
         with loaded_home(client.number, self.space.home) as body:
             yield client, body
 
-    def _file(self, robot: RobotModel, size: int) -> ViewFile | None:
+    def _file(self, robot: RobotModel, size: int, colours: bool) -> ViewFile | None:
         """Return the views on disk of a robot's camera at a size, or None if there is no store."""
-        key = (robot, size)
+        key = (robot, size, colours)
         if key not in self._files:
-            poses, name = robot.lattice(self.space).count, self._file_name(robot, size)
-            self._files[key] = self._store.open(name, poses, size) if self._store else None
+            poses, name = robot.lattice(self.space).count, self._file_name(robot, size, colours)
+            self._files[key] = self._store.open(name, poses, size, colours) if self._store else None
         return self._files[key]
 
-    def _file_name(self, robot: RobotModel, size: int) -> str:
+    def _file_name(self, robot: RobotModel, size: int, colours: bool) -> str:
         """Return a name with a hash of everything that the pictures depend on."""
         lattice = robot.lattice(self.space)
         some_views = [view_matrix(robot.eye(self.space, pose)) for pose in range(min(_SAMPLED, lattice.count))]
         facts = (self.space.home.content, camera_of(robot), size, FORMAT, DRAWING, some_views, _library())
         depends_on = [repr(facts).encode(), lattice.points.tobytes()]
-        return f"{self.space.home.name[:40]}_{robot.name[:20]}_{size}_{sha256_of(depends_on)}"
+        kind = size if colours else f"{size}-plain"
+        return f"{self.space.home.name[:40]}_{robot.name[:20]}_{kind}_{sha256_of(depends_on)}"
 
 
-Key = tuple[int, RobotModel, int, int]  # number of the home's views, robot, pose, size
+Key = tuple[int, RobotModel, int, int, bool]  # number of the home's views, robot, pose, size, colours
 
 
 class KeptViews:

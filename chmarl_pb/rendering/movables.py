@@ -200,7 +200,7 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
     depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
     raster.picture(
         present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
-        _canvas(size), bodies.scratch, colour.view(np.uint8).reshape(size, size, 4), depth, links,
+        _canvas(size), bodies.scratch, True, colour.view(np.uint8).reshape(size, size, 4), depth, links,
     )  # fmt: skip
     return Picture(colour, depth, links)
 

@@ -20,6 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ _PAGE = 4096  # bytes; slots begin at multiples of it
 _GRANT = 16 * 2**20  # bytes that a process writes before it measures the folder again
 # Colour, depth, segmentation.
 _TYPES: tuple[np.dtype, ...] = (np.dtype(np.uint32), np.dtype(np.float32), np.dtype(np.int16))
+_NO_COLOURS = np.zeros((0, 0), np.uint32)
 
 
 @dataclass(frozen=True)
@@ -74,22 +76,30 @@ class ViewStore:
         self.files: weakref.WeakSet[ViewFile] = weakref.WeakSet()
         self._granted = 0
 
-    def open(self, name: str, poses: int, size: int) -> "ViewFile | None":
+    def open(self, name: str, poses: int, size: int, colours: bool = True) -> "ViewFile | None":
         """Open the file for the pictures of one home, robot and size, or return None if that cannot be done.
 
         Args:
             name: the file's name; it tells apart all that the pictures depend on.
             poses: number of lattice poses.
             size: width and height in pixels.
+            colours: whether the pictures have any.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            file = ViewFile(self.folder / f"{name}{_SUFFIX}", poses, size, self._grant)
+            file = ViewFile(self._path(name), poses, size, self._grant, colours)
         except (OSError, ValueError) as error:
             _warn(str(error))
             return None
         self.files.add(file)
         return file
+
+    def has(self, name: str) -> bool:
+        """Return whether there is a file of this name."""
+        return self._path(name).exists()
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}{_SUFFIX}"
 
     def entries(self) -> list[Entry]:
         """Return the files, that which was not used for longest first."""
@@ -135,7 +145,7 @@ class ViewFile:
         length: bytes of disk space that all of them take.
     """
 
-    def __init__(self, path: Path, poses: int, size: int, grant: Callable[[int], bool]):
+    def __init__(self, path: Path, poses: int, size: int, grant: Callable[[int], bool], colours: bool = True):
         """Open the file, or make it.
 
         Args:
@@ -143,13 +153,15 @@ class ViewFile:
             poses: number of lattice poses.
             size: width and height in pixels.
             grant: asked before each write whether so many bytes may be added.
+            colours: whether the pictures have any.
 
         Raises:
             OSError: it can be neither opened nor made.
             ValueError: it is too short and cannot be written.
         """
         self.poses, self._size, self._grant = poses, size, grant
-        self._bytes = size * size * sum(kind.itemsize for kind in _TYPES)
+        self._types = _TYPES if colours else _TYPES[1:]
+        self._bytes = size * size * sum(kind.itemsize for kind in self._types)
         self.slot = _whole_pages(self._bytes)
         self._start = _whole_pages(4 * poses)
         self.length = self._start + poses * self.slot
@@ -170,13 +182,13 @@ class ViewFile:
         if not self._is_whole() or not (checksum := self._checksums(pose, 1)[0]) or self._has_holes(pose):
             return None
         picture = self._picture(pose)
-        return picture if checksum == _checksum(_parts(picture), view) else None
+        return picture if checksum == _checksum(self._parts(picture), view) else None
 
     def put(self, pose: int, view: Vector, picture: Picture) -> Picture | None:
         """Store a picture and return it as it is in the file, or None if it cannot be stored."""
         if not self._writable or not self._is_whole():
             return None
-        parts = _parts(picture)
+        parts = self._parts(picture)
         try:
             if not self._grant(self.slot):
                 return None
@@ -207,11 +219,17 @@ class ViewFile:
         return os.lseek(self._file, start, os.SEEK_HOLE) < start + self._bytes
 
     def _picture(self, pose: int) -> Picture:
-        pixels, offset, arrays = self._size * self._size, self._start + pose * self.slot, []
-        for kind in _TYPES:
+        pixels, offset = self._size * self._size, self._start + pose * self.slot
+        arrays: list[NDArray[Any]] = []
+        for kind in self._types:
             arrays.append(np.frombuffer(self._map, kind, pixels, offset).reshape(self._size, self._size))
             offset += pixels * kind.itemsize
-        return Picture(*arrays)
+        depth, links = arrays[-2:]
+        return Picture(arrays[0] if len(arrays) == len(_TYPES) else _NO_COLOURS, depth, links)
+
+    def _parts(self, picture: Picture) -> list[memoryview]:
+        arrays = (picture.colour, picture.depth, picture.segmentation)[-len(self._types) :]
+        return [np.ascontiguousarray(array, kind).data for array, kind in zip(arrays, self._types, strict=True)]
 
     def _is_whole(self) -> bool:
         """Return whether the file is there in its full length: to read a map beyond its file would end the process."""
@@ -287,11 +305,6 @@ def _write(file: int, parts: list[memoryview], offset: int) -> None:
     """
     if os.pwritev(file, parts, offset) < sum(part.nbytes for part in parts):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _parts(picture: Picture) -> list[memoryview]:
-    arrays = (picture.colour, picture.depth, picture.segmentation)
-    return [np.ascontiguousarray(array, kind).data for array, kind in zip(arrays, _TYPES, strict=True)]
 
 
 def _checksum(parts: list[memoryview], view: Vector) -> int:
