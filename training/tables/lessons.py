@@ -58,6 +58,11 @@ _LESSONS = (
         "PPO, both robots, goal observed", "PPO, humanoid only, goal observed",
     ),
     _lesson(
+        "**From scratch**: QMIX as the paper has it, with messages, has {}; PQN with an encoder that ties words to "
+        "things {}, without a teacher.",
+        "QMIX + messages", "PQN + messages",
+    ),
+    _lesson(
         "**Homes**: imitation of *belief* in the five homes of training has {}, with as many episodes in generated "
         "homes {}.",
         "Imitation of belief", "Imitation of belief, generated homes",
