@@ -168,7 +168,7 @@ def _imitator(observation: str, homes: str, *options: str) -> Row:
     return Row(f"Imitation of belief{homes}", observation, given, True, seeds=3, image_encoder="detector")
 
 
-def _later(name: str) -> Row:
+def _from_scratch(name: str) -> Row:
     """Return a learner from scratch that the paper does not have, with the encoder that ties words to things."""
     given = ("--algo", name.lower(), "--episodes", "12000", *_GROUNDED)
     return Row(f"{name} + messages", "scene_graph", given, True)
@@ -176,7 +176,7 @@ def _later(name: str) -> Row:
 
 #: Rows that the paper has no counterpart of, shown below its rows in the table of their observation.
 OURS: tuple[Row, ...] = (
-    *map(_later, ("PQN", "MAPPO")),
+    *map(_from_scratch, ("PQN", "MAPPO")),
     *(_ours("belief", observation, *_GROUNDED) for observation in _SEEDS),
     *(_ours("search", observation) for observation in _SEEDS),
     _imitator("scene_graph", ""),
@@ -206,7 +206,7 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         ),
         "Imitation of belief, then MAPPO": (
             "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", "6000",
-            "--episodes", "12000", *_GROUNDED, *seeing,
+            "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "12000", *_GROUNDED, *seeing,
         ),
     }  # fmt: skip
     learners = tuple(
