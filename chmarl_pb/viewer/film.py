@@ -8,7 +8,7 @@ from chmarl_pb.frames.recording import Recording
 
 FRAME_RATE = 30  # frames a second, as the snapshots come
 SLOWEST = 2  # how much faster than life motions are shown at least
-LONGEST = 800  # frames of a film: motions of longer episodes are shown faster
+LONGEST = 720  # frames of a film: motions of longer episodes are shown faster
 _FEWEST = 4  # frames of motion in a step, however long the episode is
 _OPENING, _PAUSE, _ENDING = 45, 18, 75  # frames that the scene rests
 
