@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.compiled import compiled
 from chmarl_pb.homes.solids import Outlines, Points, Solid
 from chmarl_pb.navigation.lattice import HEADINGS, Lattice, heading_angle
 from chmarl_pb.navigation.reach import Reach
@@ -69,15 +70,9 @@ class Approaches:
             if len(self._known) == _KEPT:
                 self._known.clear()
             self._known[x, y] = self._find_ways(x, y)
-        ways = self._known[x, y]
-        in_the_way = (ways.top > z) & (ways.bottom < z + _ARM_THICKNESS)
-        free = ~ways.crossed[:, in_the_way].any(axis=1)
-        if self._reach.bands:
-            free &= (ways.distances >= span[0]) & (ways.distances <= span[1])
-        for pose in ways.poses[free].tolist() if taken else ways.poses[free][:1].tolist():
-            if pose // HEADINGS not in taken:
-                return int(pose)
-        return None
+        cells = np.array(list(taken), dtype=np.int64)
+        pose = int(_first_free(*self._known[x, y], z, *span, cells))
+        return None if pose < 0 else pose
 
     def _find_ways(self, x: float, y: float) -> _Ways:
         """Return the ways to reach a point from the lattice poses that have it at arm's length."""
@@ -120,3 +115,36 @@ class Approaches:
     @cached_property
     def _outlines(self) -> Outlines:
         return Outlines([solid.polygon for solid in self._solids])
+
+
+@compiled
+def _first_free(poses, distances, crossed, bottom, top, z, nearest, farthest, taken):  # type: ignore[no-untyped-def]
+    """Return the first pose of :class:`_Ways` from which an arm reaches a point, -1 if there is none.
+
+    Args:
+        poses: as the ways have them, and so are the next four.
+        distances: of the point, metres.
+        crossed: which solids stand in between.
+        bottom: of the solids.
+        top: of the solids.
+        z: height of the point, metres.
+        nearest: distance that it has at least, metres.
+        farthest: distance that it has at most, metres.
+        taken: (k,) cells in which somebody else stands.
+    """
+    for way in range(len(poses)):
+        free = nearest <= distances[way] <= farthest
+        for cell in taken:
+            free = free and cell != poses[way] // HEADINGS
+        if free and _is_clear(crossed[way], bottom, top, z):
+            return poses[way]
+    return -1
+
+
+@compiled
+def _is_clear(crossed, bottom, top, z):  # type: ignore[no-untyped-def]
+    """Return whether nothing that stands in between (m,) is in the way of a forearm at a height."""
+    for solid in range(len(top)):
+        if crossed[solid] and top[solid] > z and bottom[solid] < z + _ARM_THICKNESS:
+            return False
+    return True
