@@ -64,7 +64,12 @@ def _in_view(bodies, models, placed, lens, home, scratch):  # type: ignore[no-un
 
     The pixels are as first and last column, first and last row.
     """
-    shown, boxes, count, size = np.empty(len(bodies), np.int64), np.empty((len(bodies), 4), np.int64), 0, len(home.depth)
+    shown, boxes, count, size = (
+        np.empty(len(bodies), np.int64),
+        np.empty((len(bodies), 4), np.int64),
+        0,
+        len(home.depth),
+    )
     for body in bodies:
         box = boxes[count]
         box[0], box[1], box[2], box[3] = extent(placed.balls[body], lens, home.tiles, size)
