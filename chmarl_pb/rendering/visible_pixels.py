@@ -9,7 +9,7 @@ import numpy as np
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent
 from chmarl_pb.rendering.raster import SAFE, draw_part, project
-from chmarl_pb.rendering.triangles import TWO, depth_of
+from chmarl_pb.rendering.triangles import TWO, depth_of, wipe
 
 _ROUNDING = 2e-6  # of depths in [0, 1]: far more than it can be
 
@@ -64,12 +64,8 @@ def _in_view(bodies, models, placed, lens, home, scratch):  # type: ignore[no-un
 
     The pixels are as first and last column, first and last row.
     """
-    shown, boxes, count, size = (
-        np.empty(len(bodies), np.int64),
-        np.empty((len(bodies), 4), np.int64),
-        0,
-        len(home.depth),
-    )
+    shown, boxes = np.empty(len(bodies), np.int64), np.empty((len(bodies), 4), np.int64)
+    count, size = 0, len(home.depth)
     for body in bodies:
         box = boxes[count]
         box[0], box[1], box[2], box[3] = extent(placed.balls[body], lens, home.tiles, size)
@@ -176,5 +172,4 @@ def _take_off(box, first, models, links, canvas, pixels):  # type: ignore[no-unt
             pixels[first + models.body[models.part[face]]] += 1
             if links[row, column] >= 0:
                 pixels[links[row, column]] -= 1
-            canvas.face[row, column] = -1
-            canvas.raw[row, column] = -np.inf
+            wipe(canvas, row, column)
