@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
 from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, lens, view_matrix
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.home_views import HomeView, HomeViews, Shown, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Movables, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
-from chmarl_pb.rendering.triangles import canvas
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 

@@ -7,8 +7,9 @@ import numpy as np
 from chmarl_pb.errors import AssetError
 from chmarl_pb.rendering import bounds, placing, raster
 from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
-from chmarl_pb.rendering.triangles import Floats, Lens, canvas, depth_of
+from chmarl_pb.rendering.triangles import Floats, Lens, depth_of
 from chmarl_pb.world.bullet import pybullet
 
 _WHITE = 255

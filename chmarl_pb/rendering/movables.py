@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.home_views import HomeView
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
-from chmarl_pb.rendering.triangles import canvas
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspables, quiet
 from chmarl_pb.world.bullet import pybullet

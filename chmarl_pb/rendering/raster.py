@@ -8,6 +8,7 @@ import numpy as np
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent
+from chmarl_pb.rendering.canvas import wipe
 from chmarl_pb.rendering.placing import multiply
 from chmarl_pb.rendering.triangles import (
     ONE,
@@ -21,7 +22,6 @@ from chmarl_pb.rendering.triangles import (
     dot4,
     screen,
     weights_at,
-    wipe,
 )
 
 SAFE = np.float32(1e-3)  # metres: far more than rounding can matter

@@ -5,7 +5,6 @@ for transforms and shading, double precision for barycentric coordinates and for
 turns to the camera. ``tests/rendering/`` compares the two. Numba fuses no multiply and add unless told to.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,39 +47,6 @@ class Light(NamedTuple):
     coefficients: Floats
 
 
-class Canvas(NamedTuple):
-    """What is drawn on, rows from the top.
-
-    Attributes:
-        raw: (size, size) TinyRenderer's own depth of what is drawn, before it is rounded to single precision: minus
-            infinity where nothing is.
-        nearness: (size, size) reciprocal of its distance along the camera's axis, 1/metres, 0 where nothing is.
-        face: (size, size) number of the triangle that is seen there, -1 for none.
-    """
-
-    raw: NDArray[np.float64]
-    nearness: Floats
-    face: NDArray[np.int32]
-
-
-def clean_canvas(size: int) -> Canvas:
-    """Return a canvas with nothing drawn."""
-    shape = (size, size)
-    return Canvas(np.full(shape, -np.inf), np.zeros(shape, np.float32), np.full(shape, -1, np.int32))
-
-
-@cache
-def canvas(size: int) -> Canvas:
-    """Return the process's canvas of a size, which everybody leaves clean."""
-    return clean_canvas(size)
-
-
-@compiled
-def wipe(canvas, row, column):  # type: ignore[no-untyped-def]
-    """Take away what is drawn at a pixel."""
-    canvas.raw[row, column], canvas.nearness[row, column], canvas.face[row, column] = -np.inf, ZERO, -1
-
-
 @compiled
 def dot4(a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """Return a product of two vectors, summed from the last entry on."""
@@ -118,9 +84,9 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
         near: distance of the near plane, metres.
         far: distance of the far plane, metres.
         home: (size, size) depth of the empty home, in [0, 1].
-        raw: as in :class:`Canvas`.
-        nearness: as in :class:`Canvas`.
-        faces: as in :class:`Canvas`.
+        raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.
@@ -160,7 +126,7 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
             if not (clipped or within) and (own < -far or own > near):
                 continue
             # At equal depth the home was there first.
-            if deepest < home[row, px] or depth_of(np.float32(own), near, far) < home[row, px]:
+            if (within and deepest < home[row, px]) or depth_of(np.float32(own), near, far) < home[row, px]:
                 clean += faces[row, px] < 0
                 raw[row, px], nearness[row, px], faces[row, px] = own, total, face
     return clean
@@ -244,9 +210,9 @@ def cover_clipped(rows, face, near, far, home, raw, nearness, faces):  # type: i
         near: distance of the near plane, metres.
         far: distance of the far plane, metres.
         home: depth of the empty home.
-        raw: as in :class:`Canvas`.
-        nearness: as in :class:`Canvas`.
-        faces: as in :class:`Canvas`.
+        raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.

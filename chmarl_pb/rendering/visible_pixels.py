@@ -5,13 +5,35 @@ it could hide one of the home's things that few pixels show.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent
+from chmarl_pb.rendering.canvas import wipe
 from chmarl_pb.rendering.raster import SAFE, draw_part, project
-from chmarl_pb.rendering.triangles import TWO, depth_of, wipe
+from chmarl_pb.rendering.triangles import TWO, depth_of
 
 _ROUNDING = 2e-6  # of depths in [0, 1]: far more than it can be
+
+
+def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
+    """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
+    counts: NDArray[np.int64] = _count(segmentation, length)
+    return counts
+
+
+@compiled
+def _count(segmentation, length):  # type: ignore[no-untyped-def]
+    most = length - 1
+    for row in segmentation:
+        for value in row:
+            most = max(most, int(value))
+    counts = np.zeros(most + 1, np.int64)
+    for row in segmentation:
+        for value in row:
+            if value >= 0:
+                counts[value] += 1
+    return counts
 
 
 @compiled

@@ -22,7 +22,7 @@ def box_of(pose: Pose, size: Size) -> Box:
     return x, y, z, *size, 2 * math.atan2(quaternion[2], quaternion[3])
 
 
-def touching(places: NDArray[np.float64], size: Size, boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+def touching(places: NDArray[np.floating], size: Size, boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return at which places an object would touch one of the boxes.
 
     Args:
@@ -30,7 +30,7 @@ def touching(places: NDArray[np.float64], size: Size, boxes: NDArray[np.float64]
         size: extents along its own axes, metres.
         boxes: (m, 7) what :func:`box_of` returns of other objects.
     """
-    places = np.ascontiguousarray(places)
+    places = np.ascontiguousarray(places, dtype=np.float64)
     touches, near = np.zeros(len(places), np.bool_), np.empty(len(boxes), np.int64)
     near = near[: _find_near(places, size, boxes, near)]
     if len(near):

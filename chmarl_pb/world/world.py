@@ -177,7 +177,7 @@ class World(Uncopied):
             supports = {**supports, name: support}
         self.state = WorldState(Objects({**objects.poses, name: pose}, supports), grips, self.state.robots)
 
-    def taken(self, places: NDArray[np.float64], size: Size, ignoring: Sequence[str] = ()) -> NDArray[np.bool_]:
+    def taken(self, places: NDArray[np.floating], size: Size, ignoring: Sequence[str] = ()) -> NDArray[np.bool_]:
         """Return at which places an object of this size would touch an object that stands.
 
         Args:
