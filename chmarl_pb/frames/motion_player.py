@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.lattice import DRONE_HEADING
 from chmarl_pb.rendering.camera import Picture, camera_of, view_matrix
-from chmarl_pb.rendering.home_views import HomeView, count_pixels, home_views
+from chmarl_pb.rendering.home_views import HomeView, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Team, draw_over, movables
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, can_be_visible
+from chmarl_pb.rendering.visible_pixels import count_pixels
 from chmarl_pb.robots.execution import Snapshot
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Pose, Vector, World

@@ -1,6 +1,6 @@
 """Convex solids: the collision geometry of a home as polygons, heights and half-spaces.
 
-All functions are vectorised NumPy on world coordinates (metres, z up). A mesh counts as its convex
+All functions are vectorised NumPy, or compiled, on world coordinates (metres, z up). A mesh counts as its convex
 hull, which is also what PyBullet makes of a collision mesh.
 """
 
@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
+
+from chmarl_pb.compiled import compiled
 
 Points = NDArray[np.floating]
 
@@ -175,19 +177,31 @@ class Outlines:
             ends: (n, 2) their last ends.
             among: numbers of the polygons to test; by default all.
         """
-        normals = self._normals if among is None else self._normals[among]
-        offsets = self._offsets if among is None else self._offsets[among]
-        before = starts @ normals.reshape(-1, 2).T - offsets.ravel()
-        after = ends @ normals.reshape(-1, 2).T - offsets.ravel()
-        change = before - after
-        change[change == 0] = 1.0  # a segment along the edge: where it crosses is not asked
-        at = before / change
-        entry = np.where(before > 0, np.where(after > 0, np.inf, at), 0.0)
-        leave = np.where((before <= 0) & (after > 0), at, 1.0)
-        shape = (len(starts), *offsets.shape)
-        last_entry = entry.reshape(shape).max(axis=2, initial=0.0)
-        crosses: NDArray[np.bool_] = last_entry <= leave.reshape(shape).min(axis=2, initial=1.0)
+        if among is None:
+            among = np.arange(len(self._offsets))
+        starts, ends = np.ascontiguousarray(starts), np.ascontiguousarray(ends)
+        crosses = np.empty((len(starts), len(among)), np.bool_)
+        _find_crossed(self._normals, self._offsets, starts, ends, among, crosses)
         return crosses
+
+
+@compiled
+def _find_crossed(normals, offsets, starts, ends, among, crosses):  # type: ignore[no-untyped-def]
+    """Set ``crosses`` (n, m): a segment runs in a polygon from its last entry into a half-plane to its first exit."""
+    for row in range(len(starts)):
+        for column in range(len(among)):
+            polygon, entry, leave = among[column], 0.0, 1.0
+            for side in range(offsets.shape[1]):
+                x, y, offset = normals[polygon, side, 0], normals[polygon, side, 1], offsets[polygon, side]
+                before = starts[row, 0] * x + starts[row, 1] * y - offset
+                after = ends[row, 0] * x + ends[row, 1] * y - offset
+                if before > 0:
+                    entry = np.inf if after > 0 else max(entry, before / (before - after))
+                elif after > 0:
+                    leave = min(leave, before / (before - after))
+                if entry > leave:
+                    break
+            crosses[row, column] = entry <= leave
 
 
 def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:

@@ -34,6 +34,7 @@ class Space:
     _lattices: dict[Footprint, Lattice] = field(default_factory=dict)
     _approaches: dict[tuple[Footprint, Reach], Approaches] = field(default_factory=dict)
     _places: dict[tuple[str, Size], Points] = field(default_factory=dict)
+    _reached: dict[tuple[str, Size], dict[int, bool]] = field(default_factory=dict)
 
     @cached_property
     def lattice(self) -> Lattice:
@@ -85,9 +86,16 @@ class Space:
         key = (receptacle, size)
         if key not in self._places:
             found = [_places_on(surface, size) for surface in self.surfaces if surface.receptacle == receptacle]
-            # Column by column in memory: what asks for the places works on columns.
-            self._places[key] = np.asfortranarray(np.concatenate([np.zeros((0, 4)), *found]))
+            self._places[key] = np.concatenate([np.zeros((0, 4)), *found])
         return self._places[key]
+
+    def reaches(self, receptacle: str, size: Size, number: int) -> bool:
+        """Return whether the humanoid reaches an object at one of the places on a receptacle."""
+        known = self._reached.setdefault((receptacle, size), {})
+        if number not in known:
+            x, y, z, _ = self.places(receptacle, size)[number].tolist()
+            known[number] = self.stand(grip_point((x, y, z), size)) is not None
+        return known[number]
 
 
 def _places_on(surface: Surface, size: Size) -> Points:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
 from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, lens, view_matrix
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.home_views import HomeView, HomeViews, Shown, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Movables, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
-from chmarl_pb.rendering.triangles import clean_canvas
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 
@@ -58,7 +58,7 @@ class FastRenderer:
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
-        self._canvas = clean_canvas(VISIBILITY_SIZE)
+        self._canvas = canvas(VISIBILITY_SIZE)
         self._stands: dict[int, tuple[RobotState, Stand, bool]] = {}  # by the identity of the state
 
     def picture(self, robot: str, size: int) -> Picture:

@@ -1,12 +1,15 @@
 """Draws the empty home: all its things at rest, with the rasteriser that draws what moves."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.rendering import bounds, placing, raster
 from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
-from chmarl_pb.rendering.triangles import Lens, clean_canvas, depth_of
+from chmarl_pb.rendering.triangles import Floats, Lens, depth_of
 from chmarl_pb.world.bullet import pybullet
 
 _WHITE = 255
@@ -46,18 +49,23 @@ class HomeModel:
             size: width and height in pixels.
             colours: whether it has any, which takes twice the time.
         """
-        near, far = lens.planes
         side = size if colours else 0
         colour = np.full((side, side, 4), _WHITE, np.uint8)
-        depth = np.full((size, size), depth_of(-far, near, far), np.float32)
-        nothing = depth.copy()
-        nothing.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
-        links = np.full((size, size), -1, np.int32)
+        nothing, tiles = _nothing(size, *lens.planes.tolist())
+        depth, links = nothing.copy(), np.full((size, size), -1, np.int32)
         raster.picture(
-            self._shown, -1, self._models, self._placed, lens, light(), nothing, bounds.farthest(nothing),
-            clean_canvas(size), self._scratch, colours, colour, depth, links,
+            self._shown, -1, self._models, self._placed, lens, light(), nothing, tiles, canvas(size), self._scratch,
+            colours, colour, depth, links,
         )  # fmt: skip
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))
+
+
+@lru_cache(maxsize=16)
+def _nothing(size: int, near: float, far: float) -> tuple[Floats, Floats]:
+    """Return the depth of a picture of nothing, between a camera's planes, and its tiles."""
+    depth = np.full((size, size), depth_of(-np.float32(far), np.float32(near), np.float32(far)), np.float32)
+    depth.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
+    return depth, bounds.farthest(depth)
 
 
 def _pose(client: int, body: int, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

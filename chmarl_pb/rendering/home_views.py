@@ -30,6 +30,7 @@ from chmarl_pb.rendering.camera import Camera, Picture, camera_of, lens, render,
 from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_memory, view_store
+from chmarl_pb.rendering.visible_pixels import count_pixels
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Client, Vector, World, loaded_home
 from chmarl_pb.world.bullet import distribution, pybullet
@@ -88,11 +89,6 @@ class HomeView:
         """What it shows."""
         links = self.picture.segmentation
         return Shown(self.picture.depth, links, self.tiles, count_pixels(links, 0))
-
-
-def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
-    """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
-    return np.bincount(segmentation.ravel() + 1, minlength=length + 1)[1:]
 
 
 class HomeViews:

@@ -6,7 +6,7 @@ holds where the bodies of one world are, ready to be drawn; only what has moved 
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
+from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.home_views import HomeView
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
-from chmarl_pb.rendering.triangles import Canvas, clean_canvas
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspables, quiet
 from chmarl_pb.world.bullet import pybullet
@@ -200,7 +200,7 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
     depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
     raster.picture(
         present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
-        _canvas(size), bodies.scratch, True, colour.view(np.uint8).reshape(size, size, 4), depth, links,
+        canvas(size), bodies.scratch, True, colour.view(np.uint8).reshape(size, size, 4), depth, links,
     )  # fmt: skip
     return Picture(colour, depth, links)
 
@@ -211,12 +211,7 @@ def image_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> ND
     rgb = np.empty((size, size, 3), np.uint8)
     raster.copy_rgb(home.picture.colour.view(np.uint8).reshape(size, size, 4), rgb)
     raster.paint(
-        present, bodies.models, bodies.placed, home.lens, light(), home.picture.depth, home.tiles, _canvas(size),
+        present, bodies.models, bodies.placed, home.lens, light(), home.picture.depth, home.tiles, canvas(size),
         bodies.scratch, rgb,
     )  # fmt: skip
     return rgb
-
-
-@cache
-def _canvas(size: int) -> Canvas:
-    return clean_canvas(size)

@@ -8,6 +8,7 @@ import numpy as np
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent
+from chmarl_pb.rendering.canvas import wipe
 from chmarl_pb.rendering.placing import multiply
 from chmarl_pb.rendering.triangles import (
     ONE,
@@ -72,9 +73,11 @@ def draw_part(part, enough, models, sides, lens, home, canvas, scratch):  # type
             across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
             if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
                 a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
-                clean += cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.face)
+                clean += cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.nearness, canvas.face)
         elif behind < 3 and not outside(scratch[i], scratch[j], scratch[k]):
-            clean += cover_clipped(_rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.face)
+            clean += cover_clipped(
+                _rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.nearness, canvas.face
+            )
         if clean >= enough:
             break
     return clean
@@ -126,7 +129,8 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
     """
     size = home.shape[0]
     boxes = np.empty((len(bodies), 4), np.int64)
-    for number, body in enumerate(bodies):
+    for number in _nearest_first(bodies, placed.balls, lens.eye):
+        body = bodies[number]
         left, right, top, bottom = extent(placed.balls[body], lens, tiles, size)
         boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3] = left, right, top, bottom
         if right < left:
@@ -138,6 +142,25 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
 
 
 @compiled
+def _nearest_first(bodies, balls, eye):  # type: ignore[no-untyped-def]
+    """Return the places (n,) of bodies in their list, in the order in which they end before the camera.
+
+    What is near then hides what is behind it before that is drawn; floors and walls mostly come last.
+    """
+    order, distances = np.empty(len(bodies), np.int64), np.empty(len(bodies))
+    for number in range(len(bodies)):
+        ball, square = balls[bodies[number]], 0.0
+        for axis in range(3):
+            square += (ball[axis] - eye[axis]) ** 2
+        distance, place = np.sqrt(square) + ball[3], number
+        while place > 0 and distances[place - 1] > distance:
+            distances[place], order[place] = distances[place - 1], order[place - 1]
+            place -= 1
+        distances[place], order[place] = distance, number
+    return order
+
+
+@compiled
 def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, colour):  # type: ignore[no-untyped-def]
     """Draw bodies into a picture's ``colour`` (size, size, 3 or 4) alone.
 
@@ -145,7 +168,7 @@ def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, col
     """
     boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
     _shade(boxes, models, placed, light, canvas.face, scratch, colour)
-    _wipe(boxes, canvas.raw, canvas.face)
+    _wipe_all(boxes, canvas)
 
 
 @compiled
@@ -164,9 +187,9 @@ def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scr
         for column in range(left, right + 1):
             face = faces[row, column]
             if face >= 0:
-                depth[row, column] = depth_of(raw[row, column], near, far)
+                depth[row, column] = depth_of(np.float32(raw[row, column]), near, far)
                 links[row, column] = first + models.body[models.part[face]]
-    _wipe(boxes, raw, faces)
+    _wipe_all(boxes, canvas)
 
 
 @compiled
@@ -203,13 +226,12 @@ def _union(boxes):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _wipe(boxes, raw, faces):  # type: ignore[no-untyped-def]
+def _wipe_all(boxes, canvas):  # type: ignore[no-untyped-def]
     """Make a canvas clean again."""
     left, right, top, bottom = _union(boxes)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
-            faces[row, column] = -1
-            raw[row, column] = -np.inf
+            wipe(canvas, row, column)
 
 
 @compiled

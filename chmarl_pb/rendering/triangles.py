@@ -14,6 +14,8 @@ from chmarl_pb.compiled import compiled
 
 Floats = NDArray[np.float32]
 
+_SURELY = 1.001  # times as near: far more than rounding can matter
+_LARGE, _CLOSE = 1e4, 0.05  # pixels and metres beyond which rounding may matter more
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
@@ -45,23 +47,6 @@ class Light(NamedTuple):
     coefficients: Floats
 
 
-class Canvas(NamedTuple):
-    """What is drawn on, rows from the top.
-
-    Attributes:
-        raw: (size, size) TinyRenderer's own depth of what is drawn: minus infinity where nothing is.
-        face: (size, size) number of the triangle that is seen there, -1 for none.
-    """
-
-    raw: Floats
-    face: NDArray[np.int32]
-
-
-def clean_canvas(size: int) -> Canvas:
-    """Return a canvas with nothing drawn."""
-    return Canvas(np.full((size, size), -np.inf, np.float32), np.full((size, size), -1, np.int32))
-
-
 @compiled
 def dot4(a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """Return a product of two vectors, summed from the last entry on."""
@@ -75,14 +60,6 @@ def screen(x, w, half):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _weights(s0, s1, s2, w0, w1, w2):  # type: ignore[no-untyped-def]
-    """Return barycentric coordinates corrected for perspective."""
-    b0, b1, b2 = s0 / w0, s1 / w1, s2 / w2
-    total = (b0 + b1) + b2
-    return b0 / total, b1 / total, b2 / total
-
-
-@compiled
 def _barycentric(ax, ay, bx, by, cx, cy, uz, px, py):  # type: ignore[no-untyped-def]
     """Return a pixel's barycentric coordinates in a triangle of twice the area ``uz``; -1 first if it lies outside."""
     uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
@@ -93,7 +70,7 @@ def _barycentric(ax, ay, bx, by, cx, cy, uz, px, py):  # type: ignore[no-untyped
 
 
 @compiled
-def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[no-untyped-def]
+def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # type: ignore[no-untyped-def]
     """Take the pixels where a triangle is nearer than the empty home and than what is drawn already.
 
     Few arrays are passed, one by one: Numba counts a reference to each at every call.
@@ -107,8 +84,9 @@ def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[
         near: distance of the near plane, metres.
         far: distance of the far plane, metres.
         home: (size, size) depth of the empty home, in [0, 1].
-        raw: as in :class:`Canvas`.
-        faces: as in :class:`Canvas`.
+        raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.
@@ -122,38 +100,85 @@ def cover(a, b, c, clipped, face, near, far, home, raw, faces):  # type: ignore[
     if not (left <= right and low <= high and abs(area) > 1e-2):  # TinyRenderer leaves out slivers
         return 0
     nearest = depth_of(-min(a[2], b[2], c[2]), near, far) - np.float32(1e-6)  # but for rounding
-    for px in range(int(left), int(right) + 1):
-        first, final = _rows(x0, y0, x1, y1, x2, y2, float(px), low, high)
-        for py in range(first, final + 1):
-            row = size - 1 - py
-            if home[row, px] <= nearest:
+    deepest = depth_of(-max(a[2], b[2], c[2]), near, far) + np.float32(1e-6)
+    within = min(a[2], b[2], c[2]) > 0 and max(a[2], b[2], c[2]) < np.float32(0.999) * far  # surely of both planes
+    start, across, upwards = _plane(a, b, c, area, clipped)
+    slope0, slope1, slope2 = _slope(x0, y0, x1, y1), _slope(x1, y1, x2, y2), _slope(x2, y2, x0, y0)
+    # Rounding moves an edge by far less than this; columns that are tested in vain do no harm.
+    margin = 1e-3 + 1e-9 * (abs(x0) + abs(x1) + abs(x2))
+    for py in range(int(low), int(high) + 1):
+        row = size - 1 - py
+        least, greatest = _meet(x0, y0, y1, slope0, float(py), np.inf, -np.inf)
+        least, greatest = _meet(x1, y1, y2, slope1, float(py), least, greatest)
+        least, greatest = _meet(x2, y2, y0, slope2, float(py), least, greatest)
+        first, final = max(np.float64(left), np.ceil(least - margin)), min(np.float64(right), greatest + margin)
+        for px in range(int(first), int(final) + 1):
+            if home[row, px] <= nearest or start + across * px + upwards * py < nearness[row, px]:
                 continue
             s0, s1, s2 = _barycentric(x0, y0, x1, y1, x2, y2, area, np.float64(px), np.float64(py))
             if s0 < 0:
                 continue
-            b0, b1, b2 = _weights(s0, s1, s2, a[3], b[3], c[3])
-            own = -((c[2] * b2 + b[2] * b1) + a[2] * b0)
-            if raw[row, px] > own or (not clipped and (own < -far or own > near)):
+            b0, b1, b2 = s0 / a[3], s1 / b[3], s2 / c[3]  # corrected for perspective
+            total = (b0 + b1) + b2
+            own = -((c[2] * (b2 / total) + b[2] * (b1 / total)) + a[2] * (b0 / total))
+            if _is_hidden(own, face, raw[row, px], faces[row, px]):
                 continue
-            if depth_of(np.float32(own), near, far) < home[row, px]:  # at equal depth the home was there first
+            if not (clipped or within) and (own < -far or own > near):
+                continue
+            # At equal depth the home was there first.
+            if (within and deepest < home[row, px]) or depth_of(np.float32(own), near, far) < home[row, px]:
                 clean += faces[row, px] < 0
-                raw[row, px] = np.float32(own)
-                faces[row, px] = face
+                raw[row, px], nearness[row, px], faces[row, px] = own, total, face
     return clean
 
 
 @compiled
-def _rows(x0, y0, x1, y1, x2, y2, px, low, high):  # type: ignore[no-untyped-def]
-    """Return the first and last row from ``low`` to ``high`` in which a column of pixels can meet a triangle."""
-    least, greatest = np.inf, -np.inf
-    for ax, ay, bx, by in ((x0, y0, x1, y1), (x1, y1, x2, y2), (x2, y2, x0, y0)):
-        if min(ax, bx) <= px <= max(ax, bx):
-            y = ay + (px - ax) * (by - ay) / (bx - ax) if ax != bx else ay
-            least, greatest = min(least, y), max(greatest, y)
-    # Rounding moves an edge by far less than this; rows that are tested in vain do no harm.
-    margin = 1e-3 + 1e-9 * (abs(y0) + abs(y1) + abs(y2))
-    first, final = max(np.float64(low), np.ceil(least - margin)), min(np.float64(high), greatest + margin)
-    return int(first), int(final)
+def _plane(a, b, c, area, clipped):  # type: ignore[no-untyped-def]
+    """Return a plane over the picture that surely is not below the nearness of a triangle: at pixel (0, 0), and slopes.
+
+    Nearness is linear in the picture. What is nearer than the plane by ``_SURELY`` hides the triangle, however sums are
+    rounded. Triangles whose sums are of large terms, and those that reach behind the camera, have a plane of infinity.
+    """
+    large = max(abs(a[0]), abs(b[0]), abs(c[0]), abs(a[1]), abs(b[1]), abs(c[1])) > _LARGE
+    if clipped or large or abs(area) < 1 or min(a[3], b[3], c[3]) < _CLOSE:
+        return np.inf, 0.0, 0.0
+    x0, y0, x1, y1, x2, y2 = _doubles(a[0], a[1], b[0], b[1], c[0], c[1])
+    own = 1.0 / np.float64(a[3])
+    second, third = (1.0 / np.float64(b[3]) - own) / area, (1.0 / np.float64(c[3]) - own) / area
+    across, upwards = third * (y1 - y0) - second * (y2 - y0), second * (x2 - x0) - third * (x1 - x0)
+    start = own - across * x0 - upwards * y0
+    return start * _SURELY, across * _SURELY, upwards * _SURELY
+
+
+@compiled
+def _is_hidden(own, face, raw, other):  # type: ignore[no-untyped-def]
+    """Return whether a triangle does not show at a pixel where another one is drawn, whichever was drawn first.
+
+    TinyRenderer draws triangles in their order, and a later one covers those whose depths, rounded to single precision,
+    are not nearer than its own.
+    """
+    kept, new = np.float32(raw), np.float32(own)
+    if kept != new:
+        return kept > new
+    covers, covered = own >= new, raw >= kept
+    if covers and covered:
+        return face < other
+    return covered or (not covers and face > other)
+
+
+@compiled
+def _slope(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Return by how much an edge moves to the right from one row of pixels to the next one above it."""
+    return (bx - ax) / (by - ay) if ay != by else 0.0
+
+
+@compiled
+def _meet(ax, ay, by, slope, py, least, greatest):  # type: ignore[no-untyped-def]
+    """Return the least and the greatest column with that in which an edge crosses a row of pixels, if it does."""
+    if min(ay, by) <= py <= max(ay, by):
+        x = ax + (py - ay) * slope
+        least, greatest = min(least, x), max(greatest, x)
+    return least, greatest
 
 
 @compiled
@@ -176,7 +201,7 @@ def corner_of(row):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-untyped-def]
+def cover_clipped(rows, face, near, far, home, raw, nearness, faces):  # type: ignore[no-untyped-def]
     """Take the pixels of what is left of a triangle that reaches behind the camera; see :func:`cover`.
 
     Args:
@@ -185,8 +210,9 @@ def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-u
         near: distance of the near plane, metres.
         far: distance of the far plane, metres.
         home: depth of the empty home.
-        raw: as in :class:`Canvas`.
-        faces: as in :class:`Canvas`.
+        raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.
@@ -198,7 +224,7 @@ def cover_clipped(rows, face, near, far, home, raw, faces):  # type: ignore[no-u
         points[i, 0], points[i, 1] = screen(points[i, 0], points[i, 3], half), screen(points[i, 1], points[i, 3], half)
     for i in range(1, count - 1):
         a, b, c = corner_of(points[0]), corner_of(points[i]), corner_of(points[i + 1])
-        clean += cover(a, b, c, count > 0, face, near, far, home, raw, faces)
+        clean += cover(a, b, c, count > 0, face, near, far, home, raw, nearness, faces)
     return clean
 
 
@@ -233,8 +259,9 @@ def weights_at(rows, px, py):  # type: ignore[no-untyped-def]
     s0, s1, s2 = np.float64(-1), np.float64(1), np.float64(1)
     if abs(uz) > 1e-2:
         s0, s1, s2 = 1.0 - (ux + uy) / uz, uy / uz, ux / uz
-    b0, b1, b2 = _weights(s0, s1, s2, rows[0, 3], rows[1, 3], rows[2, 3])
-    return np.float32(b0), np.float32(b1), np.float32(b2)
+    b0, b1, b2 = s0 / rows[0, 3], s1 / rows[1, 3], s2 / rows[2, 3]
+    total = (b0 + b1) + b2
+    return np.float32(b0 / total), np.float32(b1 / total), np.float32(b2 / total)
 
 
 @compiled
@@ -259,4 +286,5 @@ def brightness(normals, b0, b1, b2, light):  # type: ignore[no-untyped-def]
     rx, ry, rz = x * twice - lx, y * twice - ly, z * twice - lz
     mirrored = rz * (ONE / np.sqrt((rx * rx + ry * ry) + rz * rz))
     diffuse, specular, exponent = light.coefficients[1], light.coefficients[2], light.coefficients[3]
-    return light.coefficients[0], diffuse * max(ZERO, towards) + specular * max(mirrored, ZERO) ** exponent
+    shine = mirrored**exponent if mirrored > ZERO else ZERO
+    return light.coefficients[0], diffuse * max(ZERO, towards) + specular * shine

@@ -5,11 +5,35 @@ it could hide one of the home's things that few pixels show.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent
+from chmarl_pb.rendering.canvas import wipe
 from chmarl_pb.rendering.raster import SAFE, draw_part, project
-from chmarl_pb.rendering.triangles import TWO
+from chmarl_pb.rendering.triangles import TWO, depth_of
+
+_ROUNDING = 2e-6  # of depths in [0, 1]: far more than it can be
+
+
+def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
+    """Return how often each value from 0 stands in a segmentation, at least ``length`` of them."""
+    counts: NDArray[np.int64] = _count(segmentation, length)
+    return counts
+
+
+@compiled
+def _count(segmentation, length):  # type: ignore[no-untyped-def]
+    most = length - 1
+    for row in segmentation:
+        for value in row:
+            most = max(most, int(value))
+    counts = np.zeros(most + 1, np.int64)
+    for row in segmentation:
+        for value in row:
+            if value >= 0:
+                counts[value] += 1
+    return counts
 
 
 @compiled
@@ -44,32 +68,42 @@ def count(bodies, first, enough, models, placed, lens, home, canvas, scratch, pi
         scratch: room for the corners, see :func:`chmarl_pb.rendering.raster.draw`.
         pixels: (things,) zeros, set to the counts.
     """
-    size = home.depth.shape[0]
-    boxes, tight = np.empty((len(bodies), 4), np.int64), np.zeros(len(bodies), np.bool_)
-    for number, body in enumerate(bodies):
-        box = boxes[number]
-        box[0], box[1], box[2], box[3] = extent(placed.balls[body], lens, home.tiles, size)
-    for number, body in enumerate(bodies):
-        if _overlaps(number, boxes):
-            _tighten(body, models, placed, lens, size, scratch, boxes[number])
-            tight[number] = True
+    enough_for_all = home.depth.size + 1
+    shown, boxes = _in_view(bodies, models, placed, lens, home, scratch)
     left = _left_over(boxes, home)
-    for number, body in enumerate(bodies):
-        if boxes[number, 1] >= boxes[number, 0]:
-            whole = _overlaps(number, boxes) or _endangers(boxes[number], home, left, enough)
-            wanted = size * size + 1 if whole else enough
-            _draw(body, wanted, tight[number], models, placed, lens, home.depth, canvas, scratch)
+    for number, body in enumerate(shown):
+        whole = _overlaps(number, boxes) or _endangers(boxes[number], home, left, enough)
+        _draw(body, enough_for_all if whole else enough, models, placed, lens, home.depth, canvas, scratch)
     for thing in range(len(home.pixels)):
         pixels[thing] = home.pixels[thing]
-    for number in range(len(bodies)):
-        _take_off(boxes[number], first, models, home.links, canvas, pixels)
+    for box in boxes:
+        _take_off(box, first, models, home.links, canvas, pixels)
+
+
+@compiled
+def _in_view(bodies, models, placed, lens, home, scratch):  # type: ignore[no-untyped-def]
+    """Project the bodies that may be seen; return their numbers (k,) and the pixels (k, 4) in which their corners lie.
+
+    The pixels are as first and last column, first and last row.
+    """
+    shown, boxes = np.empty(len(bodies), np.int64), np.empty((len(bodies), 4), np.int64)
+    count, size = 0, len(home.depth)
+    for body in bodies:
+        box = boxes[count]
+        box[0], box[1], box[2], box[3] = extent(placed.balls[body], lens, home.tiles, size)
+        if box[1] >= box[0]:
+            for part in range(models.first_part[body], models.first_part[body + 1]):
+                project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
+            nearest = _tighten(body, models, lens, size, scratch, box)
+            if not _is_behind(nearest, box, home.depth):
+                shown[count] = body
+                count += 1
+    return shown[:count], boxes[:count]
 
 
 @compiled
 def _overlaps(number, boxes):  # type: ignore[no-untyped-def]
     """Return whether one box has pixels in common with another."""
-    if boxes[number, 1] < boxes[number, 0]:
-        return False
     for other in range(len(boxes)):
         across = boxes[number, 0] <= boxes[other, 1] and boxes[other, 0] <= boxes[number, 1]
         if other != number and across and boxes[number, 2] <= boxes[other, 3] and boxes[other, 2] <= boxes[number, 3]:
@@ -78,10 +112,13 @@ def _overlaps(number, boxes):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _tighten(body, models, placed, lens, size, scratch, box):  # type: ignore[no-untyped-def]
-    """Project a body, and cut a box down to the pixels in which its corners lie; 0, -1, 0, -1 if there are none."""
-    _project(body, models, placed, lens, size, scratch)
-    low_x, low_y, high_x, high_y, ahead = np.inf, np.inf, -np.inf, -np.inf, True
+def _tighten(body, models, lens, size, scratch, box):  # type: ignore[no-untyped-def]
+    """Cut a box down to the pixels in which the corners of a projected body lie; to none if it is not in view.
+
+    Returns:
+        A depth in [0, 1] than which nothing of it is nearer.
+    """
+    low_x, low_y, high_x, high_y, near_z, ahead = np.inf, np.inf, -np.inf, -np.inf, np.inf, True
     left, right, low, high = True, True, True, True  # whether all corners lie beyond that side of the picture
     first, last = models.first_part[body], models.first_part[body + 1]
     for row in scratch[models.first_vertex[first] : models.first_vertex[last]]:
@@ -92,20 +129,26 @@ def _tighten(body, models, placed, lens, size, scratch, box):  # type: ignore[no
             low and y < -w - SAFE,
             high and y > w + SAFE,
         )
-        ahead = ahead and w > 0
+        ahead, near_z = ahead and w > 0, min(near_z, np.float64(row[2]))
         low_x, low_y = min(low_x, np.float64(row[0])), min(low_y, np.float64(row[1]))
         high_x, high_y = max(high_x, np.float64(row[0])), max(high_y, np.float64(row[1]))
-    if ahead:  # a corner behind the camera lies anywhere in the picture
-        box[0], box[1] = int(max(box[0], np.ceil(low_x))), int(min(box[1], np.floor(high_x)))
-        box[2], box[3] = int(max(box[2], size - 1 - np.floor(high_y))), int(min(box[3], size - 1 - np.ceil(low_y)))
-    if left or right or low or high or box[1] < box[0] or box[3] < box[2]:
+    if left or right or low or high:
         box[0], box[1], box[2], box[3] = 0, -1, 0, -1
+    if not ahead:  # a corner behind the camera lies anywhere in the picture
+        return -np.inf
+    box[0], box[1] = int(max(box[0], np.ceil(low_x))), int(min(box[1], np.floor(high_x)))
+    box[2], box[3] = int(max(box[2], size - 1 - np.floor(high_y))), int(min(box[3], size - 1 - np.ceil(low_y)))
+    return np.float64(depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1])) - _ROUNDING
 
 
 @compiled
-def _project(body, models, placed, lens, size, scratch):  # type: ignore[no-untyped-def]
-    for part in range(models.first_part[body], models.first_part[body + 1]):
-        project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
+def _is_behind(nearest, box, depth):  # type: ignore[no-untyped-def]
+    """Return whether the home hides all of a box that has nothing nearer than a depth; so it does an empty box."""
+    for row in range(box[2], box[3] + 1):
+        for column in range(box[0], box[1] + 1):
+            if depth[row, column] > nearest:
+                return False
+    return True
 
 
 @compiled
@@ -132,10 +175,8 @@ def _endangers(box, home, left, enough):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _draw(body, enough, projected, models, placed, lens, depth, canvas, scratch):  # type: ignore[no-untyped-def]
-    """Draw a body until it has ``enough`` pixels."""
-    if not projected:
-        _project(body, models, placed, lens, len(depth), scratch)
+def _draw(body, enough, models, placed, lens, depth, canvas, scratch):  # type: ignore[no-untyped-def]
+    """Draw a projected body until it has ``enough`` pixels."""
     for part in range(models.first_part[body], models.first_part[body + 1]):
         enough -= draw_part(part, enough, models, placed.sides, lens, depth, canvas, scratch)
         if enough <= 0:
@@ -153,5 +194,4 @@ def _take_off(box, first, models, links, canvas, pixels):  # type: ignore[no-unt
             pixels[first + models.body[models.part[face]]] += 1
             if links[row, column] >= 0:
                 pixels[links[row, column]] -= 1
-            canvas.face[row, column] = -1
-            canvas.raw[row, column] = -np.inf
+            wipe(canvas, row, column)

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.reach import REACH
 from chmarl_pb.robots.motors import Array, Configuration, Motors, Postures, from_base
-from chmarl_pb.robots.rounding import rounded
+from chmarl_pb.robots.postures import BEST_PITCH, Measures, find_all, find_best
 from chmarl_pb.world import Pose
 from chmarl_pb.world.bullet import pybullet as p
 
@@ -42,9 +42,6 @@ LINKS = ("shoulder", "forearm", "wrist", "grasp")
 OPEN = 0.05
 _GAP = 0.008  # metres between an open finger and an object
 
-#: Gripper pitch (down is positive) that a solution prefers.
-BEST_PITCH = np.radians(45)
-
 #: The grid of choices: torso lift, gripper pitch, gripper yaw off the line from the shoulder, elbow swivel (0 is
 #: down, negative is outward).
 _CHOICES = np.stack(
@@ -57,6 +54,21 @@ _CHOICES = np.stack(
     ),
     axis=-1,
 ).reshape(-1, 4)
+
+
+def _floors(choices: Array) -> Array:
+    """Return costs (n,) that postures of choices are never below.
+
+    It is what :func:`chmarl_pb.robots.postures.find_posture` adds up without the terms that depend on the target, none
+    of which is negative.
+    """
+    lift, pitch, offset, swivel = choices.T
+    costs: Array = (pitch - BEST_PITCH) ** 2 + 0.5 * offset**2 + lift**2 + 0.1 * (swivel + 0.8) ** 2
+    return costs - 1e-9  # rounding
+
+
+_ORDER = np.argsort(_floors(_CHOICES), kind="stable")  # the most comfortable first
+_COMFORTABLE, _FLOORS = _CHOICES[_ORDER], _floors(_CHOICES)[_ORDER]
 
 
 class Arm(Motors):
@@ -132,20 +144,16 @@ class Arm(Motors):
         Returns:
             A configuration within the joint limits with the gripper level to straight down, or None.
         """
-        point = from_base(target, base)
-        best, least = None, np.inf
-        for block, floor in _BLOCKS:
-            if least <= floor:
-                break
-            poses, costs = self._postures(point, block)
-            if len(poses) and costs.min() < least:
-                best, least = poses[np.argmin(costs)], costs.min()
-        return None if best is None else (*best.tolist(), OPEN, OPEN)
+        best = np.empty(len(JOINTS) - self.fingers)
+        cost = find_best(from_base(target, base), _COMFORTABLE, _FLOORS, self._measures, best)
+        return (*best.tolist(), OPEN, OPEN) if np.isfinite(cost) else None
 
     def solutions(self, target: ArrayLike, base: Pose) -> Array:
         """Return all configurations (n, joints) of the grid that reach a target as :meth:`solve`'s, the best first."""
-        poses, costs = self._postures(from_base(target, base), _CHOICES)
-        return np.column_stack([poses, np.full((len(poses), 2), OPEN)])[np.argsort(costs, kind="stable")]
+        found, costs = np.full((len(_CHOICES), len(JOINTS)), OPEN), np.empty(len(_CHOICES))
+        find_all(from_base(target, base), _CHOICES, self._measures, found, costs)
+        best_first = np.argsort(costs, kind="stable")
+        return found[best_first[: np.isfinite(costs).sum()]]
 
     def opening(self, width: float) -> Configuration:
         """Return where the fingers are when they reach for an object of a width in metres."""
@@ -166,119 +174,6 @@ class Arm(Motors):
         indices = [links[name] for name in LINKS]
         states = p.getLinkStates(self.body, indices, computeForwardKinematics=True, physicsClientId=self.client)
         places = np.round((np.array([state[4] for state in states]) - base) @ rotation, 6)
-        self._shoulder = places[0]
-        self._upper, self._fore, self._hand = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        self._measures = Measures(places[0], lengths, self.lower[: -self.fingers], self.upper[: -self.fingers])
         self.set(before)
-
-    def _postures(self, point: Array, choices: Array) -> tuple[Array, Array]:
-        """Return the allowed postures (n, 8) of some choices for a point in the humanoid's frame, and costs (n,)."""
-        lift, pitch, offset = choices[:, :3].T
-        shoulder = self._shoulder + lift[:, None] * (0.0, 0.0, 1.0)
-        yaw = np.arctan2(*(point - self._shoulder)[1::-1]) + offset
-        hand = _hand_frames(yaw, pitch)
-        span = point + self._hand * hand[:, :, 2] - shoulder
-        length = np.linalg.norm(span, axis=1)
-        bend = (length**2 - self._upper**2 - self._fore**2) / (2 * self._upper * self._fore)
-        keep = np.flatnonzero((bend < 0.9995) & (bend > np.cos(self.upper[4])) & (np.hypot(*span.T[:2]) > 1e-6))
-        shoulder, span, hand, choice = shoulder[keep], span[keep], hand[keep], choices[keep]
-        elbow = np.arccos(bend[keep])
-        upper, fore = self._limbs(span, length[keep], choice[:, 3])
-        arm = _frames(fore, -upper)
-        wrist = np.swapaxes(arm @ _turns_y(-elbow), 1, 2) @ hand
-        poses = rounded(np.column_stack([choice[:, 0], _shoulder_angles(arm), elbow, _wrist_angles(wrist)]))
-        joint = shoulder + self._upper * upper
-        allowed = ((poses >= self.lower[:8]) & (poses <= self.upper[:8])).all(axis=1)
-        allowed &= _clear(joint, shoulder + span, point, choice[:, 0])
-        poses, choice, above = poses[allowed], choice[allowed], joint[allowed, 2] - point[2]
-        return poses, rounded(self._costs(poses, choice, offset[keep][allowed], above))
-
-    def _limbs(self, span: Array, length: Array, swivel: Array) -> tuple[Array, Array]:
-        """Return the unit directions of upper arm and forearm that bridge shoulder to wrist, elbow at a swivel."""
-        ahead = span / length[:, None]
-        below = _unit(ahead * ahead[:, 2:] - (0.0, 0.0, 1.0))
-        elbow = np.cos(swivel)[:, None] * below + np.sin(swivel)[:, None] * np.cross(ahead, below)
-        cosine = (self._upper**2 + length**2 - self._fore**2) / (2 * self._upper * length)
-        upper = cosine[:, None] * ahead + np.sqrt(1 - cosine**2)[:, None] * elbow
-        return upper, (span - self._upper * upper) / self._fore
-
-    def _costs(self, poses: Array, choice: Array, offset: Array, above: Array) -> Array:
-        """Return how uncomfortable postures are.
-
-        Args:
-            poses: postures, shape (n, 8).
-            choice: their rows of the grid.
-            offset: gripper yaw off the line from the shoulder.
-            above: height of the elbow above the target; the arm should come from above.
-        """
-        middle, half = (self.upper + self.lower)[1:8] / 2, (self.upper - self.lower)[1:8] / 2
-        strain = (((poses[:, 1:] - middle) / half) ** 8).sum(axis=1)
-        effort = (choice[:, 1] - BEST_PITCH) ** 2 + 0.5 * offset**2 + choice[:, 0] ** 2
-        cost: Array = effort + strain + 4.0 * np.maximum(0.05 - above, 0.0) + 0.1 * (choice[:, 3] + 0.8) ** 2
-        return cost
-
-
-def _blocks(choices: Array) -> list[tuple[Array, float]]:
-    """Return choices in blocks, the most comfortable first, each with a cost that none of it and none after is below.
-
-    It is what :meth:`Arm._costs` adds up without the terms that depend on the target, none of which is negative.
-    """
-    lift, pitch, offset, swivel = choices.T
-    costs = (pitch - BEST_PITCH) ** 2 + 0.5 * offset**2 + lift**2 + 0.1 * (swivel + 0.8) ** 2
-    order = np.argsort(costs, kind="stable")
-    blocks = np.split(order, (160, 500, 1200))
-    return [(choices[block], float(costs[block[0]]) - 1e-9) for block in blocks]  # 1e-9: rounding
-
-
-_BLOCKS = _blocks(_CHOICES)
-
-
-def _hand_frames(yaw: Array, pitch: Array) -> Array:
-    """Return hand rotations (n, 3, 3): the gripper points along -z at a yaw and a pitch down, its y axis is level."""
-    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
-    out = np.stack([cp * cy, cp * sy, -sp], axis=1)
-    level = np.stack([-sy, cy, np.zeros_like(sy)], axis=1)
-    return np.stack([np.cross(out, level), level, -out], axis=2)
-
-
-def _frames(forward: Array, up: Array) -> Array:
-    """Return rotations (n, 3, 3) with z = ``up`` and x as near to ``forward`` as can be."""
-    x = _unit(forward - (forward * up).sum(axis=1, keepdims=True) * up)
-    return np.stack([x, np.cross(up, x), up], axis=2)
-
-
-def _turns_y(angle: Array) -> Array:
-    """Return rotations (n, 3, 3) about y."""
-    c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
-    return np.stack([c, zero, s, zero, one, zero, -s, zero, c], axis=1).reshape(-1, 3, 3)
-
-
-def _shoulder_angles(turn: Array) -> Array:
-    """Return pitch, roll and upper arm roll (n, 3) of rotations Ry(-pitch) Rx(roll) Rz(upper arm roll)."""
-    pitch = -np.arctan2(turn[:, 0, 2], turn[:, 2, 2])
-    return np.column_stack([pitch, -np.arcsin(turn[:, 1, 2].clip(-1, 1)), np.arctan2(turn[:, 1, 0], turn[:, 1, 1])])
-
-
-def _wrist_angles(turn: Array) -> Array:
-    """Return forearm roll, pitch and roll (n, 3) of rotations Rz(forearm roll) Ry(-pitch) Rx(roll)."""
-    roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
-    return np.column_stack([np.arctan2(turn[:, 1, 0], turn[:, 0, 0]), np.arcsin(turn[:, 2, 0].clip(-1, 1)), roll])
-
-
-def _clear(elbow: Array, wrist: Array, grasp: Array, lift: Array) -> NDArray[np.bool_]:
-    """Tell which arms keep off the robot's own base, column, trunk and head.
-
-    The robot is taken as three upright cylinders: the base up to 0.37 m, the column, and all above the trunk's
-    lower edge, which rises with the lift. Each counts with the arm's own thickness added.
-    """
-    clear = np.ones(len(lift), dtype=bool)
-    for point in (elbow, (elbow + wrist) / 2, wrist, (wrist + grasp) / 2, np.broadcast_to(grasp, wrist.shape)):
-        height = point[:, 2]
-        radius = np.where(height < 0.37, 0.28, np.where(height < 0.74 + lift, 0.12, 0.20))
-        clear &= np.hypot(point[:, 0], point[:, 1]) > radius
-    return clear
-
-
-def _unit(vectors: Array) -> Array:
-    """Scale vectors (n, 3) to length 1."""
-    units: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return units

@@ -10,20 +10,21 @@ from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.homes.home import Home
-from chmarl_pb.navigation.free_space import Space, grip_point
+from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
+from chmarl_pb.tasks.arrangement import Arrangement
 from chmarl_pb.tasks.lookalike_task import LookalikeTask
 from chmarl_pb.tasks.sampling import may_stand
 from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
-from chmarl_pb.world import Objects, World, yaw_quaternion
+from chmarl_pb.world import Objects, World
 
 DISTRACTORS = 18  # other objects that dress the home in every task
 _PLACES, _STARTS, _STATES = 0, 3, 4  # streams of a task's seed; words use 1 and 2
 _KEPT = 2048  # layouts of one home, 8 kB each
-_TRIES = 40  # places that are drawn for one object before its receptacle counts as full
+_RECEPTACLES_TRIED = 6  # for each of the distractors
 
 
 @dataclass(frozen=True)
@@ -110,23 +111,24 @@ def _goal(world: World, home: Home, move: Task) -> Goal:
 
 
 def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...], goals: tuple[Goal, ...]) -> Layout:
-    """Draw a task's layout, with the objects put into the world one by one."""
+    """Draw a task's layout; nothing changes in the world."""
     # Streams of their own: a new state in the catalogue moves nothing, a new object no robot.
     things, moods = (np.random.default_rng([task.seed, stream]) for stream in (_PLACES, _STATES))
-    world.clear()
+    laid = Arrangement(world, space, things)
     for move in moves:
         sources = list(receptacles_of(space.home, move.source))
         things.shuffle(sources)
-        if not any(put_somewhere(world, space, move.item, source, things) for source in sources):
+        if not any(laid.put(move.item, source) for source in sources):
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
     targets = {name for goal in goals for name in goal.receptacles}
     items = [goal.item for goal in goals]
     if isinstance(task, LookalikeTask):
-        items += _add_lookalikes(world, space, task, things)
-    _dress(world, space, task, items, targets, things)
-    return Layout(world.state.objects, _states(space.home, world.objects, moods))
+        items += _add_lookalikes(laid, space.home, task, things)
+    _dress(laid, space.home, task, items, targets, things)
+    objects = [name for name in world.physics.objects if name in laid.objects.poses]
+    return Layout(laid.objects, _states(space.home, objects, moods))
 
 
 @lru_cache(maxsize=_KEPT)
@@ -158,60 +160,50 @@ def receptacles_of(home: Home, class_name: str) -> tuple[str, ...]:
     return names
 
 
-def put_somewhere(world: World, space: Space, item: str, receptacle: str, rng: np.random.Generator) -> bool:
-    """Put an object on a free place of a receptacle within the arm's reach, uniformly; False if none is found."""
-    size = world.size(item)
-    places = space.places(receptacle, size)
-    free = np.flatnonzero(~world.taken(places, size))
-    for number in rng.permutation(free)[:_TRIES].tolist():
-        x, y, z, yaw = places[number].tolist()
-        if space.stand(grip_point((x, y, z), size)) is not None:
-            world.place(item, (x, y, z), yaw_quaternion(yaw), receptacle)
-            return True
-    return False
-
-
-def _add_lookalikes(world: World, space: Space, task: LookalikeTask, rng: np.random.Generator) -> list[str]:
+def _add_lookalikes(laid: Arrangement, home: Home, task: LookalikeTask, rng: np.random.Generator) -> list[str]:
     """Put lookalikes of X, and decoys, on receptacles drawn uniformly; return their names.
 
     Raises:
         TaskError: there is no place for a lookalike of X.
     """
-    receptacles, known = list(space.home.receptacles), space.home.catalog
     placed = []
     for item in (*task.lookalikes, *task.decoys):
-        order = [
-            name for name in rng.permutation(receptacles).tolist()
-            if may_stand(known, catalog.class_of(item), catalog.class_of(name))
-        ]  # fmt: skip
-        if any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order):
+        if _put_on_any(laid, item, _in_random_order(home, rng), home.catalog):
             placed.append(item)
         elif item in task.lookalikes:
-            raise TaskError(f"task {task.id!r}: no receptacle of {space.home.name} has a reachable place for {item}")
+            raise TaskError(f"task {task.id!r}: no receptacle of {home.name} has a reachable place for {item}")
     return placed
 
 
 def _dress(
-    world: World, space: Space, task: AnyTask, items: list[str], targets: set[str], rng: np.random.Generator
+    laid: Arrangement, home: Home, task: AnyTask, items: list[str], targets: set[str], rng: np.random.Generator
 ) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit.
 
     What stands beside the objects to be moved counts among them.
     """
-    receptacles, known = np.array(list(space.home.receptacles)), space.home.catalog
+    known = home.catalog
     # The benchmark's tasks are dressed as ever, whatever objects a user has.
     own = set(map(catalog.class_of, items))
     classes = [name for name in (BENCHMARK if split_of(task.id) else known).graspables if name not in own]
     placed = len(items) - len(task.moves)
     for item in rng.permutation([_one_of(known, name, rng) for name in classes]).tolist():
-        order = [
-            name for name in rng.permutation(receptacles)[:6].tolist()
-            if may_stand(known, catalog.class_of(item), catalog.class_of(name))
-        ]  # fmt: skip
-        placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
+        placed += _put_on_any(laid, item, _in_random_order(home, rng)[:_RECEPTACLES_TRIED], known)
         if placed == DISTRACTORS:
             return
-    _clear(world, items, targets)
+    laid.keep(_left_when_full(laid.objects, items, targets))
+
+
+def _in_random_order(home: Home, rng: np.random.Generator) -> list[str]:
+    """Return the names of a home's receptacles in a random order."""
+    names = list(home.receptacles)
+    return [names[number] for number in rng.permutation(len(names)).tolist()]
+
+
+def _put_on_any(laid: Arrangement, item: str, receptacles: list[str], known: Catalog) -> bool:
+    """Put an object on the first of some receptacles that may have it and has a place; False if none has."""
+    kind = catalog.class_of(item)
+    return any(may_stand(known, kind, catalog.class_of(name)) and laid.put(item, name) for name in receptacles)
 
 
 def _one_of(known: Catalog, class_name: str, rng: np.random.Generator) -> str:
@@ -220,13 +212,13 @@ def _one_of(known: Catalog, class_name: str, rng: np.random.Generator) -> str:
     return names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]
 
 
-def _clear(world: World, items: list[str], targets: set[str]) -> None:
-    """Take every second object, and all on the targets, out of a home that is full: X is to find a place on Y."""
-    objects = world.state.objects
+def _left_when_full(objects: Objects, items: list[str], targets: set[str]) -> list[str]:
+    """Return what stays of the objects of a home that is full, so that X finds a place on Y.
+
+    All others on the targets are taken out, and every second of the rest.
+    """
     others = [name for name, on in objects.supports.items() if name not in items and on.receptacle not in targets]
-    names = [*items, *others[::2]]
-    supports = {name: objects.supports[name] for name in names if name in objects.supports}
-    world.arrange(Objects({name: objects.poses[name] for name in names}, supports))
+    return [*items, *others[::2]]
 
 
 def _states(home: Home, objects: list[str], rng: np.random.Generator) -> tuple[str, ...]:

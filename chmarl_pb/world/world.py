@@ -11,7 +11,7 @@ from chmarl_pb.world.bodies import Pose, Vector
 from chmarl_pb.world.client import Uncopied
 from chmarl_pb.world.physics import Physics, RobotBody
 from chmarl_pb.world.state import Grip, Objects, RobotState, Support, WorldState
-from chmarl_pb.world.touch import touching
+from chmarl_pb.world.touch import box_of, touching
 
 
 class World(Uncopied):
@@ -186,8 +186,9 @@ class World(Uncopied):
             ignoring: names of objects that do not count; those in grippers never do.
         """
         skipped = {*ignoring, *self.state.held}
-        others = [(pose, self.size(name)) for name, pose in self.state.objects.poses.items() if name not in skipped]
-        return touching(places, size, others)
+        poses = self.state.objects.poses
+        boxes = [box_of(pose, self.size(name)) for name, pose in poses.items() if name not in skipped]
+        return touching(places, size, np.array(boxes, dtype=np.float64).reshape(-1, 7))
 
     # Holding
 

@@ -3,16 +3,21 @@
 A failure names the first pixel that is wrong and says what it should show.
 """
 
+from random import Random
+
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from chmarl_pb.rendering.bounds import TILE, extent, farthest, may_show
-from chmarl_pb.rendering.home_views import Shown, count_pixels
+from chmarl_pb.rendering.canvas import Canvas, clean_canvas
+from chmarl_pb.rendering.home_views import Shown
 from chmarl_pb.rendering.placing import Models, Placed, lens_of, put
 from chmarl_pb.rendering.raster import draw, paint
-from chmarl_pb.rendering.triangles import Canvas, Lens, Light, clean_canvas, depth_of
-from chmarl_pb.rendering.visible_pixels import count
+from chmarl_pb.rendering.triangles import Lens, Light, depth_of
+from chmarl_pb.rendering.visible_pixels import count, count_pixels
 
 SIZE, NEAR, FAR = 32, 0.1, 10.0
 UPRIGHT = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # position and quaternion of the frame of the world
@@ -137,6 +142,30 @@ def test_the_nearer_of_two_triangles_is_seen_whichever_is_drawn_first(order: tup
     far = np.isnan(cast(both[1])[0]) & ~cast(both[1])[1]
     assert (canvas.face[near] == order.index(1)).all(), "the farther one hides the nearer"
     assert (canvas.face[far] == order.index(0)).all(), "the farther one is missing beside the nearer"
+
+
+corner = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-0.2, -1.0, -2.0, -4.0)) | st.floats(-9, 0.5))
+triangles = st.tuples(corner, corner, corner).map(list)
+
+
+@settings(max_examples=60, deadline=None)
+@example([[(0.0, -1.0, -0.2), (1.0, 0.0, -0.2), (-1.0, 1.0, 0.0)]] * 2, False, Random(0))  # a corner beside the eye
+@given(st.lists(triangles, min_size=2, max_size=5), st.booleans(), st.randoms(use_true_random=False))
+def test_any_order_of_drawing_shows_what_tinyrenderer_shows(shapes: list[Corners], again: bool, rng: Random) -> None:
+    shapes = shapes + shapes[:1] * again  # of two in one place the later one is seen
+    alone = [drawn(shape) for shape in shapes]
+    face, raw = np.full((SIZE, SIZE), -1), np.full((SIZE, SIZE), -np.inf)
+    for number, canvas in enumerate(alone):
+        shown = (canvas.face == 0) & ~(raw.astype(np.float32) > canvas.raw)
+        face[shown], raw[shown] = number, canvas.raw[shown]
+    models, placed = scene(*shapes)
+    canvas, depth = clean_canvas(SIZE), np.ones((SIZE, SIZE), np.float32)
+    scratch = np.empty((len(models.vertices), 6), np.float32)
+    for number in rng.sample(range(len(shapes)), len(shapes)):
+        draw(np.array([number]), models, placed, camera(), depth, farthest(depth), canvas, scratch)
+    assert (canvas.face == face).all() and (canvas.raw == raw).all()
+    together = drawn(*shapes)
+    assert (together.face == face).all() and (together.raw == raw).all()
 
 
 @pytest.mark.parametrize(("distance", "seen"), [(1.9, False), (2.0, False), (2.1, True)])

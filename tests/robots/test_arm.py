@@ -212,11 +212,11 @@ def test_build_reproduces_the_committed_files(tmp_path: Path) -> None:
 
 @settings(max_examples=30)
 @given(base=anywhere, target=inside)
-def test_solving_block_by_block_finds_the_best_of_all_choices(
+def test_solving_as_far_as_needed_finds_the_best_of_all_choices(
     arm: Arm, base: tuple[float, float, float], target: tuple[float, float, float]
 ) -> None:
     move_base(arm, *base)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arm_module, "_BLOCKS", [(arm_module._CHOICES, 0.0)])
+        patch.setattr(arm_module, "_FLOORS", np.full(len(arm_module._CHOICES), -1.0))
         best_of_all = solve(arm, target_of(base, *target))
     assert solve(arm, target_of(base, *target)) == best_of_all

@@ -20,7 +20,7 @@ from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.robots.mobile import MobileRobot
 from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.robots.robot import Robot
-from chmarl_pb.tasks.setting import put_somewhere
+from chmarl_pb.tasks.arrangement import Arrangement
 from chmarl_pb.world import TIME_STEP, Grip, World
 
 FRAME = TICKS_PER_FRAME * TIME_STEP
@@ -41,13 +41,13 @@ class Simulation:
     def set_up(self, seed: int) -> None:
         """Lay out an object, a target and the robots, drawn from a seed."""
         rng = np.random.default_rng(seed)
-        self.world.clear()
         receptacles = rng.permutation(list(self.space.home.receptacles)).tolist()
         item = f"{rng.choice(list(catalog.BENCHMARK.graspables))}_1"
-        carriers = [name for name in receptacles if put_somewhere(self.world, self.space, item, name, rng)]
-        self.world.clear()
-        put_somewhere(self.world, self.space, item, carriers[0], np.random.default_rng(seed))
-        put_somewhere(self.world, self.space, "lime_1" if item != "lime_1" else "peach_1", carriers[1], rng)
+        carriers = [name for name in receptacles if Arrangement(self.world, self.space, rng).put(item, name)]
+        laid = Arrangement(self.world, self.space, rng)
+        laid.put(item, carriers[0])
+        laid.put("lime_1" if item != "lime_1" else "peach_1", carriers[1])
+        self.world.arrange(laid.objects)
         self.goal = Goal(item, (carriers[-1],))
         self.humanoid.spawn(int(rng.integers(12 * len(self.space.lattice.points))))
         self.drone.spawn(int(rng.integers(len(self.space.drone_lattice.points))))

@@ -1,0 +1,42 @@
+"""What triangles are drawn on."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chmarl_pb.compiled import compiled
+
+
+class Canvas(NamedTuple):
+    """What is drawn on, rows from the top.
+
+    Attributes:
+        raw: (size, size) TinyRenderer's own depth of what is drawn, before it is rounded to single precision: minus
+            infinity where nothing is.
+        nearness: (size, size) reciprocal of its distance along the camera's axis, 1/metres, 0 where nothing is.
+        face: (size, size) number of the triangle that is seen there, -1 for none.
+    """
+
+    raw: NDArray[np.float64]
+    nearness: NDArray[np.float32]
+    face: NDArray[np.int32]
+
+
+def clean_canvas(size: int) -> Canvas:
+    """Return a canvas with nothing drawn."""
+    shape = (size, size)
+    return Canvas(np.full(shape, -np.inf), np.zeros(shape, np.float32), np.full(shape, -1, np.int32))
+
+
+@cache
+def canvas(size: int) -> Canvas:
+    """Return the process's canvas of a size, which everybody leaves clean."""
+    return clean_canvas(size)
+
+
+@compiled
+def wipe(canvas, row, column):  # type: ignore[no-untyped-def]
+    """Take away what is drawn at a pixel."""
+    canvas.raw[row, column], canvas.nearness[row, column], canvas.face[row, column] = -np.inf, np.float32(0), -1
