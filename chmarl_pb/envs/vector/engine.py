@@ -145,14 +145,17 @@ class Engine(Uncopied):
 
     def send(self, command: str, *arguments: Any) -> None:
         """Let the workers begin with a command; this process carries out its part in ``receive``."""
-        if not self._close.alive:
-            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+        self._require_open()
         if self.pending:
             raise AlreadyPendingCallError("the answer to the last command has not been waited for", "send")
         message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL) if self._processes else b""
         self._command = command, arguments
         for worker in range(len(self._commands)):
             self._post(worker, message)
+
+    def _require_open(self) -> None:
+        if not self._close.alive:
+            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
 
     def _post(self, worker: int, message: bytes) -> None:
         """Send a pickled command to a worker."""

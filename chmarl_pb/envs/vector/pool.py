@@ -7,7 +7,7 @@ from select import POLLIN, POLLOUT, poll
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ClosedEnvironmentError, NoAsyncCallError
+from gymnasium.error import NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 
 from chmarl_pb.envs.vector.batch import MakeEnv, Part
@@ -43,10 +43,10 @@ class Pool(Engine):
         """Let environments, none of which is under way, begin with a reset or a step.
 
         Raises:
+            ClosedEnvironmentError: the environments have been closed.
             WorkerError: a worker died; the others have been stopped.
         """
-        if not self._close.alive:
-            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+        self._require_open()
         self._under_way[numbers] = True
         for worker, share in enumerate(self._shares[1:]):
             theirs = [number for number in numbers if number in share]
@@ -62,10 +62,12 @@ class Pool(Engine):
         Of those in this process one is taken at the latest when as many others have been as there are environments.
 
         Raises:
+            ClosedEnvironmentError: the environments have been closed.
             NoAsyncCallError: fewer are under way.
             WorkerError: a worker died; the others have been stopped.
             Exception: what went wrong in an environment; all have been closed.
         """
+        self._require_open()
         if (begun := np.count_nonzero(self._under_way)) < count:
             raise NoAsyncCallError(f"{begun} environments are under way, fewer than {count}", "recv")
         try:
@@ -114,6 +116,11 @@ class Pool(Engine):
         while all(file != self._commands[worker].fileno() for file, _ in watch.poll()):
             self._keep(self._part(worker))
         super()._post(worker, message)
+
+    def close(self) -> None:
+        """Close the environments and end the workers; nothing is under way any more."""
+        self._under_way[:] = False
+        super().close()
 
     def receive(self) -> list[Any]:
         """Finish what has been begun, carry out the command, and return an answer of each environment."""
