@@ -18,7 +18,8 @@ for extra in ("torch", "stable_baselines3", "minari", "matplotlib"):
 SHOWN = (
     "envs.parallel.HouseholdEnv", "envs.joint.JointEnv", "envs.joint.HumanoidEnv", "envs.aec.TurnEnv",
     "envs.flat.flat_env", "envs.flat_vector.FlatObservation", "envs.numeric_infos.NumericInfos",
-    "envs.vector.env.HouseholdVectorEnv", "envs.rollout.rollout", "evaluation.protocol.evaluate",
+    "envs.vector.env.HouseholdVectorEnv", "envs.vector.asynchronous.HouseholdAsyncEnv", "envs.rollout.rollout",
+    "evaluation.protocol.evaluate",
     "policies.policy.Policy", "sensing.sensors.Sensor", "tasks.messages.Channel", "tasks.advisers.Adviser",
     "tasks.kinds.TaskKind", "rendering.renderer.Renderer", "learning.runs.loop.train", "learning.config.RunConfig",
     "learning.algorithms.value.Config", "learning.algorithms.mappo.MappoConfig",

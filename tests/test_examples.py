@@ -37,6 +37,12 @@ def test_custom_learner(capsys: pytest.CaptureFixture[str]) -> None:
     assert "episode 1: return" in capsys.readouterr().out
 
 
+def test_asynchronous(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--steps", "200", "--envs", "3", "--batch-size", "2", "--workers", "1", "--split", "val-unseen"]
+    example("asynchronous").main(words)
+    assert "episodes; the last" in capsys.readouterr().out
+
+
 def test_sb3_quickstart(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("stable_baselines3")
     evaluate = chmarl_pb.evaluate

@@ -1,6 +1,6 @@
-"""The speed of vectors of environments: one process against two, in lockstep and apart; ours beside Gymnasium's."""
+"""The speed of vectors: one process against two, in lockstep, asynchronous and apart; ours beside Gymnasium's."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from functools import partial
 from itertools import cycle
@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Discrete, MultiDiscrete
+from gymnasium.spaces import Discrete, MultiDiscrete, Space
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
 
 import chmarl_pb
@@ -21,13 +21,15 @@ _IDS = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
 def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
     """Yield joint steps a second of one vector of environments, resets included, on one and on two processes.
 
-    What two processes reach that need not wait for each other tells what the machine gives.
+    Two are in lockstep, or answer the first half of the environments that is ready. What two processes reach that never
+    wait for each other tells what the machine gives.
     """
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
         warm_up(env, scouted_poses(effort.warm_up))
-    makes: dict[str, Callable[[], RandomVector | ApartVectors]] = {
+    makes: dict[str, Callable[[], RandomVector | RandomBatches | ApartVectors]] = {
         "1 process": partial(our_vector, count, 1, observation),
         "2 processes": partial(our_vector, count, 2, observation),
+        "2 processes asynchronous": partial(RandomBatches, count, 2, observation),
         "2 processes apart": partial(ApartVectors, count, 2, observation),
     }
     with ExitStack() as stack:
@@ -89,10 +91,7 @@ class RandomVector:
 
     def reset(self, seed: int) -> None:
         """Reset all environments, and draw their actions."""
-        space = self._envs.single_action_space
-        assert isinstance(space, MultiDiscrete)
-        shape = (1000, self.steps, *space.nvec.shape)
-        self._actions = cycle(np.random.default_rng(seed).integers(space.nvec, size=shape))
+        self._actions = _random_actions(self._envs.single_action_space, self.steps, seed)
         self._envs.reset(seed=seed)
 
     def step(self) -> None:
@@ -102,6 +101,37 @@ class RandomVector:
     def close(self) -> None:
         """Stop the processes."""
         self._envs.close()
+
+
+class RandomBatches:
+    """Environments that do not wait for each other, with random actions that are drawn beforehand.
+
+    Attributes:
+        steps: joint steps that a call of ``step`` takes: of half of the environments.
+    """
+
+    def __init__(self, count: int, workers: int, observation: str):
+        """Let environments begin with a reset."""
+        self.steps = count // 2
+        self._envs = chmarl_pb.vector_env(
+            count, _IDS[observation], workers, AutoresetMode.SAME_STEP, batch_size=self.steps, split=SPLIT
+        )
+        self._actions = _random_actions(self._envs.single_action_space, self.steps, seed=1)
+        self._envs.async_reset(seed=1)
+
+    def step(self) -> None:
+        """Take the environments that are ready first, and let them go on."""
+        self._envs.send(next(self._actions), self._envs.recv()[4]["env_id"])
+
+    def close(self) -> None:
+        """Stop the processes."""
+        self._envs.close()
+
+
+def _random_actions(space: Space[Any], count: int, seed: int) -> Iterator[np.ndarray]:
+    """Return an endless stream of actions of ``count`` environments, (count, robots)."""
+    assert isinstance(space, MultiDiscrete)
+    return cycle(np.random.default_rng(seed).integers(space.nvec, size=(1000, count, *space.nvec.shape)))
 
 
 class ApartVectors:

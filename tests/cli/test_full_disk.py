@@ -70,14 +70,14 @@ def test_view_store_on_a_full_tmpfs(tmp_path: Path) -> None:
 SHARED = """
 import sys
 from pathlib import Path
-from chmarl_pb.envs.vector.engine import _shared_file
-with _shared_file(200_000) as file:
+from chmarl_pb.envs.vector.memory import shared_file
+with shared_file(200_000) as file:
     assert Path(file.name).parent != Path(sys.argv[1]) and Path(file.name).stat().st_size == 200_000
 import tempfile
 tempfile.tempdir = sys.argv[1]
-with _shared_file(20_000) as file:
+with shared_file(20_000) as file:
     assert Path(file.name).parent == Path(sys.argv[1])
-_shared_file(200_000)
+shared_file(200_000)
 """
 
 

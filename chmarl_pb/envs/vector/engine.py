@@ -2,24 +2,25 @@
 
 import os
 import pickle
-import tempfile
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from typing import IO, Any, Protocol
+from select import POLLIN, poll
+from typing import Any, Protocol
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
-from chmarl_pb.envs.vector.worker import Batch, Failure, MakeEnv, Memory, Signature, listen, serve
+from chmarl_pb.envs.vector.batch import Batch, MakeEnv, Part
+from chmarl_pb.envs.vector.memory import Memory, Signature, shared_file
+from chmarl_pb.envs.vector.worker import Failure, listen, serve, wait_for_message
 from chmarl_pb.errors import WorkerError
-from chmarl_pb.files import write_all
 from chmarl_pb.world import Uncopied
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
@@ -54,7 +55,10 @@ class AnyEngine(Protocol):
         """Let the environments begin with a command."""
 
     def receive(self) -> list[Any]:
-        """Return an answer of each environment, in their order."""
+        """Return an answer of each environment, in their order; not to a reset or a step."""
+
+    def parts(self) -> Iterator[Part]:
+        """Yield the answers to a reset or a step, as environments are ready."""
 
     def close(self) -> None:
         """Close the environments."""
@@ -84,6 +88,7 @@ class Engine(Uncopied):
         self._commands: list[Connection] = []
         self._answers: list[Connection] = []
         self._processes: list[BaseProcess] = []
+        self._watch, self._workers = poll(), dict[int, int]()  # file descriptor of a worker's answers -> its number
         stack = ExitStack()
         self._close = weakref.finalize(self, stack.close)
         stack.callback(_stop, self._commands, self._answers, self._processes)
@@ -107,6 +112,8 @@ class Engine(Uncopied):
         from_worker, answers = context.Pipe(duplex=False)
         self._commands.append(to_worker)
         self._answers.append(from_worker)
+        self._watch.register(from_worker.fileno(), POLLIN)
+        self._workers[from_worker.fileno()] = len(self._processes)
         with commands, answers:  # the worker has its own copies of these ends
             process = context.Process(target=serve, args=(commands, answers, make, share, autoreset), daemon=True)
             process.start()
@@ -117,7 +124,7 @@ class Engine(Uncopied):
         if not self._processes:
             self._batch.share(Memory(self.signature, count))
             return
-        with _shared_file(Memory.layout(self.signature, count).itemsize) as file:
+        with shared_file(Memory.layout(self.signature, count).itemsize) as file:
             self.send("share_file", file.name, count)
             self.receive()
 
@@ -138,20 +145,27 @@ class Engine(Uncopied):
 
     def send(self, command: str, *arguments: Any) -> None:
         """Let the workers begin with a command; this process carries out its part in ``receive``."""
-        if not self._close.alive:
-            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+        self._require_open()
         if self.pending:
             raise AlreadyPendingCallError("the answer to the last command has not been waited for", "send")
         message = pickle.dumps((command, arguments), pickle.HIGHEST_PROTOCOL) if self._processes else b""
         self._command = command, arguments
-        for worker, pipe in enumerate(self._commands):
-            try:
-                pipe.send_bytes(message)
-            except ConnectionError as error:
-                raise self._death(worker) from error
-            except BaseException:  # an interrupt: nobody knows which workers have begun
-                self.close()
-                raise
+        for worker in range(len(self._commands)):
+            self._post(worker, message)
+
+    def _require_open(self) -> None:
+        if not self._close.alive:
+            raise ClosedEnvironmentError("the vector environment is closed, by close() or by an error; make a new one")
+
+    def _post(self, worker: int, message: bytes) -> None:
+        """Send a pickled command to a worker."""
+        try:
+            self._commands[worker].send_bytes(message)
+        except ConnectionError as error:
+            raise self._death(worker) from error
+        except BaseException:  # an interrupt: nobody knows which workers have begun
+            self.close()
+            raise
 
     def receive(self) -> list[Any]:
         """Carry out the command and wait for the workers; return an answer of each environment, in their order.
@@ -160,9 +174,7 @@ class Engine(Uncopied):
             WorkerError: a worker died; the others have been stopped.
             Exception: what went wrong in an environment; unless it was an attribute, all have been closed.
         """
-        if self._command is None:
-            raise NoAsyncCallError("there is no command to wait for", "receive")
-        command, arguments = self._command
+        command, arguments = self._begun()
         try:
             answers = [self._own(command, arguments), *map(self._answer, range(len(self._answers)))]
         except BaseException:  # an interrupt too: nobody knows how much of the answers has been read
@@ -170,6 +182,44 @@ class Engine(Uncopied):
             raise
         self._command = None
         return gathered(self._shares, answers, command, self.close)
+
+    def parts(self) -> Iterator[Part]:
+        """Carry out a reset or a step; yield its answers as they come, so that the last leave little to be gathered.
+
+        Raises:
+            WorkerError: a worker died; the others have been stopped.
+            Exception: what went wrong in an environment; all have been closed.
+        """
+        command, arguments = self._begun()
+        left = sum(map(len, self._shares[1:]))
+        try:
+            yield from getattr(self._batch, command)(*arguments)
+            while left:
+                for worker in self._ready():
+                    part = self._part(worker)
+                    left -= len(part.numbers)
+                    yield part
+        except BaseException:  # an interrupt too, and whatever stops the caller halfway
+            self.close()
+            raise
+        self._command = None
+
+    def _begun(self) -> tuple[str, tuple[Any, ...]]:
+        if self._command is None:
+            raise NoAsyncCallError("there is no command to wait for", "receive")
+        return self._command
+
+    def _ready(self) -> list[int]:
+        """Wait until workers have answered, and return their numbers."""
+        return [self._workers[file] for file, _ in wait_for_message(self._watch)]
+
+    def _part(self, worker: int) -> Part:
+        """Return a worker's next part of the answer to a reset or a step."""
+        part = self._message(worker)
+        if isinstance(part, Failure):
+            raise _raised(part, self._shares[worker + 1])
+        assert isinstance(part, Part)
+        return part
 
     def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:
         """Carry out this process's part of a command."""
@@ -180,9 +230,14 @@ class Engine(Uncopied):
             return Failure(error, "")
 
     def _answer(self, worker: int) -> list[Any] | Failure:
+        """Return what a worker answers to a command that is neither a reset nor a step."""
+        answer: list[Any] | Failure = self._message(worker)
+        return answer
+
+    def _message(self, worker: int) -> Any:
+        """Return what a worker sends next."""
         try:
-            answer: list[Any] | Failure = pickle.loads(listen(self._answers[worker]))
-            return answer
+            return pickle.loads(listen(self._answers[worker]))
         except (EOFError, ConnectionError) as error:
             raise self._death(worker) from error
 
@@ -222,34 +277,17 @@ def gathered(
         if isinstance(answer, Failure):
             if command not in _HARMLESS:
                 close()
-            if not answer.trace:
-                raise answer.error
-            raise answer.error from WorkerTraceback(f"in the worker of environments {list(share)}:\n{answer.trace}")
+            raise _raised(answer, share)
         entries += answer
     return entries
 
 
-def _shared_file(size: int) -> "IO[bytes]":
-    """Return a new file of zeros; all of them are written, as a process ends that maps a file and finds no room for it.
-
-    Raises:
-        WorkerError: there is no room.
-    """
-    reasons = []
-    for folder in ("/dev/shm", None):
-        with ExitStack() as stack:
-            try:
-                file = stack.enter_context(tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=folder))
-                write_all(file.fileno(), bytes(size))
-            except OSError as error:
-                reasons.append(f"{folder or 'the folder of temporary files'}: {error.strerror}")
-            else:
-                stack.pop_all()
-                return file
-    raise WorkerError(
-        f"no room for {size / 2**20:,.1f} MB that processes share ({'; '.join(reasons)}); make room, or use fewer "
-        "environments, or workers=0"
-    )
+def _raised(failure: Failure, share: range) -> Exception:
+    """Return the error of an environment; its cause is the trace, if it comes from a worker."""
+    if failure.trace:
+        trace = WorkerTraceback(f"in the worker of environments {list(share)}:\n{failure.trace}")
+        failure.error.__cause__ = trace
+    return failure.error
 
 
 def _stop(commands: list[Connection], answers: list[Connection], processes: list[BaseProcess]) -> None:
@@ -278,5 +316,9 @@ def shares(count: int, processes: int) -> list[range]:
 
 def start(make: MakeEnv, count: int, workers: int | None, autoreset: AutoresetMode) -> Engine:
     """Make environments in this process (workers 0 or 1) or in some, this one included (None: one for each core)."""
-    wanted = (os.cpu_count() or 1) if workers is None else workers
-    return Engine(make, count, min(max(wanted, 1), count), autoreset)
+    return Engine(make, count, processes_of(count, workers), autoreset)
+
+
+def processes_of(count: int, workers: int | None) -> int:
+    """Return how many processes the option ``workers`` means for a number of environments."""
+    return min(max((os.cpu_count() or 1) if workers is None else workers, 1), count)

@@ -1,8 +1,8 @@
 """Many environments at once, as Gymnasium's VectorEnv: several processes step them in memory that all share."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 import gymnasium
 import numpy as np
@@ -11,17 +11,20 @@ from gymnasium.vector.utils import batch_space
 
 from chmarl_pb.envs.registration import id_of
 from chmarl_pb.envs.tracks import MAX_STEPS
-from chmarl_pb.envs.vector.engine import AnyEngine, start
+from chmarl_pb.envs.vector.asking import Asking
+from chmarl_pb.envs.vector.asynchronous import HouseholdAsyncEnv
+from chmarl_pb.envs.vector.batch import MakeEnv
+from chmarl_pb.envs.vector.engine import AnyEngine, processes_of, start
+from chmarl_pb.envs.vector.exchange import Seeds, gather, seeds_of, write_actions
 from chmarl_pb.envs.vector.infos import InfoTable
-from chmarl_pb.envs.vector.worker import MakeEnv
-from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.envs.vector.pool import Pool
+from chmarl_pb.errors import OptionError
 from chmarl_pb.world import Uncopied
 
-Seeds = int | Sequence[int | None] | None
 Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
-class HouseholdVectorEnv(Uncopied, VectorEnv):
+class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
     """Environments of one kind, stepped together; see :func:`vector_env`.
 
     Observations, rewards, ends and infos are those of Gymnasium's ``SyncVectorEnv``.
@@ -67,8 +70,7 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         """
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask")) if "reset_mask" in options else None
-        self._engine.send("reset", self._seeds(seed), [options or None] * self.num_envs, mask)
-        self._table.update(self._engine.receive())
+        self._engine.send("reset", seeds_of(seed, self.num_envs), [options or None] * self.num_envs, mask)
         return self._observations(), self._table.infos()
 
     def step(self, actions: Any) -> Step:
@@ -100,51 +102,14 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         Raises:
             NoAsyncCallError: there was no :meth:`step_async`.
         """
-        self._table.update(self._engine.receive())
-        memory = self._engine.memory
+        observations, memory = self._observations(), self._engine.memory
         ends = memory.terminated.copy(), memory.truncated.copy()
-        return self._observations(), memory.rewards.copy(), *ends, self._table.infos()
-
-    def render(self) -> tuple[Any, ...]:
-        """Return the pictures of all environments."""
-        return self.call("render")
-
-    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method of each environment, or read an attribute."""
-        return self._ask("call", name, args, kwargs)
-
-    def get_attr(self, name: str) -> tuple[Any, ...]:
-        """Read an attribute of each environment."""
-        return self._ask("get", name)
-
-    def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of each environment: a list or tuple has a value for each, anything else is for all."""
-        each = values if isinstance(values, list | tuple) else [values] * self.num_envs
-        if len(each) != self.num_envs:
-            raise OptionError(f"set_attr({name!r}) got {len(each)} values for {self.num_envs} environments")
-        self._ask("set", name, each)
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Close the environments and end the workers."""
-        self._engine.close()
-
-    def _ask(self, command: str, *arguments: Any) -> tuple[Any, ...]:
-        self._engine.send(command, range(self.num_envs), *arguments)
-        return tuple(self._engine.receive())
+        return observations, memory.rewards.copy(), *ends, self._table.infos()
 
     def _observations(self) -> Any:
-        arrays = self._engine.memory.observations
-        arrays = {key: array.copy() for key, array in arrays.items()} if self._copy else dict(arrays)
+        """Wait for all environments; note their infos, and return what they observe."""
+        arrays = gather(self._engine, lambda part: self._table.update(part.changes, part.numbers), self._copy)
         return arrays if isinstance(self.single_observation_space, gymnasium.spaces.Dict) else arrays[""]
-
-    def _seeds(self, seed: Seeds) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int | np.integer):
-            return [int(seed) + number for number in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise OptionError(f"reset got {len(seed)} seeds for {self.num_envs} environments")
-        return [None if one is None else int(one) for one in seed]
 
     def _mask(self, mask: Any) -> np.ndarray:
         if (
@@ -155,22 +120,6 @@ class HouseholdVectorEnv(Uncopied, VectorEnv):
         ):
             raise OptionError(f"reset_mask={mask!r} is not an array of {self.num_envs} bool with one True or more")
         return mask
-
-
-def write_actions(engine: AnyEngine, actions: Any) -> None:
-    """Put actions where the environments read them.
-
-    Raises:
-        ActionError: they are not an array of the action space's shape and kind.
-    """
-    place = engine.memory.actions
-    try:
-        array = np.asarray(actions)
-        if array.shape != place.shape:
-            raise ValueError(f"its shape is {array.shape}")
-        np.copyto(place, array, casting="same_kind")
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"actions {actions!r} are not an array {place.shape} of {place.dtype}: {error}") from error
 
 
 def make_function(env_id: str | MakeEnv, options: dict[str, Any]) -> MakeEnv:
@@ -206,6 +155,33 @@ def check_counts(n: int, workers: int | None) -> None:
             raise OptionError(f"{name}={value!r} is not a whole number from {least} on")
 
 
+@overload
+def vector_env(
+    n: int,
+    env_id: str | MakeEnv = ...,
+    workers: int | None = ...,
+    autoreset_mode: AutoresetMode | str = ...,
+    copy: bool = ...,
+    backend: str = ...,
+    batch_size: None = ...,
+    **options: Any,
+) -> HouseholdVectorEnv: ...
+
+
+@overload
+def vector_env(
+    n: int,
+    env_id: str | MakeEnv = ...,
+    workers: int | None = ...,
+    autoreset_mode: AutoresetMode | str = ...,
+    copy: bool = ...,
+    backend: str = ...,
+    *,
+    batch_size: int,
+    **options: Any,
+) -> HouseholdAsyncEnv: ...
+
+
 def vector_env(
     n: int,
     env_id: str | MakeEnv = "CHMARL/SceneGraph-v0",
@@ -213,8 +189,9 @@ def vector_env(
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     copy: bool = True,
     backend: str = "processes",
+    batch_size: int | None = None,
     **options: Any,
-) -> HouseholdVectorEnv:
+) -> HouseholdVectorEnv | HouseholdAsyncEnv:
     """Return ``n`` environments as one Gymnasium VectorEnv.
 
     Args:
@@ -226,6 +203,8 @@ def vector_env(
         copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
         backend: "processes" of this machine, or "ray": each worker is an actor, with a processor of its own, of the
             Ray cluster that this process has joined, else of that of ``RAY_ADDRESS`` or of this machine.
+        batch_size: None: all environments step together. Else they do not wait for each other, and so many are answered
+            at once: those that are ready first; see :class:`chmarl_pb.envs.vector.asynchronous.HouseholdAsyncEnv`.
         **options: of each environment; see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:
@@ -240,7 +219,22 @@ def vector_env(
         known = ", ".join(repr(mode.value) for mode in AutoresetMode)
         raise OptionError(f"autoreset_mode={autoreset_mode!r} is not known; use one of: {known}") from error
     make = make_function(env_id, options)
+    if batch_size is not None:
+        _check_batch(batch_size, n, mode, copy, backend)
+        return HouseholdAsyncEnv(Pool(make, n, processes_of(n, workers), mode), n, batch_size, mode)
     return HouseholdVectorEnv(_engine(backend, make, n, workers, mode), n, mode, copy)
+
+
+def _check_batch(batch_size: int, n: int, mode: AutoresetMode, copy: bool, backend: str) -> None:
+    if not isinstance(batch_size, int) or isinstance(batch_size, bool) or not 1 <= batch_size <= n:
+        raise OptionError(f"batch_size={batch_size!r} is not a whole number from 1 to n={n}")
+    for given, reason in (
+        (mode is AutoresetMode.DISABLED, "autoreset_mode='Disabled': environments are reset by themselves"),
+        (not copy, "copy=False: each batch is an array of its own"),
+        (backend != "processes", f"backend={backend!r}: environments live in processes of this machine"),
+    ):
+        if given:
+            raise OptionError(f"batch_size={batch_size} does not go with {reason}")
 
 
 def _engine(backend: str, make: MakeEnv, n: int, workers: int | None, mode: AutoresetMode) -> AnyEngine:
@@ -257,7 +251,10 @@ def _of_ids(kind: str) -> Callable[..., HouseholdVectorEnv]:
     """Return what ``gymnasium.make_vec`` makes vectors of the ids of a kind by; see :func:`vector_env`."""
 
     def make(num_envs: int, **options: Any) -> HouseholdVectorEnv:
-        return vector_env(num_envs, id_of(kind, options), **options)
+        if options.pop("batch_size", None) is not None:
+            raise OptionError("batch_size=... makes no VectorEnv of Gymnasium's; use chmarl_pb.vector_env")
+        made: HouseholdVectorEnv = vector_env(num_envs, id_of(kind, options), **options)
+        return made
 
     return make
 

@@ -91,9 +91,9 @@ class InfoTable:
         self._count = count
         self._entries: dict[Path, _Entry] = {}  # each dictionary before what it holds
 
-    def update(self, changes: Sequence[Change]) -> None:
-        """Take over the changes of all environments, in their order."""
-        for number, (new, gone) in enumerate(changes):
+    def update(self, changes: Sequence[Change], numbers: Sequence[int] | None = None) -> None:
+        """Take over the changes of environments with these numbers, or of all in their order."""
+        for number, (new, gone) in zip(range(self._count) if numbers is None else numbers, changes, strict=True):
             for path in gone:
                 entry = self._entries[path]
                 assert entry.values is not None
@@ -110,17 +110,24 @@ class InfoTable:
                 if not entry.held[number]:
                     self._hold(path, number, 1)
 
-    def infos(self) -> Info:
-        """Return the infos in Gymnasium's vector format: arrays, and for each key a mask with a leading ``_``."""
+    def infos(self, numbers: np.ndarray | None = None) -> Info:
+        """Return the infos in Gymnasium's vector format: arrays, and for each key a mask with a leading ``_``.
+
+        Args:
+            numbers: of the environments whose infos are wanted; None: of all.
+        """
         nodes: dict[Path, Info] = {(): {}}
         for path, entry in self._entries.items():
-            if entry.total:
+            if not entry.total:
+                continue
+            mask = (entry.held if numbers is None else entry.held[numbers]) > 0
+            if numbers is None or mask.any():
                 node = nodes[entry.outer]
                 if entry.values is None:
                     node[entry.key] = nodes[path] = {}
                 else:
-                    node[entry.key] = entry.values.copy()
-                node[entry.mask_key] = entry.held > 0
+                    node[entry.key] = entry.values.copy() if numbers is None else entry.values[numbers]
+                node[entry.mask_key] = mask
         return nodes[()]
 
     def _add(self, path: Path) -> _Entry:

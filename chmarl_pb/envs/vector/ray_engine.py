@@ -1,5 +1,6 @@
 """Environments of a vector in actors of a Ray cluster, on as many machines as it has; needs the extra ``scale``."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -8,8 +9,10 @@ from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoA
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
+from chmarl_pb.envs.vector.batch import Batch, MakeEnv, Part
 from chmarl_pb.envs.vector.engine import gathered
-from chmarl_pb.envs.vector.worker import Batch, Failure, MakeEnv, Memory, Signature, failure
+from chmarl_pb.envs.vector.memory import Memory, Signature
+from chmarl_pb.envs.vector.worker import IN_PARTS, Failure, failure
 from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.extras import needs
 from chmarl_pb.ray_cluster import connect, processors
@@ -18,8 +21,6 @@ from chmarl_pb.world import Uncopied
 with needs("a vector of environments on a Ray cluster", "scale"):
     import ray
     from ray.exceptions import RayActorError
-
-_WRITING = ("reset", "step")  # commands after which the rows of the memory are others
 
 Rows = dict[str, np.ndarray]
 
@@ -104,6 +105,11 @@ class RayEngine(Uncopied):
                 array[share.start : share.stop] = row
         return gathered(self._shares, [answer for answer, _ in answers], command, self.close)
 
+    def parts(self) -> Iterator[Part]:
+        """Yield the answer to a reset or a step, all of it at once; see :meth:`receive`."""
+        changes = self.receive()
+        yield Part(list(range(len(changes))), changes)
+
     def _get(self, refs: list[Any]) -> list[Any]:
         try:
             return list(ray.get(refs))
@@ -147,7 +153,7 @@ class _Share:
             answer = getattr(self._batch, command)(*arguments)
         except Exception as error:
             return failure(error), []
-        return answer, [array[self._rows] for array in _arrays(memory)] if command in _WRITING else []
+        return answer, [array[self._rows] for array in _arrays(memory)] if command in IN_PARTS else []
 
 
 _actor: Any = ray.remote(num_cpus=1)(_Share)

@@ -7,10 +7,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from chmarl_pb.envs.vector.batch import Part, full_name
 from chmarl_pb.envs.vector.engine import Engine, start
-from chmarl_pb.envs.vector.env import check_counts, make_function, write_actions
+from chmarl_pb.envs.vector.env import check_counts, make_function
+from chmarl_pb.envs.vector.exchange import gather, write_actions
 from chmarl_pb.envs.vector.infos import Path, nest
-from chmarl_pb.envs.vector.worker import full_name
 from chmarl_pb.extras import needs
 from chmarl_pb.world import Uncopied
 
@@ -43,12 +44,12 @@ class HouseholdVecEnv(Uncopied, VecEnv):
     def reset(self) -> Any:
         """Reset all environments by the seeds and options that were set, and return their observations."""
         if self._engine.pending:  # a step that has begun is finished for nothing, as VecEnv asks
-            self._infos()
+            self._gather()
         self._engine.send("reset", self._seeds, [options or None for options in self._options], None)
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos = self._infos()
-        return self._observations()
+        observations, self.reset_infos = self._gather()
+        return observations
 
     def step_async(self, actions: Any) -> None:
         """Let all environments begin with a step.
@@ -64,7 +65,7 @@ class HouseholdVecEnv(Uncopied, VecEnv):
 
         An environment whose episode is over has been reset: its info has ``terminal_observation``.
         """
-        infos = self._infos()
+        observations, infos = self._gather()
         memory = self._engine.memory
         for number, info in enumerate(infos):
             if "final_obs" in info:
@@ -72,7 +73,7 @@ class HouseholdVecEnv(Uncopied, VecEnv):
                 self.reset_infos[number] = info
                 infos[number] = {**final, "terminal_observation": last}
             infos[number]["TimeLimit.truncated"] = bool(memory.truncated[number] and not memory.terminated[number])
-        return self._observations(), memory.rewards.astype(np.float32), memory.terminated | memory.truncated, infos
+        return observations, memory.rewards.astype(np.float32), memory.terminated | memory.truncated, infos
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Return the pictures of all environments."""
@@ -109,17 +110,18 @@ class HouseholdVecEnv(Uncopied, VecEnv):
         answers = dict(zip(sorted(set(wanted)), self._engine.receive(), strict=True))
         return [answers[number] for number in wanted]
 
-    def _infos(self) -> list[dict[str, Any]]:
-        """Wait for the environments and return an info of each."""
-        for flat, (new, gone) in zip(self._flat, self._engine.receive(), strict=True):
+    def _gather(self) -> tuple[Any, list[dict[str, Any]]]:
+        """Wait for the environments; return what they observe, and an info of each."""
+        arrays = gather(self._engine, self._note)
+        single = not isinstance(self.observation_space, gymnasium.spaces.Dict)
+        return arrays[""] if single else arrays, [nest(flat) for flat in self._flat]
+
+    def _note(self, part: Part) -> None:
+        for number, (new, gone) in zip(part.numbers, part.changes, strict=True):
+            flat = self._flat[number]
             flat.update(new)
             for path in gone:
                 del flat[path]
-        return [nest(flat) for flat in self._flat]
-
-    def _observations(self) -> Any:
-        copies = {key: array.copy() for key, array in self._engine.memory.observations.items()}
-        return copies if isinstance(self.observation_space, gymnasium.spaces.Dict) else copies[""]
 
 
 def sb3_vec_env(

@@ -1,0 +1,89 @@
+"""The memory that the environments of a vector share: arrays with one row for each of them."""
+
+import mmap
+import tempfile
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+from gymnasium.spaces import Dict, Space
+
+from chmarl_pb.errors import OptionError, WorkerError
+from chmarl_pb.files import write_all
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What each of the environments is like."""
+
+    observation_space: Space[Any]
+    action_space: Space[Any]
+    metadata: dict[str, Any]
+    render_mode: str | None
+
+
+class Memory:
+    """What the environments of a vector read and write: arrays with one row for each of them.
+
+    Attributes:
+        observations: key -> (count, ...); the key is "" if observations are no dictionaries.
+        actions: (count, ...).
+        rewards: (count,) float64.
+        terminated: (count,) bool.
+        truncated: (count,) bool.
+    """
+
+    def __init__(self, signature: Signature, count: int, buffer: mmap.mmap | None = None):
+        """Lay the arrays out in a buffer that other processes may share, or in memory of this process alone."""
+        layout = Memory.layout(signature, count)
+        whole = np.zeros((), layout) if buffer is None else np.ndarray((), layout, buffer)
+        self.observations = {key: whole[f"observation {key}"] for key in _parts(signature.observation_space)}
+        self.actions, self.rewards = whole["actions"], whole["rewards"]
+        self.terminated, self.truncated = whole["terminated"], whole["truncated"]
+
+    @staticmethod
+    def layout(signature: Signature, count: int) -> np.dtype:
+        """Return the arrays as one structured type; its ``itemsize`` is the size of the memory in bytes."""
+        parts = {f"observation {key}": part for key, part in _parts(signature.observation_space).items()}
+        parts["actions"] = signature.action_space
+        fields = [(name, part.dtype, (count, *(part.shape or ()))) for name, part in parts.items()]
+        fields += [("rewards", np.dtype(np.float64), (count,))]
+        fields += [(name, np.dtype(np.bool_), (count,)) for name in ("terminated", "truncated")]
+        return np.dtype(fields, align=True)
+
+
+def _parts(space: Space[Any]) -> dict[str, Space[Any]]:
+    """Return key -> space of the arrays that an observation consists of.
+
+    Raises:
+        OptionError: it is neither an array nor a flat dictionary of arrays.
+    """
+    parts = dict(space.spaces) if isinstance(space, Dict) else {"": space}
+    for key, part in parts.items():
+        if part.shape is None or part.dtype is None:
+            raise OptionError(f"observation {key}: {part} is not an array of one shape; flatten it by a wrapper")
+    return parts
+
+
+def shared_file(size: int) -> "IO[bytes]":
+    """Return a new file of zeros; all of them are written, as a process ends that maps a file and finds no room for it.
+
+    Raises:
+        WorkerError: there is no room.
+    """
+    reasons = []
+    for folder in ("/dev/shm", None):
+        with ExitStack() as stack:
+            try:
+                file = stack.enter_context(tempfile.NamedTemporaryFile(prefix="chmarl-pb-", dir=folder))
+                write_all(file.fileno(), bytes(size))
+            except OSError as error:
+                reasons.append(f"{folder or 'the folder of temporary files'}: {error.strerror}")
+            else:
+                stack.pop_all()
+                return file
+    raise WorkerError(
+        f"no room for {size / 2**20:,.1f} MB that processes share ({'; '.join(reasons)}); make room, or use fewer "
+        "environments, or workers=0"
+    )
