@@ -137,6 +137,32 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             assert config.partner == ("belief" if strong and config.alone else "search")
 
 
+@pytest.mark.parametrize("name", ["IQL", "VDN", "QMIX", "QTRAN"])
+def test_longer_rows_have_the_settings_that_the_docs_recommend(name: str, tmp_path: Path) -> None:
+    command = parse_train(run_of(tmp_path, f"{name} + messages, longer").command("train")[1:])
+    assert isinstance(command, Play) and command.config.episodes == 12_000 and command.algo == name.lower()
+    paper_row = parse_train(run_of(tmp_path, f"{name} + messages").command("train")[1:])
+    assert isinstance(paper_row, Play) and command.env == paper_row.env
+    documented = next(
+        line.split("#")[0].split()[3:]
+        for line in (Path(__file__).parents[2] / "docs/training.md").read_text().splitlines()
+        if line.startswith("python -m training.train --algo qmix --envs 16")
+    )
+    advised = parse_train(documented)
+    assert isinstance(advised, Play)
+    assert command.config == replace(advised.config, episodes=12_000)
+    assert (command.config.graph_pool, command.config.tau) == ("mean", 0.01)
+
+
+def test_clones_with_the_grounded_encoder_differ_in_the_encoder_alone(tmp_path: Path) -> None:
+    for name in ("BC decentralized", "BC decentralized + messages"):
+        mean, grounded = (
+            parse_train(run_of(tmp_path, row).command("train")[1:]).config for row in (name, f"{name}, grounded")
+        )
+        encoder = {"graph_pool": "grounded", "word_vectors": True, "grounding_coef": 1.0, "numbers_past": True}
+        assert grounded == replace(mean, **encoder)
+
+
 def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:
     runs = table.make_runs(table._parser().parse_args(["--seeds", "2"]))
     assert len(runs) == len({run.name for run in runs})
