@@ -14,8 +14,9 @@ from chmarl_pb.navigation.free_space import Space, grip_point
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.lookalike_task import LookalikeTask
+from chmarl_pb.tasks.own_places import own_place, put_at_own_place
 from chmarl_pb.tasks.sampling import may_stand
-from chmarl_pb.tasks.splits import split_of
+from chmarl_pb.tasks.splits import LIMITED_SPLITS, split_of
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Objects, World, yaw_quaternion
@@ -115,9 +116,7 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...],
     things, moods = (np.random.default_rng([task.seed, stream]) for stream in (_PLACES, _STATES))
     world.clear()
     for move in moves:
-        sources = list(receptacles_of(space.home, move.source))
-        things.shuffle(sources)
-        if not any(put_somewhere(world, space, move.item, source, things) for source in sources):
+        if not _put_on_source(world, space, move, things):
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
@@ -127,6 +126,22 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...],
         items += _add_lookalikes(world, space, task, things)
     _dress(world, space, task, items, targets, things)
     return Layout(world.state.objects, _states(space.home, world.objects, moods))
+
+
+def _put_on_source(world: World, space: Space, move: Task, rng: np.random.Generator) -> bool:
+    """Put the object of a move on its source; False if it does not fit there, or if its own place is elsewhere."""
+    if _is_limited(move):
+        place = own_place(world, space, move.item)
+        on_source = place is not None and catalog.class_of(place.receptacle) == move.source
+        return on_source and put_at_own_place(world, space, move.item)
+    sources = list(receptacles_of(space.home, move.source))
+    rng.shuffle(sources)
+    return any(put_somewhere(world, space, move.item, source, rng) for source in sources)
+
+
+def _is_limited(task: AnyTask) -> bool:
+    """Return whether each class of object has one place, see :mod:`chmarl_pb.tasks.own_places`."""
+    return split_of(task.id) in LIMITED_SPLITS
 
 
 @lru_cache(maxsize=_KEPT)
@@ -196,19 +211,23 @@ def _dress(
 ) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit.
 
-    What stands beside the objects to be moved counts among them.
+    What stands beside the objects to be moved counts among them. In a limited layout each stands at its class's place.
     """
     receptacles, known = np.array(list(space.home.receptacles)), space.home.catalog
     # The benchmark's tasks are dressed as ever, whatever objects a user has.
     own = set(map(catalog.class_of, items))
     classes = [name for name in (BENCHMARK if split_of(task.id) else known).graspables if name not in own]
     placed = len(items) - len(task.moves)
+    limited = _is_limited(task)
     for item in rng.permutation([_one_of(known, name, rng) for name in classes]).tolist():
         order = [
             name for name in rng.permutation(receptacles)[:6].tolist()
             if may_stand(known, catalog.class_of(item), catalog.class_of(name))
         ]  # fmt: skip
-        placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
+        if limited:
+            placed += put_at_own_place(world, space, item)
+        else:
+            placed += any(put_somewhere(world, space, item, receptacle, rng) for receptacle in order)
         if placed == DISTRACTORS:
             return
     _clear(world, items, targets)
