@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pytest
@@ -15,7 +16,7 @@ from chmarl_pb.learning.config import RunConfig
 from training import sizes
 from training.games import MATRIX_GAMES, MatrixGame
 
-SMALL = {"horizon": 1, "features": 8, "hidden": 8, "validation_interval": 1000}
+SMALL: dict[str, Any] = {"horizon": 1, "features": 8, "hidden": 8, "validation_interval": 1000}
 make_game = partial(MatrixGame, MATRIX_GAMES["additive"])
 
 

@@ -172,7 +172,8 @@ def test_clones_of_limited_layouts_differ_in_the_data_alone(tmp_path: Path) -> N
     uniform, limited = (
         parse_train(one.command("train")[1:]).config for one in (run_of(tmp_path, name), run)
     )  # fmt: skip
-    assert isinstance(uniform, CloningConfig) and limited == replace(uniform, split=LIMITED_DATA)
+    assert isinstance(uniform, CloningConfig) and LIMITED_DATA == "train-limited"
+    assert limited == replace(uniform, split="train-limited")
     score = run.command("score")
     assert score[score.index("--splits") + 1 : score.index("--out")] == list(run.row.splits)
     assert "--splits" not in run_of(tmp_path, name).command("score")

@@ -14,7 +14,7 @@ _METRICS = ("success_rate", "plw")
 NOTE = """## Without feedback at test
 
 The weights that come with the package, which were trained with feedback, also where none is given at test. Cells are
-success / PLW, per cent; one training, each task once. A line is made by
+success / PLW, per cent; one training, each task once. A line is made by (pictures: with `--observation visual`)
 
 ```
 python -m training.score results/weights/ours-graphs.pt --messages --no-feedback --out out/without-feedback/ours-graphs
