@@ -14,8 +14,9 @@ NOTE = """Not of the benchmark: a data set in which each class of object has one
 ([data.md](data.md#limited-layouts)), so that it pays to know the home by heart, beside the benchmark's own, where
 places are drawn for every task. The clones differ in their data alone. *test-limited*: the five homes of training with
 every object where it always lies; *test-seen*: the same homes, objects elsewhere; the other two are homes never seen.
-The weights are the best on val-limited (benchmark's data: val-seen) and val-unseen. Cells are success / PLW, per cent,
-means over seeds; *falls*: points of PLW from tasks like those of training to test-unseen.
+The weights are the best on val-limited alone, as homes are to be known by heart (the benchmark's data: the best on
+val-seen and val-unseen). Cells are success / PLW, per cent, means over seeds; *falls*: points of PLW from tasks like
+those of training to test-unseen.
 """
 
 #: Split of the data -> splits with tasks like those of training.

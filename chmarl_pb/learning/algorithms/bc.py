@@ -36,8 +36,8 @@ from chmarl_pb.robots.registry import TEAM, listed
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
-#: Split of the data -> those that the best epoch is chosen on.
-VALIDATION = {"train": ("val-seen", "val-unseen"), "train-limited": ("val-limited", "val-unseen")}
+#: Split of the data -> those that the best epoch is chosen on: where homes are to be known by heart, these homes alone.
+VALIDATION = {"train": ("val-seen", "val-unseen"), "train-limited": ("val-limited",)}
 
 
 def clone(
@@ -50,7 +50,7 @@ def clone(
 ) -> dict[str, Any]:
     """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
 
-    The best are those of the epoch with the highest mean of the two validation splits' PLW. A signal that asks the run
+    The best are those of the epoch with the highest mean of the validation splits' PLW. A signal that asks the run
     to end has it saved after the present batch; a killed run loses a minute at most.
 
     Args:
