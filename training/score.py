@@ -25,7 +25,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.policies.sources import register_loader
-from chmarl_pb.tasks.splits import GENERATED_HOMES
+from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
 
 SCORES = "scores.json"
 STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
@@ -178,7 +178,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--messages", action=switch, default=OF_TRACK, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=OF_TRACK, help="whether they get language feedback")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
-    parser.add_argument("--splits", nargs="+", choices=(*SPLITS, *GENERATED_HOMES), default=SPLITS)
+    parser.add_argument("--splits", nargs="+", choices=(*SPLITS, *GENERATED_HOMES, *LIMITED_SPLITS), default=SPLITS)
     return run_command(partial(_main, parser.parse_args(arguments)))
 
 

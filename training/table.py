@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.errors import ChmarlError, OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.learning.runs.interrupts import run_command
@@ -115,8 +116,8 @@ def prepare(runs: Sequence[Run], data: Path, executor: Executor) -> None:
             if _finished(python(["training.pretrain", "--network", name])) != 0:
                 raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
     cloned = [run.row for run in runs if run.row.clones and not _is_trained(run)]
-    for observation, encoder in dict.fromkeys((row.observation, row.image_encoder) for row in cloned):
-        _prepare_data(observation, encoder, data, executor)
+    for split, observation, encoder in dict.fromkeys((row.data, row.observation, row.image_encoder) for row in cloned):
+        _prepare_data(Recipe(split, observation), encoder, data, executor)
 
 
 def _finished(command: list[str]) -> int:
@@ -132,17 +133,15 @@ def _is_trained(run: Run) -> bool:
     return run.next_step() != "train"
 
 
-def _prepare_data(observation: str, image_encoder: str, data: Path, executor: Executor) -> None:
+def _prepare_data(recipe: Recipe, image_encoder: str, data: Path, executor: Executor) -> None:
     from rich.progress import Progress
 
     from chmarl_pb.data.generate import generate
-    from chmarl_pb.data.recipe import Recipe
 
-    recipe = Recipe(observation=observation)
     with Progress() as bar:
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
         dataset = generate(recipe, data, progress=lambda done: bar.update(line, advance=done), executor=executor)
-    if observation == "visual":  # here, as one run would wait for the other
+    if recipe.observation == "visual":  # here, as one run would wait for the other
         from chmarl_pb.learning.networks.frozen import frozen_encoder
         from chmarl_pb.learning.networks.kept_features import kept_features
 

@@ -13,15 +13,26 @@ from pathlib import Path
 import numpy as np
 from rich.progress import MofNCompleteColumn, Progress
 
+from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.files import Lock, replacing, write_atomically
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import check_workers, in_processes
 from chmarl_pb.progress import LateProgress
+from chmarl_pb.tasks.own_places import own_place
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.simulations import Simulations
-from chmarl_pb.tasks.splits import FIELDS, GENERATED_HOMES, HOMES_FILE, SPLIT_SIZES, SPLITS, homes_of, read_tasks
+from chmarl_pb.tasks.splits import (
+    FIELDS,
+    GENERATED_HOMES,
+    HOMES_FILE,
+    LIMITED_SPLITS,
+    SPLIT_SIZES,
+    SPLITS,
+    homes_of,
+    read_tasks,
+)
 from chmarl_pb.tasks.task import Task
 
 VERSION = 1  # of the draw; a change of homes, assets or planner that changes the files raises it
@@ -53,19 +64,19 @@ def build_all(folder: Path, workers: int) -> int:
 
 
 def _build_all(folder: Path, workers: int) -> None:
-    taken: set[Kind] = set()
+    taken: dict[bool, set[Kind]] = {False: set(), True: set()}  # limited layouts apart: they move nothing else
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with LateProgress(*columns) as bar:
         for split in reversed(SPLIT_SIZES):  # train comes last: it gives way to what the others have
-            path = folder / f"{split}.csv"
+            path, kinds = folder / f"{split}.csv", taken[split in LIMITED_SPLITS]
             row = bar.add_task(split, total=SPLIT_SIZES[split])
             if path.is_file():
                 tasks = read_tasks(path)
                 if len(tasks) != SPLIT_SIZES[split]:
                     raise TaskError(f"{path}: {len(tasks)} tasks instead of {SPLIT_SIZES[split]}; remove it")
-                taken.update(_kind(task) for task in tasks)
+                kinds.update(_kind(task) for task in tasks)
             else:
-                tasks = build_split(split, SPLIT_SIZES[split], taken, workers, partial(bar.advance, row))
+                tasks = build_split(split, SPLIT_SIZES[split], kinds, workers, partial(bar.advance, row))
                 write_tasks(path, tasks)
             bar.update(row, completed=len(tasks))
     homes = (home for split in GENERATED_HOMES for home in homes_of(split))
@@ -74,6 +85,8 @@ def _build_all(folder: Path, workers: int) -> None:
 
 def build_split(split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]) -> list[Task]:
     """Return a split's tasks; no two of them, and none in ``taken``, share home, object, source and target.
+
+    Of train-limited some do: with one source for each object there are not enough.
 
     Args:
         split: name of the split.
@@ -91,7 +104,8 @@ def build_split(split: str, size: int, taken: set[Kind], workers: int, progress:
             if kind in taken:
                 again.append((split, number, attempt + 1))
                 continue
-            taken.add(kind)
+            if split != LIMITED_SPLITS[0]:
+                taken.add(kind)
             chosen[number] = task
             progress(1)
         slots = again
@@ -124,10 +138,23 @@ def _solve_slot(slot: Slot) -> tuple[int, Task]:
         rng = np.random.default_rng([VERSION, SPLITS.index(split), number, attempt])
         task = sample_task(simulation.space, home, rng, f"{split}-{number:0{4 if SPLIT_SIZES[split] > 1000 else 3}d}")
         try:
+            task = _from_own_place(simulation, task) if split in LIMITED_SPLITS else task
             return attempt, replace(task, optimal_steps=simulation.solve(task).steps)
         except TaskError:
             continue
     raise TaskError(f"{home}: {_MOST_ATTEMPTS} drawn tasks for {split} cannot be solved; fix the home")
+
+
+def _from_own_place(simulation: Simulation, task: Task) -> Task:
+    """Return a task whose source is where its object has its place.
+
+    Raises:
+        TaskError: the object has none, or it is on the target.
+    """
+    place = own_place(simulation.world, simulation.space, task.item)
+    if place is None:
+        raise TaskError(f"task {task.id!r}: {task.home} has no place for a {task.graspable}")
+    return replace(task, source=catalog.class_of(place.receptacle))
 
 
 def _home_of(split: str, number: int) -> str:

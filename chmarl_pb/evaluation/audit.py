@@ -70,7 +70,8 @@ def audit(
     False
 
     Args:
-        split: all its tasks are played; of "train", the first 250. If none is given, that of the track's headline.
+        split: all its tasks are played; of those for training, the first 250. If none is given, that of the track's
+            headline.
         track: its rules are played; single ones may be given as options.
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.

@@ -62,8 +62,8 @@ def evaluate(
     Args:
         policy: a built-in name or that of published weights, ``module:callable`` (callable(env) -> Policy), a
             checkpoint's path, such a callable, or a policy; see :func:`chmarl_pb.policies.sources.find_policy`.
-        split: all its tasks are played; of "train", the first 250. If none is given, it is "test-unseen", in the
-            grounded track "generated-test".
+        split: all its tasks are played; of those for training, the first 250. If none is given, it is "test-unseen", in
+            the grounded track "generated-test".
         observation: see ``options``; None: that of published weights, else "scene_graph".
         seeds: each plays every task once; a deterministic policy plays the first only.
         workers: number of processes.

@@ -15,8 +15,9 @@ from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.arrangement import Arrangement
 from chmarl_pb.tasks.lookalike_task import LookalikeTask
+from chmarl_pb.tasks.own_places import own_place
 from chmarl_pb.tasks.sampling import may_stand
-from chmarl_pb.tasks.splits import split_of
+from chmarl_pb.tasks.splits import LIMITED_SPLITS, split_of
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import Objects, World
@@ -116,9 +117,7 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...],
     things, moods = (np.random.default_rng([task.seed, stream]) for stream in (_PLACES, _STATES))
     laid = Arrangement(world, space, things)
     for move in moves:
-        sources = list(receptacles_of(space.home, move.source))
-        things.shuffle(sources)
-        if not any(laid.put(move.item, source) for source in sources):
+        if not _put_on_source(laid, move, things):
             raise TaskError(
                 f"task {task.id!r}: no {move.source} of {space.home.name} has a reachable place for a {move.graspable}"
             )
@@ -129,6 +128,28 @@ def _lay_out(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...],
     _dress(laid, space.home, task, items, targets, things)
     objects = [name for name in world.physics.objects if name in laid.objects.poses]
     return Layout(laid.objects, _states(space.home, objects, moods))
+
+
+def _put_on_source(laid: Arrangement, move: Task, rng: np.random.Generator) -> bool:
+    """Put the object of a move on its source; False if it does not fit there, or if its own place is elsewhere."""
+    if _is_limited(move):
+        place = own_place(laid.world, laid.space, move.item)
+        on_source = place is not None and catalog.class_of(place.receptacle) == move.source
+        return on_source and _put_at_own_place(laid, move.item)
+    sources = list(receptacles_of(laid.space.home, move.source))
+    rng.shuffle(sources)
+    return any(laid.put(move.item, source) for source in sources)
+
+
+def _put_at_own_place(laid: Arrangement, item: str) -> bool:
+    """Put an object at its place; False if something else stands there, or if it has none."""
+    place = own_place(laid.world, laid.space, item)
+    return place is not None and laid.put_at(item, place.receptacle, (*place.position, place.yaw))
+
+
+def _is_limited(task: AnyTask) -> bool:
+    """Return whether each class of object has one place, see :mod:`chmarl_pb.tasks.own_places`."""
+    return split_of(task.id) in LIMITED_SPLITS
 
 
 @lru_cache(maxsize=_KEPT)
@@ -180,15 +201,17 @@ def _dress(
 ) -> None:
     """Put the distractors, each of another class, on receptacles drawn uniformly; fewer where they do not fit.
 
-    What stands beside the objects to be moved counts among them.
+    What stands beside the objects to be moved counts among them. In a limited layout each stands at its class's place.
     """
     known = home.catalog
     # The benchmark's tasks are dressed as ever, whatever objects a user has.
     own = set(map(catalog.class_of, items))
     classes = [name for name in (BENCHMARK if split_of(task.id) else known).graspables if name not in own]
     placed = len(items) - len(task.moves)
+    limited = _is_limited(task)
     for item in rng.permutation([_one_of(known, name, rng) for name in classes]).tolist():
-        placed += _put_on_any(laid, item, _in_random_order(home, rng)[:_RECEPTACLES_TRIED], known)
+        tried = _in_random_order(home, rng)[:_RECEPTACLES_TRIED]
+        placed += _put_at_own_place(laid, item) if limited else _put_on_any(laid, item, tried, known)
         if placed == DISTRACTORS:
             return
     laid.keep(_left_when_full(laid.objects, items, targets))

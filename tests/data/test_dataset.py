@@ -72,6 +72,18 @@ def test_a_data_set_of_the_endless_split(tmp_path: Path) -> None:
     assert verify(dataset, 1.0, 1, lambda _: None) == 2
 
 
+def test_a_data_set_of_limited_layouts(tmp_path: Path) -> None:
+    """The planner solves its tasks in as many steps as they tell, and any number of processes makes the same bytes."""
+    recipe = Recipe("train-limited", limit=3)
+    dataset = generate(recipe, tmp_path / "one", workers=1)
+    assert dataset.dataset_id == "chmarl/scene-graph-train-limited-v0"
+    for number, task in enumerate(recipe.tasks):
+        metadata = dataset.episode(number)[1]
+        assert metadata["success"] and metadata["total_steps"] == task.optimal_steps
+    assert generate(recipe, tmp_path / "two", workers=2).sha256 == dataset.sha256
+    assert verify(dataset, 1.0, 1, lambda _: None) == 3
+
+
 def rewrite(dataset: Dataset) -> None:
     """Make the checksum fit to a file that has been changed."""
     path = dataset.main.with_name("metadata.json")

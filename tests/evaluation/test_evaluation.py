@@ -33,7 +33,7 @@ from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
 from chmarl_pb.policies.variants import Noting, Unheard
 from chmarl_pb.robots.registry import team_of
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
 TASKS = load_tasks("test-unseen")[:3]
@@ -438,8 +438,8 @@ def test_style_of_feedback_on_the_command_line(tmp_path: Path, flags: list[str],
 
 
 def test_train_is_sampled() -> None:
-    assert evaluated_tasks("train") == load_tasks("train")[:TRAIN_SAMPLE]
-    assert all(evaluated_tasks(split) == load_tasks(split) for split in SPLITS if split != "train")
+    assert all(evaluated_tasks(split) == load_tasks(split)[:TRAIN_SAMPLE] for split in TRAINING_SPLITS)
+    assert all(evaluated_tasks(split) == load_tasks(split) for split in SPLITS if split not in TRAINING_SPLITS)
 
 
 # --- cooperation ---------------------------------------------------------------------------------

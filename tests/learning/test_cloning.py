@@ -14,12 +14,13 @@ from chmarl_pb.data.generate import generate
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.errors import DatasetError
 from chmarl_pb.learning.algorithms import bc as cloning
 from chmarl_pb.learning.algorithms.bc import clone
 from chmarl_pb.learning.algorithms.demonstrations import read_demonstrations
 from chmarl_pb.learning.networks.agents import NO_ACTION
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.cloned import BCPolicy, CloningConfig
+from chmarl_pb.learning.policies.cloned import BCPolicy, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
 from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
@@ -27,6 +28,7 @@ from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.stopping import in_pieces
 
 EPISODES = 4
+EXAMINE = cloning.Examiner.examine
 SMALL = CloningConfig(epochs=2, batch_size=2, features=32, hidden=32, validation_interval=1, validation_tasks=1)
 
 
@@ -42,6 +44,26 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Validation tasks are played in tests of policies alone."""
     figures = iter(range(100))
     monkeypatch.setattr(cloning.Examiner, "examine", lambda *_: {"score": next(figures) / 100})
+
+
+@pytest.mark.parametrize(
+    ("split", "others"), [("train", ["val-seen", "val-unseen"]), ("train-limited", ["val-limited"])]
+)
+def test_the_best_epoch_is_chosen_in_layouts_like_those_of_the_data(split: Any, others: list[str]) -> None:
+    config = replace(SMALL, split=split)
+    examiner = cloning.Examiner(config)
+    figures = EXAMINE(examiner, make_actors(examiner.env, config))
+    examiner.close()
+    assert [task.id.rpartition("-")[0] for tasks in examiner.tasks.values() for task in tasks] == others
+    assert figures["score"] == pytest.approx(np.mean([figures[f"{name}_plw"] for name in others]), abs=1e-4)
+
+
+def test_clones_of_limited_layouts_learn_from_their_own_data_set(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="scene-graph-train-limited-v0"):
+        clone(replace(SMALL, split="train-limited"), tmp_path, data)
+    own = generate(Recipe("train-limited", limit=2), tmp_path / "data", workers=1)
+    clone(replace(SMALL, split="train-limited"), tmp_path, tmp_path / "data")
+    assert load(tmp_path / "last.pt")["data"] == own.sha256
 
 
 def weights(folder: Path, name: str = "best.pt") -> dict[str, Any]:

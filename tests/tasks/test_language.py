@@ -15,7 +15,7 @@ from chmarl_pb.tasks.language.instructions import phrase
 from chmarl_pb.tasks.language.names import names_of
 from chmarl_pb.tasks.language.templates import INSTRUCTIONS
 from chmarl_pb.tasks.language.tokens import FILE
-from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, SPLIT_SIZES, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, SPLIT_SIZES, TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
 TARGETS = list(BENCHMARK.receptacles)
@@ -161,12 +161,19 @@ def shown(task: Task) -> set[str]:
 def test_held_out_words_are_for_validation_and_test(split: str) -> None:
     tasks = load_tasks(split)[:300]
     unseen = [language.instruction(task) not in shown(task) for task in tasks]
-    assert not any(unseen) if split == "train" else np.mean(unseen) >= 0.5
+    assert not any(unseen) if split in TRAINING_SPLITS else np.mean(unseen) >= 0.5
 
 
 @pytest.mark.parametrize(
     ("task_id", "expected"),
-    [("train-0001", False), ("home_7-123", False), ("mine", False), ("val-unseen-007", True), ("test-seen-1", True)],
+    [
+        ("train-0001", False),
+        ("train-limited-0001", False),
+        ("home_7-123", False),
+        ("mine", False),
+        ("val-unseen-007", True),
+        ("test-seen-1", True),
+    ],
 )
 def test_the_id_of_a_task_tells_its_words(task_id: str, expected: bool) -> None:
     assert may_use_held_out(replace(TASK, id=task_id)) == expected
@@ -176,7 +183,7 @@ def test_seen_words_are_those_that_training_shows() -> None:
     """Of the words in validation and test, the held-out ones are those in no instruction of the 5,500 for training."""
     shown, asked = (
         {word for split in splits for task in load_tasks(split) for word in language.words(language.instruction(task))}
-        for splits in (["train"], [split for split in SPLIT_SIZES if split != "train"])
+        for splits in (["train"], [split for split in SPLIT_SIZES if split not in TRAINING_SPLITS])
     )
     assert asked - shown == asked & language.held_out_words()
 

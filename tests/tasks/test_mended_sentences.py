@@ -14,7 +14,7 @@ from chmarl_pb.tasks.language import feedback
 from chmarl_pb.tasks.language.actions import VERBS
 from chmarl_pb.tasks.language.instructions import phrase
 from chmarl_pb.tasks.language.templates import DETOUR, INSTRUCTIONS, MENDED, MISSED_PICK, MISSED_PLACE, revised
-from chmarl_pb.tasks.splits import SPLITS, load_tasks
+from chmarl_pb.tasks.splits import LIMITED_SPLITS, SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import TidyTask
 
@@ -36,7 +36,9 @@ def mended(template: str) -> str:
 
 
 def test_the_benchmarks_sentences_stay() -> None:
-    texts = [language.instruction(task) for split in SPLITS for task in load_tasks(split)]
+    texts = [
+        language.instruction(task) for split in SPLITS if split not in LIMITED_SPLITS for task in load_tasks(split)
+    ]
     assert hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16] == "ff9afc7f57445624"
     assert all(revised(template, 1) == template for template in MENDED)
 

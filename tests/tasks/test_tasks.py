@@ -21,6 +21,7 @@ from chmarl_pb.tasks.splits import (
     BENCHMARK_SPLITS,
     FIELDS,
     FOLDER,
+    LIMITED_SPLITS,
     SPLIT_SIZES,
     SPLITS,
     STREAM,
@@ -41,8 +42,8 @@ HEADER = ",".join(FIELDS)
 
 def test_splits_of_the_benchmark() -> None:
     assert BENCHMARK_SPLITS == ("train", "val-seen", "val-unseen", "test-seen", "test-unseen")
-    assert (*BENCHMARK_SPLITS, "generated-val", "generated-test", "generated") == SPLITS
-    assert list(SPLIT_SIZES.values()) == [5500, 250, 50, 250, 50, 500, 2000]
+    assert (*BENCHMARK_SPLITS, "generated-val", "generated-test", "generated", *LIMITED_SPLITS) == SPLITS
+    assert list(SPLIT_SIZES.values()) == [5500, 250, 50, 250, 50, 500, 2000, 5500, 250, 250]
     seen = {home for split in BENCHMARK_SPLITS if not split.endswith("unseen") for home in homes_of(split)}
     assert seen == set(HOMES[:5])
     assert (homes_of("val-unseen"), homes_of("test-unseen")) == (("home_6",), ("home_7",))
@@ -64,6 +65,7 @@ def test_task_file(split: str) -> None:
 def test_no_task_stands_twice() -> None:
     tasks = [task for split in SPLITS for task in load_tasks(split)]
     assert len({task.id for task in tasks}) == len(tasks)
+    tasks = [task for split in SPLITS if split not in LIMITED_SPLITS for task in load_tasks(split)]
     assert len({(task.home, task.graspable, task.source, task.target) for task in tasks}) == len(tasks)
 
 

@@ -22,11 +22,13 @@ from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.gain import gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.executors import Local
+from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import Logger
 from training import table
+from training.tables.attribution import PARTS
 from training.tables.cells import NOT_RUN
 from training.tables.page import write_page
-from training.tables.rows import TABLES, Row
+from training.tables.rows import LIMITED, LIMITED_DATA, TABLES, Row
 from training.tables.runs import FORMAT, Run, curve, read_records
 from training.tables.schedule import Launch, Schedule
 
@@ -135,6 +137,46 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             # The others as the published rows were trained, beside the older drone.
             assert (config.preset, config.envs) == (("goal", 16) if strong else ("encoder", 8))
             assert config.partner == ("belief" if strong and config.alone else "search")
+
+
+@pytest.mark.parametrize("name", ["IQL", "VDN", "QMIX", "QTRAN"])
+def test_longer_rows_have_the_settings_that_the_docs_recommend(name: str, tmp_path: Path) -> None:
+    command = parse_train(run_of(tmp_path, f"{name} + messages, longer").command("train")[1:])
+    assert isinstance(command, Play) and command.config.episodes == 12_000 and command.algo == name.lower()
+    paper_row = parse_train(run_of(tmp_path, f"{name} + messages").command("train")[1:])
+    assert isinstance(paper_row, Play) and command.env == paper_row.env
+    documented = next(
+        line.split("#")[0].split()[3:]
+        for line in (Path(__file__).parents[2] / "docs/training.md").read_text().splitlines()
+        if line.startswith("python -m training.train --algo qmix --envs 16")
+    )
+    advised = parse_train(documented)
+    assert isinstance(advised, Play)
+    assert command.config == replace(advised.config, episodes=12_000) and command.config.graph_pool == "mean"
+
+
+def test_clones_with_the_grounded_encoder_differ_in_the_encoder_alone(tmp_path: Path) -> None:
+    for name in ("BC decentralized", "BC decentralized + messages"):
+        mean, grounded = (
+            parse_train(run_of(tmp_path, row).command("train")[1:]).config for row in (name, f"{name}, grounded")
+        )
+        assert isinstance(mean, CloningConfig)
+        assert grounded == replace(
+            mean, graph_pool="grounded", word_vectors=True, grounding_coef=1.0, numbers_past=True
+        )
+
+
+def test_clones_of_limited_layouts_differ_in_the_data_alone(tmp_path: Path) -> None:
+    name = "BC decentralized + messages, grounded"
+    run = run_of(tmp_path, name, table_name=LIMITED)
+    uniform, limited = (
+        parse_train(one.command("train")[1:]).config for one in (run_of(tmp_path, name), run)
+    )  # fmt: skip
+    assert isinstance(uniform, CloningConfig) and LIMITED_DATA == "train-limited"
+    assert limited == replace(uniform, split="train-limited")
+    score = run.command("score")
+    assert score[score.index("--splits") + 1 : score.index("--out")] == list(run.row.splits)
+    assert "--splits" not in run_of(tmp_path, name).command("score")
 
 
 def test_runs_go_seed_by_seed_and_shared_rows_run_once() -> None:
@@ -363,7 +405,7 @@ def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
 def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert text.count(f"| {NOT_RUN} |") == sum(
+    assert text.count(f"| {NOT_RUN} |") == len(PARTS) + sum(
         len(rows) * (1 if table in TRACKS else 2) for table, rows in TABLES.items()
     )
     for published in (row.published for rows in TABLES.values() for row in rows if row.published):
@@ -377,7 +419,7 @@ def test_built_in_policies_stand_below_with_the_numbers_of_the_benchmark(tmp_pat
     text = (tmp_path / "results.md").read_text()
     lines = [line for line in text.splitlines() if line.startswith(f"| *{policy}* |")]
     apart = [line for line in lines if ", " in line.split("|")[4]]  # for seen and for held-out wording
-    papers = [name for name in TABLES if name not in TRACKS]
+    papers = [name for name in TABLES if name not in (*TRACKS, LIMITED)]
     assert len(lines) == 2 * len(papers) + len(apart) and len(apart) == len(papers) - 1
     measured = Path(__file__).parents[2].joinpath("docs", "benchmark.md").read_text()
     assert apart[0].replace("*", "") in measured

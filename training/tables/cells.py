@@ -13,6 +13,7 @@ from training.tables.runs import Record
 Records = dict[tuple[str, str], list[Record]]
 
 METRICS = {"PLW": "plw", "Success rate": "success_rate"}
+_SUCCESS_FIRST = ("success_rate", "plw")
 NOT_RUN = "not run yet"
 HEADLINE = SPLITS[-1]
 
@@ -33,6 +34,12 @@ def cell(values: Sequence[float]) -> str:
         return ""
     spread = f" ± {100 * stdev(values):.1f}" if len(values) > 1 else ""
     return f"{100 * fmean(values):.1f}{spread}"
+
+
+def both(same: Sequence[Record], split: str) -> str:
+    """Return mean success and PLW of runs on a split, in per cent; "" if they were not played there."""
+    known = [record for record in same if split in record["evaluation"]["splits"]]
+    return " / ".join(f"{100 * fmean(values(known, metric, split)):.1f}" for metric in _SUCCESS_FIRST) if known else ""
 
 
 @cache

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
 _COLOURS |= {"ppo": "#17a2b8", "a2c": "#a8a21c", "dqn": "#8c564b", "recurrent-ppo": "#e377c2"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
+_VARIANTS = (", longer", ", grounded")  # of the paper's rows
 #: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
 _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief": "#000000",
@@ -74,8 +75,9 @@ def draw_curves(
         with replacing(path) as temporary:
             figure.savefig(temporary, format="png", metadata={"Software": None})
     text = (
-        "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages. The curve "
-        "of a learner that began as another (ours: imitation) starts after the other's episodes."
+        "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages; dots and "
+        "dashes: our variants of the paper's rows. The curve of a learner that began as another (ours: imitation) "
+        "starts after the other's episodes."
     )
     if any(panel[2] == "success" for panel in panels):
         text += f" Success in training is a running mean of {_WIDTH} points."
@@ -116,8 +118,7 @@ def _draw(
         x = curves[0][:points, 0]
         y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
-        style = ":" if "--humanoid-only" in row.options else "-" if row.messages else "--"
-        axes.plot(x, y.mean(axis=0), color=colour, linestyle=style, label=_label(row) if apart else row.name)
+        axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row), label=_label(row) if apart else row.name)
         axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)
     from matplotlib.ticker import MaxNLocator
 
@@ -134,6 +135,15 @@ def _colour(row: Row) -> str:
     if row.name in _OURS:
         return _OURS[row.name]
     return _COLOURS.get(row.options[1], _OTHER) if row.options[:1] == ("--algo",) else _OTHER
+
+
+def _style(row: Row) -> str:
+    """Return how a row's line is drawn: our variants of the paper's rows have their colours."""
+    if "--humanoid-only" in row.options:
+        return ":"
+    if row.name.endswith(_VARIANTS):
+        return "-."
+    return "-" if row.messages else "--"
 
 
 def _label(row: Row) -> str:

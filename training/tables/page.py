@@ -3,32 +3,31 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import GROUNDED, TEST_SPLITS
 from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
-from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.policies.registry import SEARCHES, SEEING, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
-from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, name_of, runs_of, values
+from training.tables import limited
+from training.tables.attribution import attribution
+from training.tables.cells import HEADLINE, METRICS, Records, built_in, cell, name_of, runs_of, values
 from training.tables.curves import draw_curves
-from training.tables.lessons import TEACHER, lessons
-from training.tables.rows import TABLES, Row
+from training.tables.lessons import lessons
+from training.tables.made_with import budget, encoder_of, made_with, seeds
+from training.tables.rows import LIMITED, TABLES, Row
 from training.tables.runs import Record, read_records
+from training.tables.without_feedback import without_feedback
 
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 TITLES |= {GROUNDED: "The grounded track"}
 GROUNDED_SPLIT = TEST_SPLITS[GROUNDED]
 #: Built-in policies below the learners -> what they do.
 BUILT_IN = {**SHORTCUTS, **SEARCHES}
-POOL = "mean"  # of graphs, in runs from before this was a setting
 
 TITLE = """# Results of the learners
 
@@ -105,8 +104,11 @@ def write_page(results: Path, page: Path) -> None:
 
 def _write_page(results: Path, page: Path) -> None:
     records = read_records(results, TABLES)
-    parts = [TITLE, *lessons(records, page.parent), READING]
+    parts = [TITLE, *lessons(records, page.parent), READING, attribution(records), *without_feedback(results)]
     for table, rows in TABLES.items():
+        if table == LIMITED:
+            parts += [f"## {limited.TITLE}", limited.NOTE, f"```\n{_command(table)}\n```", limited.table(rows, records)]
+            continue
         if table == GROUNDED:
             command = f"```\n{_command(table)}\n```"
             parts += [f"## {TITLES[table]}", GROUNDED_NOTE, command, _grounded(rows, records)]
@@ -138,7 +140,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
             f" {_paper(row, metric, number)} | {cell(values(same, metric, split))} |"
             for number, split in enumerate(SPLITS)
         )
-        lines.append(f"| {name(row)} | {_seeds(row, same)} | {_made_with(row, same)} |{''.join(cells)}")
+        lines.append(f"| {name(row)} | {seeds(row, same)} | {made_with(row, same)} |{''.join(cells)}")
         lines[-1] += f" {points(gain(values(same, metric, HEADLINE), HEADLINE))} |" * gains
     for policy, does in BUILT_IN.items():
         scores = [built_in(policy, metric, split) for split in SPLITS]
@@ -161,8 +163,8 @@ def _grounded(rows: Sequence[Row], records: Records) -> str:
             *(cell(values(same, metric, GROUNDED_SPLIT)) for metric in ("success_rate", "plw")),
             *(cell([one[name] for one in shares if name in one]) for name in ("pick_share", "place_share")),
         ]  # fmt: skip
-        made = _made_with(row, same)
-        lines.append(f"| {row.name} | {seen} | {_seeds(row, same)} | {made} | {' | '.join(cells)} |")
+        made = made_with(row, same)
+        lines.append(f"| {row.name} | {seen} | {seeds(row, same)} | {made} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -186,38 +188,6 @@ def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
 def _apart(same: Sequence[Record], split: str, wording: str) -> list[float]:
     """Return the PLW of each run on tasks of one wording, 0 to 1."""
     return [record["evaluation"]["splits"][split]["per_wording"][wording]["plw"]["mean"] for record in same]
-
-
-def _made_with(row: Row, same: Sequence[Record]) -> str:
-    """Return what encodes a row's observations, its teacher, the length of its training, and its feedback at test."""
-    if not same:
-        return ""
-    checkpoint = same[0]["checkpoint"]
-    config = checkpoint.get("config", {})
-    encoder = _read(same[0]["observation"], config)
-    begun, imitated = checkpoint.get("begun_with", {}), config.get("expert", "")
-    if begun.get("algorithm") == "imitation":
-        imitated = begun.get("config", {}).get("expert", TEACHER)
-    if checkpoint.get("kind") == "bc":
-        imitated = "planner"
-    teacher = f"teacher: {imitated}" if imitated else ""
-    told = f"{'' if row.feedback else 'no '}feedback at test"
-    return ", ".join(filter(None, [encoder, *_beside(config), teacher, _budget(same[0]), told]))
-
-
-def _read(observation: str, config: dict[str, Any]) -> str:
-    """Return what a network reads of the observations."""
-    if config.get("preset") == "goal":
-        return "numbers alone, goal observed"
-    graphs, pictures = f"{config.get('graph_pool', POOL)} pool", str(config.get("image_encoder", ""))
-    encoder = graphs if observation == "scene_graph" else pictures
-    return f"{encoder} and numbers, goal observed" if config.get("preset") == "goal-encoder" else encoder
-
-
-def _beside(config: dict[str, Any]) -> list[str]:
-    """Return what drives the drone, if a model of Stable-Baselines3 drives the humanoid alone."""
-    options = options_of(config["env_id"]) if "Humanoid" in config.get("env_id", "") else {}
-    return [f"drone: {options.get('partner', PARTNERS[0])}"] if options else []
 
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:
@@ -248,28 +218,6 @@ def _paper(row: Row, metric: str, number: int) -> str:
     return f"{(row.published.plw if metric == 'plw' else row.published.success)[number]:.2f}"
 
 
-def _seeds(row: Row, same: Sequence[Record]) -> str:
-    """Return how many seeds a row has, and how many it is to have if some are missing."""
-    if not same:
-        return NOT_RUN
-    missing = f" of {row.seeds}" if len(same) < row.seeds else ""
-    settings = [_settings(record) for record in same]
-    return f"{len(same)}{missing}{'' if all(one == settings[0] for one in settings) else ' (settings differ)'}"
-
-
-def _settings(record: Record) -> dict[str, object]:
-    """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
-    own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
-    checkpoint = record["checkpoint"]
-    # Older runs have none of these.
-    before = {
-        "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "grounding_coef": 0.0, "home_rollouts": 100,
-        "anneal": 0.0,
-    }  # fmt: skip
-    settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
-    return {name: value for name, value in settings.items() if name not in own}
-
-
 def _runs(records: Records) -> list[str]:
     """Return what the runs were made with."""
     lines = ["| row | seed | encoder | budget | best after | train, score | source |", "|---|---|---|---|---|---|---|"]
@@ -292,25 +240,7 @@ def _run_line(record: Record) -> str:
     minutes = ", ".join(f"{seconds / 60:.0f}" for seconds in record["seconds"].values())
     cells = (
         f"{record['table']}/{record['row']}", record["seed"], encoder_of(record),
-        _budget(record), f"{best[0]:,}" if best else "", minutes,
+        budget(record), f"{best[0]:,}" if best else "", minutes,
         " ".join(sha[:8] for sha in (record["evaluation"]["source_sha256"], checkpoint.get("learners_sha256", ""))),
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"
-
-
-def _budget(record: Record) -> str:
-    """Return the length of the training, e.g. "3,000 + 12,000 episodes"."""
-    unit, checkpoint = record["curve"]["unit"], record["checkpoint"]
-    configs = [checkpoint.get("begun_with", {}).get("config", {}), checkpoint.get("config", {})]
-    parts = [f"{config[unit]:,}" for config in configs if unit in config]
-    return f"{' + '.join(parts)} {unit}" if parts else ""
-
-
-def encoder_of(record: Record) -> str:
-    """Return what encodes the observations of a run."""
-    if record["observation"] == "scene_graph":
-        pool = record["checkpoint"].get("config", {}).get("graph_pool", POOL)
-        return "graph convolution" if pool == POOL else f"graph convolution, {pool}"
-    weights = record["checkpoint"].get(FROZEN, "")
-    encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
-    return f"{encoder}, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"

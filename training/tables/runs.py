@@ -10,6 +10,7 @@ from typing import Any
 from chmarl_pb import learning
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
@@ -67,7 +68,8 @@ class Run:
         row = self.row
         options = ["--observation", row.observation]
         if step == "score":  # a checkpoint knows its track
-            options += row.rules if row.track == PAPER else ("--splits", *row.splits)
+            options += row.rules if row.track == PAPER else ()
+            options += ("--splits", *row.splits) if row.splits != SPLITS else ()
             return ["training.score", str(self.checkpoint), *options, "--out", str(self.folder)]
         options += row.rules
         data = ["--data", str(self.data)] if row.clones else []

@@ -36,7 +36,8 @@ from chmarl_pb.robots.registry import TEAM, listed
 
 BEST, LAST = "best.pt", "last.pt"
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
-VALIDATION = ("val-seen", "val-unseen")
+#: Split of the data -> those that the best epoch is chosen on: where homes are to be known by heart, these homes alone.
+VALIDATION = {"train": ("val-seen", "val-unseen"), "train-limited": ("val-limited",)}
 
 
 def clone(
@@ -49,7 +50,7 @@ def clone(
 ) -> dict[str, Any]:
     """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
 
-    The best are those of the epoch with the highest mean of the two validation splits' PLW. A signal that asks the run
+    The best are those of the epoch with the highest mean of the validation splits' PLW. A signal that asks the run
     to end has it saved after the present batch; a killed run loses a minute at most.
 
     Args:
@@ -68,7 +69,7 @@ def clone(
         DatasetError: the data set is missing or damaged.
         CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
     """
-    recipe = Recipe(observation=config.observation, noise=config.noise, robots=listed(config.robots))
+    recipe = Recipe(config.split, config.observation, config.noise, robots=listed(config.robots))
     signals, where = Signals(), find_device(device)
     with torch_threads(threads):
         run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check, where)
@@ -185,7 +186,7 @@ class _Run:
         content = checkpoint.load(path, UNFINISHED)
         before = {  # older ones have none of these
             "robots": ",".join(TEAM), "word_vectors": False, "graph_pool": "mean", "numbers_past": False,
-            "grounding_coef": 0.0,
+            "grounding_coef": 0.0, "split": "train",
         }  # fmt: skip
         content["config"] = before | content["config"]
         for name, own in self._settings().items():
@@ -229,13 +230,13 @@ class Examiner:
         """Open an environment for a run."""
         self.env = HouseholdEnv(
             observation=config.observation,
-            split="train",
+            split=config.split,
             messages=config.messages,
             feedback=config.feedback,
             robots=listed(config.robots),
         )
         self.config, self.robots = config, self.env.possible_agents
-        self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION}
+        self.tasks = {split: spread_tasks(split, config.validation_tasks) for split in VALIDATION[config.split]}
 
     def examine(self, actors: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``; an error of ``check`` ends it."""
@@ -250,7 +251,7 @@ class Examiner:
                 scores.append(score_now(self.env, episode))
             figures[f"{split}_sr"] = round(float(np.mean(won)), 4)
             figures[f"{split}_plw"] = round(float(np.mean(scores)), 4)
-        return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in VALIDATION])), 4)} | figures
+        return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in self.tasks])), 4)} | figures
 
     def close(self) -> None:
         """Disconnect from physics."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import torch
 from gymnasium import spaces
@@ -40,7 +40,8 @@ class CloningConfig:
         centralized: whether one network sees and drives all robots.
         messages: whether the robots hear each other.
         feedback: whether the robots get language feedback.
-        noise: share of random actions in the data set that is learned from; see ``chmarl-pb dataset generate``.
+        split: whose episodes are learned from; see ``chmarl-pb dataset generate``.
+        noise: share of random actions in the data set.
         seed: of weights, order and dropout.
         epochs: passes over the data.
         batch_size: episodes in a batch.
@@ -65,6 +66,7 @@ class CloningConfig:
     centralized: bool = False
     messages: bool = True
     feedback: bool = True
+    split: Literal["train", "train-limited"] = "train"
     noise: float = share(0.0)
     seed: int = natural(0)
     epochs: int = count(10)

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from chmarl_pb.tasks.splits import split_of
+from chmarl_pb.tasks.splits import TRAINING_SPLITS, split_of
 from chmarl_pb.tasks.task import Task
 
 T = TypeVar("T")
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 def may_use_held_out(task: Task) -> bool:
     """Return whether a task's words may be those held out of training: its id is one of validation or test."""
-    return split_of(task.id) not in (None, "train")
+    return split_of(task.id) not in (None, *TRAINING_SPLITS)
 
 
 def pick_from(ways: Sequence[T], rng: np.random.Generator) -> T:

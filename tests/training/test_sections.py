@@ -1,0 +1,87 @@
+"""Sections of the page of results that are made of rows of several tables, or of other results."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.files import sealed
+from chmarl_pb.policies.weights import read_manifest, weights_folder
+from training.tables.attribution import PARTS, attribution
+from training.tables.cells import Records
+from training.tables.page import write_page
+from training.tables.rows import LIMITED, LIMITED_SPLITS, TABLES, Row
+from training.tables.runs import FORMAT
+from training.tables.without_feedback import without_feedback
+
+
+def row_of(table: str, name: str) -> Row:
+    return next(row for row in TABLES[table] if row.name == name)
+
+
+def test_each_part_is_told_beside_the_line_that_it_changes() -> None:
+    records: Records = {}
+    plws = {1: [0.1, 0.2], 2: [0.4], 4: [0.55], 6: [0.6]}
+    for number, values in plws.items():
+        row = row_of(PARTS[number - 1].table, PARTS[number - 1].row)
+        one = {split: {"summary": {"plw": {"mean": 0}, "success_rate": {"mean": 0.9}}} for split in SPLITS}
+        for plw in values:
+            splits = json.loads(json.dumps(one))
+            splits["test-unseen"]["summary"]["plw"]["mean"] = plw
+            record = {"checkpoint": {"config": {}}, "evaluation": {"splits": splits}, "observation": row.observation}
+            records.setdefault((row.table, row.slug), []).append(record)
+    lines = [line for line in attribution(records).splitlines() if line.startswith("| ") and line[2].isdigit()]
+    ends = [line.split("|")[-5:-1] for line in lines]
+    assert [[cell.strip() for cell in end] for end in ends] == [
+        ["90.0 / 15.0", "", "", ""], ["90.0 / 40.0", "line 1", "+0.0", "+25.0"], ["", "line 2", "", ""],
+        ["90.0 / 55.0", "line 3", "", ""], ["", "line 4", "", ""], ["90.0 / 60.0", "line 4", "+0.0", "+5.0"],
+        ["", "line 6", "", ""],
+    ]  # fmt: skip
+
+
+def test_weights_without_feedback_stand_beside_what_they_have_with_it(tmp_path: Path) -> None:
+    published = read_manifest(weights_folder())["ours-graphs"]
+    splits = {split: {"summary": {name: {"mean": 0.125} for name in ("success_rate", "plw")}} for split in SPLITS}
+    kept: dict[str, Any] = {
+        "checkpoint": {"sha256": published.sha256},
+        "evaluation": {"options": {"feedback": False}, "splits": splits},
+    }
+    path = tmp_path / "without-feedback" / "ours-graphs.json"
+    path.parent.mkdir()
+    assert without_feedback(tmp_path) == []
+    path.write_text(sealed(kept))
+    _, table = without_feedback(tmp_path)
+    figures = published.published["test-unseen"]
+    assert table.splitlines()[2].endswith(f"{100 * figures['success_rate']:.1f} / {100 * figures['plw']:.1f} |")
+    assert table.splitlines()[3] == "|  | no |" + " 12.5 / 12.5 |" * len(SPLITS)
+    for key, value, words in (("feedback", True, "with feedback"), ("sha256", "0", "not the published")):
+        changed = json.loads(json.dumps(kept))
+        (changed["evaluation"]["options"] if key == "feedback" else changed["checkpoint"])[key] = value
+        path.write_text(sealed(changed))
+        with pytest.raises(ResultError, match=words):
+            without_feedback(tmp_path)
+
+
+def test_limited_layouts_stand_beside_the_benchmarks(tmp_path: Path) -> None:
+    for table, splits in (("scene-graph", SPLITS), (LIMITED, LIMITED_SPLITS)):
+        row = row_of(table, "BC decentralized + messages, grounded")
+        summaries = {
+            split: {"summary": {"success_rate": {"mean": 0.5}, "plw": {"mean": 0.1 * number}}}
+            for number, split in enumerate(splits, 1)
+        }
+        record = {
+            "format": FORMAT, "table": table, "row": row.slug, "name": row.name, "seed": 0,
+            "observation": "scene_graph", "seconds": {}, "curve": {"unit": "epochs", "success": [], "validation": []},
+            "checkpoint": {"sha256": "0", "config": {}}, "evaluation": {"source_sha256": "0", "splits": summaries},
+        }  # fmt: skip
+        path = tmp_path / "results" / table / f"{row.slug}-seed0.json"
+        path.parent.mkdir(parents=True)
+        path.write_text(json.dumps(record))
+    write_page(tmp_path / "results", tmp_path / "results.md")
+    text = (tmp_path / "results.md").read_text().split("## Limited layouts")[1]
+    name = "| BC decentralized + messages, grounded |"
+    assert f"{name} train | 1 of 3 |  | 50.0 / 30.0 | 50.0 / 20.0 | 50.0 / 40.0 | -10.0 |" in text
+    assert f"{name} train-limited | 1 of 3 | 50.0 / 10.0 | 50.0 / 20.0 | 50.0 / 30.0 | 50.0 / 40.0 | -30.0 |" in text

@@ -1,0 +1,80 @@
+"""What each part of our own learner adds: rows of the tables, each with what it changes of one before."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+from chmarl_pb.evaluation.paper import SPLITS
+from training.tables.cells import METRICS, Records, both, runs_of, values
+from training.tables.made_with import seeds
+from training.tables.rows import TABLES, Row
+
+NOTE = """## What each part adds
+
+Rows of the tables below, from a clone of the planner to our learner. Cells are success / PLW, per cent, means over
+seeds; the last columns are the points of PLW that a line has more than the one named before it. Differences of one
+seed, and of less than five points on the 50 tasks of test-unseen, tell little. All hear the board and get feedback.
+"""
+
+AFTER = """MAPPO after imitation in generated homes was tried on validation tasks alone, where it added nothing
+([training.md](training.md#our-own-row-imitation-of-a-search-then-mappo)).
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One line.
+
+    Attributes:
+        table: of the row.
+        row: its name.
+        change: what it changes of the line that it is compared with.
+        before: number of that line, from 1; 0 for none.
+    """
+
+    table: str
+    row: str
+    change: str
+    before: int
+
+
+PARTS = (
+    Part("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
+    Part("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
+    Part(
+        "scene-graph", "Imitation of search, then MAPPO",
+        "imitation of *search*, asked in the learner's own states, then MAPPO; gated pool", 2,
+    ),
+    Part(
+        "scene-graph", "Imitation of belief",
+        "*belief* as the teacher, the encoder that ties words to things; no MAPPO", 3,
+    ),
+    Part("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 4),
+    Part("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 4),
+    Part("visual", "Imitation of belief, generated homes", "pictures, seen by the detector, in place of graphs", 6),
+)  # fmt: skip
+
+
+def attribution(records: Records, parts: Sequence[Part] = PARTS) -> str:
+    """Return the section as Markdown."""
+    head = ("", "what changes", "seeds", *SPLITS, "more than", *(f"PLW more, {split}" for split in SPLITS[2:]))
+    lines = [f"| {' | '.join(head)} |", "|--:|---|---|" + "--:|" * (len(SPLITS) + 3)]
+    for number, part in enumerate(parts, 1):
+        row = _row(part)
+        same = runs_of(row, records)
+        cells = [both(same, split) for split in SPLITS]
+        before = f"line {part.before}" if part.before else ""
+        gained = [_more(records, part, parts[part.before - 1], split) if part.before else "" for split in SPLITS[2:]]
+        line = (str(number), part.change, seeds(row, same), *cells, before, *gained)
+        lines.append(f"| {' | '.join(line)} |")
+    return "\n\n".join([NOTE.strip(), "\n".join(lines), AFTER.strip()])
+
+
+def _row(part: Part) -> Row:
+    return next(row for row in TABLES[part.table] if row.name == part.row)
+
+
+def _more(records: Records, part: Part, before: Part, split: str) -> str:
+    """Return the points of PLW that one line has more than another, with a sign; "" if one of them has not been run."""
+    ours, theirs = (values(runs_of(_row(one), records), METRICS["PLW"], split) for one in (part, before))
+    return f"{100 * (fmean(ours) - fmean(theirs)):+.1f}" if ours and theirs else ""
