@@ -63,6 +63,7 @@ def test_the_command_keeps_runs_and_makes_those_that_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("training.reference.VALIDATED", 2)
     command = ["--game", "simple_spread", "--algo", "pqn", "--steps", "800", "--json", "kept.json", "--seeds"]
     assert main([*command, "1"]) == 0
     kept = json.loads(Path("kept.json").read_text())
