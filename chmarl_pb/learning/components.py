@@ -8,6 +8,7 @@ is VDN inside the agent; actor-critics draw them independently of each other, so
 add up. So 26 actions and 16 symbols have 42 outputs in the place of 416.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,11 +56,19 @@ def as_action(row: NDArray[np.integer[Any]], counts: Counts) -> Any:
 
 def mask_of(info: dict[str, Any], counts: Counts) -> NDArray[np.bool_]:
     """Return (K, A) what the environment allows: ``info["action_mask"]`` is about the first component, or all."""
+    mask = _all_allowed(counts).copy()
+    allowed = info.get("action_mask")
+    if allowed is not None and (own := np.asarray(allowed, dtype=bool)).any():
+        mask[0, : of_each(counts)[0]] &= own
+    return mask
+
+
+@cache
+def _all_allowed(counts: Counts) -> NDArray[np.bool_]:
+    """Return (K, A) which values there are; it is shared, so nobody may write to it."""
     sizes = np.array(of_each(counts))
     mask: NDArray[np.bool_] = np.arange(sizes.max()) < sizes[:, None]
-    allowed = np.asarray(info.get("action_mask", True), dtype=bool)
-    if allowed.any():
-        mask[0, : sizes[0]] &= allowed
+    mask.flags.writeable = False
     return mask
 
 

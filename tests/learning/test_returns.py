@@ -11,6 +11,7 @@ import torch
 from torch import nn
 
 from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.gradient import DivergedError, descend
 from chmarl_pb.learning.algorithms.losses import lambda_returns
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
@@ -18,7 +19,7 @@ from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_pres
 from chmarl_pb.learning.algorithms.pqn import Pqn
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import ValueLearner
-from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from tests.helpers.small_runs import MAPPO, PQN, SMALL
@@ -143,6 +144,60 @@ def test_qmix_learns_of_values_far_below_zero_once_they_are_normal() -> None:
     assert play_greedily(Collector(game, 1), agents, [0])[0].episode_return == -194
 
 
+def test_the_scale_of_values_does_not_follow_itself() -> None:
+    """It once followed targets, which hold what it makes of the networks' values, and grew without end."""
+    config = replace(SMALL, normalize_values=True, gamma=0.99, td_lambda=0.6)
+    learner = make_learner("vdn", interface_of(TwoStepGame()), config)
+    assert isinstance(learner, ValueLearner) and learner.aim.scale is not None
+    with torch.no_grad():
+        for part in learner._targets.parameters():
+            part.add_(3.0)  # targets that think too much of themselves
+    rewards, ones = torch.full((16, 25, 1), -10.0), torch.ones(16, 25, 1, dtype=torch.bool)
+    for _ in range(300):
+        learner.aim.take_in(rewards + torch.randn(16, 25, 1), ones, ones)
+    assert learner.aim.scale.mean.item() == pytest.approx(-1000, rel=0.01), "-10 a step, for ever"
+    assert 1 < learner.aim.scale.deviation.item() < 10
+
+
+@pytest.mark.parametrize("algorithm", ["iql", "vdn", "qmix", "qtran"])
+def test_the_scale_of_values_stays_that_of_the_returns_in_a_run(algorithm: str) -> None:
+    game = partial(MatrixGame, MATRIX_GAMES["additive"] - 200)
+    learner = train(game, algorithm, replace(SMALL, episodes=200, gradient_steps=8, normalize_values=True)).learner
+    assert isinstance(learner, ValueLearner) and learner.aim.scale is not None
+    assert ((learner.aim.scale.mean > -215) & (learner.aim.scale.mean < -190)).all()
+    assert (learner.aim.scale.deviation < 15).all()
+
+
+def test_standardized_rewards_hide_scale_and_level() -> None:
+    """Two games that differ in both alone give the same weights, but for rounding."""
+    config = replace(SMALL, episodes=64, standardize_rewards=True, exploration_final_eps=1.0)
+    one, other = (
+        train(partial(MatrixGame, table), "vdn", config).agents.state_dict()
+        for table in (MATRIX_GAMES["additive"], 8 * MATRIX_GAMES["additive"] - 128)
+    )
+    for name, weights in one.items():
+        torch.testing.assert_close(weights, other[name], rtol=1e-2, atol=1e-3)
+
+
+def test_a_gradient_that_is_no_number_ends_the_run_and_spares_the_weights() -> None:
+    weight = nn.Parameter(torch.ones(2))
+    optimizer = torch.optim.Adam([weight])
+    with pytest.raises(DivergedError, match="the loss is nan"):
+        descend({"loss": (weight * torch.nan).sum()}, optimizer, 1.0, [weight])
+    assert torch.equal(weight.detach(), torch.ones(2))
+
+
+def test_random_actions_are_those_that_one_draw_after_the_other_gives() -> None:
+    rng, alike = np.random.default_rng(5), np.random.default_rng(5)
+    masks = np.random.default_rng(0).random((60, 4, 2, 9)) < 0.5
+    masks[..., 3] |= ~masks.any(axis=-1)
+    for mask in masks:
+        wanted = [rng.choice(np.flatnonzero(row)) for row in mask.reshape(-1, 9)]
+        found = epsilon_greedy(1.0)(torch.zeros(mask.shape), torch.from_numpy(mask), np.zeros(0), alike)
+        assert found.ravel().tolist() == wanted
+        rng.random(found.shape)
+
+
 def test_pqn_learns_a_game_of_one_step_from_new_episodes_alone() -> None:
     game = partial(MatrixGame, MATRIX_GAMES["additive"])
     config = replace(
@@ -156,7 +211,10 @@ def test_pqn_learns_a_game_of_one_step_from_new_episodes_alone() -> None:
 
 
 def test_scales_are_kept_in_checkpoints() -> None:
-    config = replace(SMALL, normalize_values=True, standardize_state=True, tau=0.1, td_lambda=0.7, episodes=32)
+    config = replace(
+        SMALL, normalize_values=True, standardize_state=True, standardize_rewards=True, tau=0.1, td_lambda=0.7,
+        episodes=32,
+    )  # fmt: skip
     for algorithm in ("iql", "qtran"):
         learner = train(TwoStepGame, algorithm, config).learner
         again = make_learner(algorithm, interface_of(TwoStepGame()), config)

@@ -1,11 +1,13 @@
 """Games from elsewhere: all learners have settings for them, and they pay as published results are given."""
 
 import importlib.util
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from training.reference import GAMES, SETTINGS, config_of, measure
+from training.reference import GAMES, SETTINGS, config_of, main, table
 
 HERE = all(importlib.util.find_spec(name) for name in ("mpe2", "lbforaging"))
 needs_games = pytest.mark.skipif(not HERE, reason="pip install mpe2 lbforaging")
@@ -37,5 +39,48 @@ def test_random_actions_earn_what_the_table_says(game: str) -> None:
 
 
 @needs_games
-def test_a_short_run_gives_a_figure() -> None:
-    assert -600 < measure("simple_spread", "pqn", 16 * 25, 0) < 0
+def test_simple_spread_is_that_of_mpe2_with_the_papers_rewards() -> None:
+    from mpe2 import simple_spread_v3
+
+    ours, theirs = GAMES["simple_spread"].make(), simple_spread_v3.parallel_env(N=3, local_ratio=0.5, max_cycles=25)
+    rng = np.random.default_rng(0)
+    for seed in range(3):
+        seen, wanted = ours.reset(seed=seed)[0], theirs.reset(seed=seed)[0]
+        while ours.agents:
+            assert all(np.array_equal(seen[name], wanted[name]) for name in ours.agents)
+            actions = {name: int(rng.integers(5)) for name in ours.agents}
+            seen, rewards, ended, cut, _ = ours.step(actions)
+            wanted, halves, *ends, _ = theirs.step(actions)
+            assert [ended, cut] == ends
+            # theirs is half of the distances and of the collisions with others; the paper's agents collide with
+            # themselves, too
+            assert rewards["agent_0"] == pytest.approx(sum(2 * half - 1 for half in halves.values()))
+        assert not theirs.agents
+
+
+@needs_games
+def test_the_command_keeps_runs_and_makes_those_that_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("training.reference.VALIDATED", 2)
+    command = ["--game", "simple_spread", "--algo", "pqn", "--steps", "800", "--json", "kept.json", "--seeds"]
+    assert main([*command, "1"]) == 0
+    kept = json.loads(Path("kept.json").read_text())
+    assert kept[0]["curve"]["steps"] == [400, 800] and -600 < kept[0]["last"] <= kept[0]["best"] < 0
+    assert main([*command, "2"]) == 0
+    both = json.loads(Path("kept.json").read_text())
+    assert both[0] == kept[0] and both[1]["seed"] == 1
+
+
+def test_the_table_in_the_documentation_is_that_of_the_runs() -> None:
+    runs = json.loads(Path("results/reference.json").read_text())
+    page = Path("docs/training.md").read_text()
+    assert "\n".join(["<!-- reference -->", *table(runs), "<!-- end of reference -->"]) in page
+
+
+def test_kept_runs_have_the_settings_of_today() -> None:
+    for run in json.loads(Path("results/reference.json").read_text()):
+        config = config_of(run["algorithm"], run["game"], run["steps"], run["seed"])
+        for name in SETTINGS[run["algorithm"]]:
+            assert run["settings"].get(name, getattr(type(config), name)) == getattr(config, name), name

@@ -1,12 +1,18 @@
 """One gradient step, as all learners that play take it."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from chmarl_pb.errors import ChmarlError
 from chmarl_pb.learning.algorithms.losses import Batch, grounding
+
+
+class DivergedError(ChmarlError, ArithmeticError):
+    """A gradient is infinite or no number, so that there is nothing left to learn from; weights are as before."""
 
 
 def add_grounding(metrics: dict[str, Tensor], agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, Tensor]:
@@ -25,10 +31,17 @@ def descend(
         optimizer: of all weights.
         max_norm: largest norm of the gradient of each part.
         parts: weights whose gradients are clipped together; the norm is that of the first.
+
+    Raises:
+        DivergedError: a gradient is infinite or no number.
     """
     optimizer.zero_grad()
     loss: Any = metrics["loss"]
     loss.backward()
     norms = [nn.utils.clip_grad_norm_(part, max_norm) for part in parts]
+    if not all(math.isfinite(float(norm)) for norm in norms):
+        raise DivergedError(
+            f"the loss is {float(loss.detach())}, and its gradient is no number; lower learning_rate or reward_scale"
+        )
     optimizer.step()
     return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norms[0])}

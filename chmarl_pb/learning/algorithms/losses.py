@@ -152,12 +152,22 @@ class Aim:
         """Return values (B, T, M) in units of the rewards from what networks give."""
         return values if self.scale is None else self.scale.denormalize(values)
 
-    def normal(self, targets: Tensor, mask: Tensor) -> Tensor:
-        """Return what networks should give for targets (B, T, M) in units of the rewards, which are taken in."""
-        if self.scale is None:
-            return targets
-        self.scale.update(targets, mask)
-        return self.scale.normalize(targets)
+    def normal(self, targets: Tensor) -> Tensor:
+        """Return what networks should give for targets (B, T, M) in units of the rewards."""
+        return targets if self.scale is None else self.scale.normalize(targets)
+
+    def take_in(self, reward: Tensor, not_done: Tensor, mask: Tensor) -> None:
+        """Let the scale follow the returns that were had, as if an episode that was cut off went on alike.
+
+        All are (B, T, M): rewards, whether there is a value after the step, and which steps were taken.
+
+        It must not follow the targets: they hold the networks' own values, which the scale makes real, so that it would
+        follow itself. On simple_spread its deviation grew by a tenth with each gradient step, until it was no number.
+        """
+        if self.scale is not None:
+            onward = mean(reward, mask) / (1 - self.gamma) if self.gamma < 1 else reward.new_zeros(())
+            had = lambda_returns(reward, not_done, onward.expand_as(reward), mask, self.gamma, 1.0)
+            self.scale.update(had, mask)
 
 
 def td_loss(
@@ -165,7 +175,7 @@ def td_loss(
 ) -> dict[str, Tensor]:
     """Return the loss of IQL, VDN or QMIX: the mean squared error of Q against y, see :func:`td_targets`."""
     y, mask = td_targets(online, target, target_mixer, batch, aim)
-    return q_loss(online, mixer, batch, aim.normal(y, mask), mask)
+    return q_loss(online, mixer, batch, aim.normal(y), mask)
 
 
 def q_loss(online: Unrolled, mixer: Mixer, batch: Batch, y: Tensor, mask: Tensor) -> dict[str, Tensor]:
@@ -190,8 +200,9 @@ def td_targets(
     best = {name: action[:, 1:] for name, action in greedy(online.values, batch).items()}
     per_agent = target_mixer.per_agent
     next_mask = batch.not_done if per_agent else batch.next_mask
-    q_next = aim.real(target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
     reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if per_agent else batch.team()
+    aim.take_in(reward, not_done, mask)
+    q_next = aim.real(target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
     return lambda_returns(reward, not_done, q_next, mask, aim.gamma, aim.td_lambda), mask
 
 

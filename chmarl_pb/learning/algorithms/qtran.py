@@ -104,7 +104,8 @@ def qtran_loss(
     with torch.no_grad():
         after = _listed(target.hidden_states, slice(1, None))
         q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.next_mask), batch.states[:, 1:])
-        y = aim.normal(lambda_returns(reward, not_done, aim.real(q_next), mask, aim.gamma, aim.td_lambda), mask)
+        aim.take_in(reward, not_done, mask)
+        y = aim.normal(lambda_returns(reward, not_done, aim.real(q_next), mask, aim.gamma, aim.td_lambda))
         q_joint_best = networks.q_joint(hidden, _one_hot(online, best_now, batch.acted), state)
     v_joint = networks.v_joint(hidden, state)
 

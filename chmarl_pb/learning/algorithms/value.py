@@ -50,6 +50,8 @@ class Config(RunConfig):
         target_update_interval: gradient steps after which the target networks are brought up to date.
         tau: share of the way that the target networks then go: 1 copies them.
         standardize_state: whether mixers see the state with mean 0 and deviation 1.
+        standardize_rewards: whether rewards are learned from with mean 0 and deviation 1. Where agents can end an
+            episode early this is another game: going on earns them nothing on average.
         normalize_values: whether networks give values with mean 0 and deviation 1, which a running scale makes real.
         embedding: hidden units of the mixer.
         joint_units: units of the joint networks of QTRAN.
@@ -65,6 +67,7 @@ class Config(RunConfig):
     target_update_interval: int = count(200)
     tau: float = share(1.0)
     standardize_state: bool = False
+    standardize_rewards: bool = False
     normalize_values: bool = False
     embedding: int = count(32)
     joint_units: int = count(64)
@@ -94,7 +97,8 @@ class ValueLearner:
         numbers = len(interface.agents) if getattr(self.mixer, "per_agent", False) else 1
         self._states = Normalizer(interface.state_size) if config.standardize_state else None
         self.aim = Aim(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
-        scales = {"of_states": self._states, "of_values": self.aim.scale}
+        self._rewards = Normalizer(len(interface.agents)) if config.standardize_rewards else None
+        scales = {"of_states": self._states, "of_values": self.aim.scale, "of_rewards": self._rewards}
         self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False)
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
@@ -140,6 +144,9 @@ class ValueLearner:
         if self._states is not None:
             self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
             batch = replace(batch, states=self._states.normalize(batch.states))
+        if self._rewards is not None:
+            self._rewards.update(batch.rewards, batch.acted)
+            batch = replace(batch, rewards=self._rewards.normalize(batch.rewards))
         online = unroll(self.agents, batch)
         with torch.no_grad():
             target = unroll(self._targets["agents"], batch)  # type: ignore[arg-type]

@@ -223,9 +223,32 @@ class _Propagation:
 
     def __call__(self, features: Tensor) -> Tensor:
         """Return the product with features (N, F)."""
-        return nn.functional.embedding_bag(
-            self.columns, features, self.starts, mode="sum", per_sample_weights=self.values, include_last_offset=True
-        )
+        product: Tensor = _Symmetric.apply(features, self.columns, self.starts, self.values)
+        return product
+
+
+class _Symmetric(torch.autograd.Function):
+    """The product of a symmetric sparse matrix with features, whose gradient is the product with the same matrix.
+
+    torch's own gradient sorts all numbers of the matrix by their columns first, and takes three times as long.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, columns: Tensor, starts: Tensor, values: Tensor) -> Tensor:
+        """Return the product (N, F); see :class:`_Propagation`."""
+        ctx.save_for_backward(columns, starts, values)
+        return _product(features, columns, starts, values)
+
+    @staticmethod
+    def backward(ctx: Any, *wanted: Tensor) -> tuple[Tensor | None, ...]:
+        """Return the gradient of the features alone."""
+        return _product(wanted[0], *ctx.saved_tensors), None, None, None
+
+
+def _product(features: Tensor, columns: Tensor, starts: Tensor, values: Tensor) -> Tensor:
+    return nn.functional.embedding_bag(
+        columns, features, starts, mode="sum", per_sample_weights=values, include_last_offset=True
+    )
 
 
 def _propagation(real: Tensor, edges: Tensor) -> _Propagation:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import best_action
-from chmarl_pb.learning.components import as_action, as_row, mask_of
+from chmarl_pb.learning.components import Counts, as_action, as_row, mask_of, of_each
 from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
@@ -67,10 +67,16 @@ def epsilon_greedy(epsilon: float) -> Choose:
 
     def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         best = best_action(values, action_mask).numpy()
-        random = [rng.choice(np.flatnonzero(row)) for row in action_mask.flatten(0, -2).numpy()]
-        return np.where(rng.random(best.shape) < epsilon, np.reshape(random, best.shape), best)
+        random = _random_actions(action_mask.numpy(), rng)
+        return np.where(rng.random(best.shape) < epsilon, random, best)
 
     return choose
+
+
+def _random_actions(action_mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return one of the allowed actions (...) of each row of a mask (..., A)."""
+    numbers = rng.integers(action_mask.sum(axis=-1))  # of the action among those that are allowed
+    return (action_mask.cumsum(axis=-1) > numbers[..., np.newaxis]).argmax(axis=-1)
 
 
 def greedy(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -203,8 +209,7 @@ class Explorer:
             index = torch.tensor([episodes[row] for row in rows])
             values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
             mask = torch.from_numpy(np.stack([mask_of(infos[row].get(name, {}), counts) for row in rows]))
-            said = [self.labels.get(episodes[row], {}).get(name, NO_LABEL) for row in rows]
-            labels = np.array([as_row(label, counts, NO_LABEL) for label in said])
+            labels = self._labels_of(name, [episodes[row] for row in rows])
             actions = self._choose(values, mask, labels, self._rng)
             self._player.remember(name, index, torch.from_numpy(actions))
             for row, action in zip(rows, actions, strict=True):
@@ -212,6 +217,14 @@ class Explorer:
         for number, actions_done in zip(episodes, chosen, strict=True) if self._experts else ():
             self._experts[number].note(actions_done)
         return chosen
+
+    def _labels_of(self, name: str, episodes: Sequence[int]) -> np.ndarray:
+        """Return what experts would do in an agent's place, (B, K), or ``NO_LABEL``."""
+        counts = self._counts[name]
+        if not self._experts:
+            return np.full((len(episodes), len(of_each(counts))), NO_LABEL)
+        said = [self.labels.get(number, {}).get(name, NO_LABEL) for number in episodes]
+        return np.array([as_row(label, counts, NO_LABEL) for label in said])
 
 
 def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
@@ -223,12 +236,21 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, 
     """Record a step, which has returned five things."""
     names = interface.agents
     observations, rewards, terminated, _, infos = step
-    gone = {name: as_action(as_row(0, counts, 0), counts) for name, counts in interface.actions.items()}
-    episode.actions.append({name: actions.get(name, gone[name]) for name in names})
+    episode.actions.append(
+        {
+            name: actions[name] if name in actions else _first_action(counts)
+            for name, counts in interface.actions.items()
+        }
+    )
     episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
     episode.acted.append(np.array([name in actions for name in names]))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
     _look(interface, episode, env, observations, infos)
+
+
+def _first_action(counts: Counts) -> Any:
+    """Return the action that stands for none."""
+    return as_action(as_row(0, counts, 0), counts)
 
 
 def _look(
@@ -237,8 +259,9 @@ def _look(
     seen = {
         name: tree_map(np.array, observation) for name, observation in observations.items()
     }  # envs may reuse theirs
-    nothing = {name: zeros(space) for name, space in interface.observations.items() if name not in seen}
-    episode.observations.append({name: {**seen, **nothing}[name] for name in interface.agents})
+    episode.observations.append(
+        {name: seen[name] if name in seen else zeros(space) for name, space in interface.observations.items()}
+    )
     episode.states.append(interface.state(env, observations))
     episode.action_mask.append(
         {name: mask_of(infos.get(name, {}), counts) for name, counts in interface.actions.items()}

@@ -1,0 +1,104 @@
+"""Joint steps a second of whole trainings, playing and learning together, in processor time.
+
+    python -m benchmarks.learning                                     # QMIX with messages, and PPO for the humanoid
+    python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
+
+The first rollouts, which load homes and look where nobody has looked, are not counted.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import chmarl_pb
+from chmarl_pb.learning import Config, train
+from chmarl_pb.learning.runs.loop import Run
+
+WARM_UP = 160  # episodes that are not counted
+
+
+class Parts:
+    """Processor time of the parts of a training, after its warm-up.
+
+    Attributes:
+        seconds: part -> processor seconds.
+        steps: joint steps that were played in them.
+        gradients: gradient steps that were taken in them.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.seconds = {"_play": 0.0, "_learn": 0.0}
+        self.steps = self.gradients = 0
+
+    def timed(self, part: str, inner: Callable[[Run], None]) -> Callable[[Run], None]:
+        """Return a method of a run that counts."""
+
+        def method(run: Run) -> None:
+            counted = run.episodes >= WARM_UP
+            steps, gradients, start = run._collector.steps, run.learner.updates, time.process_time()
+            inner(run)
+            if counted:
+                self.seconds[part] += time.process_time() - start
+                self.steps += run._collector.steps - steps
+                self.gradients += run.learner.updates - gradients
+
+        return method
+
+
+def qmix(episodes: int, envs: int, gradient_steps: int) -> list[str]:
+    """Train QMIX with messages on scene graphs, and return lines on its speed."""
+    parts, kept = Parts(), {name: getattr(Run, name) for name in ("_play", "_learn")}
+    config = Config(episodes=episodes + WARM_UP, envs=envs, gradient_steps=gradient_steps, validation_interval=10**9)
+    make = partial(chmarl_pb.parallel_env, "scene_graph", messages=True, feedback=True)
+    try:
+        for name, inner in kept.items():
+            setattr(Run, name, parts.timed(name, inner))
+        train(make, "qmix", config, validate=lambda collector, agents: {"score": 0.0})
+    finally:
+        for name, inner in kept.items():
+            setattr(Run, name, inner)
+    played, learned = parts.seconds.values()
+    return [
+        f"QMIX, {envs} environments, {gradient_steps} gradient steps after each rollout:",
+        f"  rollout alone {parts.steps / played:,.0f} joint steps/s",
+        f"  {1000 * learned / parts.gradients:.0f} ms a gradient step of {config.batch_size} episodes",
+        f"  rollout and updates {parts.steps / (played + learned):,.0f} joint steps/s",
+    ]
+
+
+def ppo(steps: int) -> list[str]:
+    """Train PPO for the humanoid by the preset ``goal``, and return lines on its speed, validation left out."""
+    from chmarl_pb.cli import main as command
+
+    options: Sequence[Any] = ("--algo", "ppo", "--env", "CHMARL/SceneGraphHumanoid-v1", "--interval", 10**9)
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.process_time()
+        code = command(["sb3", *map(str, options), "--steps", str(steps), "--out", str(Path(folder) / "run")])
+        spent = time.process_time() - start
+    return [f"PPO, {steps:,} steps with start and last validation, exit code {code}: {steps / spent:,.0f} steps/s"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the speeds."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("qmix", "ppo"))
+    parser.add_argument("--episodes", type=int, default=480, help="of QMIX that are counted")
+    parser.add_argument("--envs", type=int, default=Config.envs)
+    parser.add_argument("--gradient-steps", type=int, default=Config.gradient_steps)
+    parser.add_argument("--steps", type=int, default=20_000, help="of PPO")
+    options = parser.parse_args(arguments)
+    if options.only != "ppo":
+        print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps)), flush=True)
+    if options.only != "qmix":
+        print("\n".join(ppo(options.steps)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
