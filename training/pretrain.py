@@ -22,7 +22,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
-from chmarl_pb.learning.networks.frozen import FrozenEncoder, own_file, weights_file
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_file, read_weights, weights_file
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
@@ -51,7 +51,14 @@ def batches(count: int, size: int, seed: int, epoch: int, skip: int = 0) -> Iter
 
 @threads(1)  # the order of sums, and so the weights, depends on the number
 def pretrain(
-    name: str, out: Path, views: Views, checked: dict[str, Views], epochs: int, seed: int, bar: Progress
+    name: str,
+    out: Path,
+    views: Views,
+    checked: dict[str, Views],
+    epochs: int,
+    seed: int,
+    bar: Progress,
+    start: Path | None = None,
 ) -> dict[str, Any]:
     """Train, write the weights, and return the figures.
 
@@ -63,13 +70,34 @@ def pretrain(
         epochs: passes over the views.
         seed: of weights and order.
         bar: shows the batches.
+        start: a trained detector, of which only the colours are counted anew; None: all is trained.
 
     Raises:
         Interrupted: a signal asked the training to end; it was saved.
+        CheckpointError: there is no detector to start from, or the state is damaged.
     """
-    training, signals = _Training(name, views, epochs, seed, out.with_suffix(".unfinished")), Signals()
+    training = _Training(name, views, epochs, seed, out.with_suffix(".unfinished"))
+    model = _learned(training, bar) if start is None else read_detector(start)
+    model.eval().finish(views)
+    weights = model.weights(ranged(views.images))
+    with replacing(out) as temporary:
+        torch.save(weights, temporary)
+        seal(temporary)
+    frozen = FrozenEncoder(name, weights)
+    figures = {**training.facts, "fingerprint": frozen.fingerprint}
+    if start is not None:
+        figures["start"] = fingerprint(read_weights(start, name))
+    for kind, others in checked.items():
+        figures[kind], exact = model.measure(frozen, others), model.measure(model.features, others)
+        figures[kind]["mean_average_precision_in_float32"] = exact["mean_average_precision"]
+    training.kept.unlink(missing_ok=True)
+    return figures
+
+
+def _learned(training: "_Training", bar: Progress) -> Classifier | Detector:
+    """Go on with a training to its end, and return what was trained."""
     training.restore()
-    task = bar.add_task("learn", total=training.total, completed=training.done)
+    task, signals = bar.add_task("learn", total=training.total, completed=training.done), Signals()
     with signals:
         try:
             for loss in training.losses():
@@ -78,18 +106,7 @@ def pretrain(
         except Asked:
             training.save()
             raise signals.interrupted(f"{training.done} of {training.total} batches", training.kept) from None
-    model = training.model.eval()
-    weights = model.weights(ranged(views.images))
-    with replacing(out) as temporary:
-        torch.save(weights, temporary)
-        seal(temporary)
-    frozen = FrozenEncoder(name, weights)
-    figures = {**training.facts, "fingerprint": frozen.fingerprint}
-    for kind, others in checked.items():
-        figures[kind], exact = model.measure(frozen, others), model.measure(model.features, others)
-        figures[kind]["mean_average_precision_in_float32"] = exact["mean_average_precision"]
-    training.kept.unlink(missing_ok=True)
-    return figures
+    return training.model
 
 
 class _Training:
@@ -174,6 +191,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
     parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
+    parser.add_argument("--start", type=Path, help="a trained detector: only the colours of its table are counted anew")
     parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
     model = NETWORKS[chosen.network]
@@ -182,8 +200,9 @@ def main(arguments: list[str] | None = None) -> int:
     for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
-    if chosen.onnx and chosen.network != "detector":
-        parser.error("--onnx: goes with --network detector")
+    for name in ("onnx", "start"):
+        if getattr(chosen, name) and chosen.network != "detector":
+            parser.error(f"--{name}: goes with --network detector")
     for name in ("out", "figures", "onnx"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
@@ -210,7 +229,7 @@ def _make(chosen: argparse.Namespace) -> int:
         views = read_views([file for part in files for file in part])
         few = min(CHECKED, chosen.views)
         checked = {kind: read_views(draw(few, *source)) for kind, source in network.checks.items()}
-        figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar)
+        figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar, chosen.start)
     figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
     text = json.dumps(figures, indent=2)
     if chosen.figures:

@@ -10,9 +10,10 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder, int8
+from chmarl_pb.learning.networks.colour_table import LEVELS, OUTPUTS, SHARES, ColourTable, codes_of
 from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
 from chmarl_pb.learning.networks.detections import LABELS, SHAPE, detections
-from chmarl_pb.learning.networks.detector import OUTPUTS, Detector, build, read
+from chmarl_pb.learning.networks.detector import Detector, build, read
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.pyramid import CELL, IntegerPyramid, Pyramid, pyramid_ranges
@@ -37,7 +38,11 @@ def weights() -> dict[str, torch.Tensor]:
         torch.nn.init.normal_(detector.cells.weight)
         assert detector.cells.bias is not None
         torch.nn.init.zeros_(detector.cells.bias)  # so that something is seen
-        return detector.weights(pictures(8, 64).numpy())
+        images = pictures(8, 64)
+        codes = torch.unique(codes_of(images))[::3].int()  # some colours are known, and tell something
+        shares = torch.randint(256, (len(codes), SHARES)).to(torch.uint8)
+        detector.colours = ColourTable(codes, shares, torch.randn(2, LEVELS))
+        return detector.weights(images.numpy())
 
 
 def logits_of(*cells: tuple[int, int | slice, int | slice, float], size: int = 32) -> torch.Tensor:

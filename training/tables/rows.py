@@ -227,8 +227,9 @@ def _grounded(observation: str) -> tuple[Row, ...]:
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 100 without, a third of it the
     draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
-    PPO's 150,000 steps are some 6,000 episodes.
+    PPO's 150,000 steps are some 6,000 episodes. Imitation on pictures has half the episodes of that on graphs.
     """
+    episodes = {"scene_graph": "6000", "visual": "3000"}[observation]
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = ("--image-encoder", "detector") if observation == "visual" else ()
     features = ("--image-encoder", "resnet18") if observation == "visual" else ()
@@ -238,11 +239,11 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
         "MAPPO": ("--algo", "mappo", "--episodes", "6000", *_GROUNDED, *seeing),
         "Imitation of belief": (
-            "--algo", "imitation", "--expert", "belief", "--episodes", "6000", "--gradient-steps", "12",
+            "--algo", "imitation", "--expert", "belief", "--episodes", episodes, "--gradient-steps", "12",
             "--anneal", "0.5", *_GROUNDED, *seeing
         ),
         "Imitation of belief, then MAPPO": (
-            "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", "6000",
+            "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", episodes,
             "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "12000", *_GROUNDED, *seeing,
         ),
     }  # fmt: skip

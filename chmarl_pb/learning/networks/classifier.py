@@ -62,6 +62,9 @@ class Classifier(nn.Module):
         loss: Tensor = 10 * shown + 10 * placed + 0.3 * far  # about equal at the start
         return loss
 
+    def finish(self, views: Views) -> None:
+        """Do what is left once all is learned: nothing."""
+
     @torch.no_grad()
     def weights(self, images: np.ndarray) -> dict[str, Tensor]:
         """Return what is kept of it, with the ranges of the network on some pictures.

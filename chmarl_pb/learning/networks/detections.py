@@ -28,7 +28,7 @@ _LEAST = 0.02  # confidence below which a class counts as not shown
 _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
 
 
-def detections(logits: Tensor, steps: Tensor | None = None, shift: Tensor | None = None) -> Tensor:
+def detections(logits: Tensor) -> Tensor:
     """Return (C, 6) from the logits (C + colours, rows, columns) of one picture.
 
     In a row: the confidence, that of the surest cell; the confidence times the mean column and the mean row of the
@@ -37,29 +37,20 @@ def detections(logits: Tensor, steps: Tensor | None = None, shift: Tensor | None
     ``_LEAST`` all is 0.
 
     Sums are those of whole numbers, and exact; all else is computed in float64 from few numbers.
-
-    Args:
-        logits: or whole numbers that stand for them.
-        steps: (C + colours, 1) that these are to be multiplied by; above 0.
-        shift: (C + colours, 1) that is then to be added.
     """
     rows, columns = logits.shape[1:]
     flat = logits.flatten(1)
-    if steps is None or shift is None:
-        steps, shift = torch.ones(len(logits), 1), torch.zeros(len(logits), 1)
-    surest = flat[: len(LABELS)].amax(dim=1, keepdim=True)
-    confidence = torch.sigmoid((surest * steps[: len(LABELS)] + shift[: len(LABELS)]).double()).squeeze(1)
+    confidence = torch.sigmoid(flat[: len(LABELS)].amax(dim=1).double())
     found = torch.zeros(SHAPE, dtype=torch.float64)
     seen = torch.nonzero(confidence >= _LEAST).squeeze(1)
     sure = confidence[seen].unsqueeze(1)
-    cells = (flat[seen] * steps[seen] + shift[seen] >= torch.logit(sure / 2).float()).float()
+    cells = (flat[seen] >= torch.logit(sure / 2).float()).float()
     count, column, row = (cells @ _grid(rows, columns)).double().unbind(dim=1)
     size = torch.log2(1.0 + count) / np.log2(1.0 + rows * columns)
     places = torch.stack([_centred(column / count, columns), _centred(row / count, rows), size], dim=1)
     found[seen, 0], found[seen, 1:PLACE] = sure.squeeze(1), places * sure
     objects = seen < len(catalog.BENCHMARK.graspables)
-    hues = flat[len(LABELS) :] * steps[len(LABELS) :] + shift[len(LABELS) :]
-    found[seen[objects], PLACE:] = _colours(hues, cells[objects], count[objects])
+    found[seen[objects], PLACE:] = _colours(flat[len(LABELS) :], cells[objects], count[objects])
     return found.float()
 
 

@@ -1,7 +1,8 @@
 """A detector of classes: which of the benchmark's things a picture shows, where, how large, and in which colour.
 
 A pyramid of features (:mod:`chmarl_pb.learning.networks.pyramid`) and a linear layer say of each cell of 4 x 4 pixels
-what it shows; they are trained on the segmentation of random views (``python -m training.pretrain --network detector``)
+what it shows, and a table of colours (:mod:`chmarl_pb.learning.networks.colour_table`) adds what single pixels tell of
+objects; they are trained on the segmentation of random views (``python -m training.pretrain --network detector``)
 in homes of training and in generated ones of the endless split. They never see a validation or test home. Agents get
 the detections in the place of the picture (:mod:`chmarl_pb.learning.networks.detections`).
 """
@@ -14,7 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb import catalog
+from chmarl_pb.learning.networks.colour_odds import fit_odds
+from chmarl_pb.learning.networks.colour_table import OUTPUTS, ColourTable, counted_colours
 from chmarl_pb.learning.networks.detection_losses import detection_loss
 from chmarl_pb.learning.networks.detection_metrics import detection_metrics
 from chmarl_pb.learning.networks.detections import LABELS, detections
@@ -25,16 +27,17 @@ from chmarl_pb.learning.networks.view_parts import batch_of
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
-OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
-
 PARTS = 0.7  # share of the epochs that see parts of the views, which take a quarter of the time
 
+_HELD = 20  # one of so many layouts is not counted, for the weight of colours to be fitted on
+
 _RARE = 0.01  # share of the cells that show a class, as it is believed before training
+_COLOURS = "colours."  # before the names of the table's parts, in a file of weights
 _HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
 
 class Detector(nn.Module):
-    """The pyramid, and a linear layer for each cell."""
+    """The pyramid, a linear layer for each cell, and the table of colours, which is counted after they have learned."""
 
     learning_rate, batch = 3e-3, 32
     views, epochs = 32_000, 8  # to learn from, and passes over them
@@ -52,6 +55,7 @@ class Detector(nn.Module):
         nn.init.normal_(self.cells.weight, std=0.01)
         nn.init.zeros_(self.cells.bias)
         nn.init.constant_(self.cells.bias[: len(LABELS)], float(np.log(_RARE / (1 - _RARE))))
+        self.colours = ColourTable()
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits (B, OUTPUTS, rows, columns) of the cells of uint8 pictures (B, height, width, 3).
@@ -59,7 +63,7 @@ class Detector(nn.Module):
         First come those of the classes, each for itself, then those of the colours, one of which an object has.
         """
         logits: Tensor = self.cells(self.network(images))
-        return logits
+        return logits + self.colours(images) if len(self.colours.codes) else logits
 
     def loss(self, views: "Views", rows: np.ndarray, done: float) -> Tensor:
         """Return the loss on some views, see ``detection_loss``.
@@ -73,6 +77,15 @@ class Detector(nn.Module):
         images, labels, colours = map(torch.from_numpy, batch_of(views, rows, rng, whole=done >= PARTS))
         return detection_loss(self(images).float(), labels, colours)
 
+    def finish(self, views: "Views") -> None:
+        """Count the colours of the views, once all else is learned, and fit how much they count."""
+        from chmarl_pb.learning.networks.labelled_views import LAYOUT_VIEWS  # needs PyBullet
+
+        held = np.arange(len(views)) // LAYOUT_VIEWS % _HELD == _HELD - 1
+        rows, others = np.flatnonzero(~held), np.flatnonzero(held)
+        self.colours = ColourTable(*counted_colours(views, rows))
+        fit_odds(self.eval(), views, others if len(others) else rows)
+
     @torch.no_grad()
     def weights(self, images: np.ndarray) -> dict[str, Tensor]:
         """Return what is kept of it: weights with their normalisations folded in, in half precision, and ranges.
@@ -84,6 +97,7 @@ class Detector(nn.Module):
         kept = {f"network.{name}": value for name, value in network.state_dict().items()}
         kept |= {f"cells.{name}": value for name, value in self.cells.state_dict().items()}
         halved = {name: value.half().contiguous() for name, value in kept.items()}
+        halved |= {_COLOURS + name: value.contiguous() for name, value in self.colours.state_dict().items()}
         return halved | {RANGES: pyramid_ranges(network, torch.from_numpy(images))}
 
     def features(self, images: Tensor) -> Tensor:
@@ -100,12 +114,17 @@ class Detector(nn.Module):
 def read(weights: dict[str, Tensor]) -> Detector:
     """Return the detector with kept weights, in floats; its normalisations are folded.
 
+    Those from before there was a table of colours have none.
+
     Raises:
         RuntimeError: the weights do not fit.
     """
     detector = Detector().eval().requires_grad_(False)
     detector.network.fold()
-    detector.load_state_dict({name: value.float() for name, value in weights.items() if name != RANGES})
+    table = {name.removeprefix(_COLOURS): value for name, value in weights.items() if name.startswith(_COLOURS)}
+    detector.colours = ColourTable(**table)
+    rest = {name: value.float() for name, value in weights.items() if name != RANGES and not name.startswith(_COLOURS)}
+    detector.load_state_dict(rest | {_COLOURS + name: part for name, part in detector.colours.state_dict().items()})
     if RANGES not in weights:
         raise RuntimeError(f"no {RANGES}")
     return detector
@@ -129,10 +148,12 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
 
     def detect(images: Tensor) -> Tensor:
         found = []
-        for maps in network(images):  # one by one, as they fit the cache
+        for image in images.split(1):  # one by one, as they fit the cache
+            maps = network(image)[0]
             # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
             sums = whole @ maps.permute(1, 2, 0).flatten(0, 1).float().T
-            found.append(detections(sums.unflatten(1, maps.shape[1:]), steps, shift))
+            logits = (sums * steps + shift).unflatten(1, maps.shape[1:])
+            found.append(detections(logits + detector.colours(image)[0]))
         return torch.stack(found)
 
     return detect

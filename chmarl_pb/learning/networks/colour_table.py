@@ -1,0 +1,120 @@
+"""What the colours of single pixels tell: a table of all colours that objects were seen in, counted over views.
+
+The simulator draws things in plain colours under one light, without textures or noise, so few colours are shared: an
+object of four pixels is mostly known by them alone, and no convolution has to learn it. Real cameras are not so kind.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from chmarl_pb import catalog
+from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.pyramid import CELL
+
+if TYPE_CHECKING:
+    from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
+
+OBJECTS = len(catalog.BENCHMARK.graspables)  # the first of ``LABELS``
+OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
+SHARES = OBJECTS + len(catalog.COLOURS)  # columns of a table
+LEVELS = 256  # of evidence
+
+_BITS = 7  # of each brightness: neighbours are one colour
+_LEAST = 0.02  # share of a colour's pixels that an object has, for it to count
+_VISIBLE = 4  # pixels of an object in view
+
+
+class ColourTable(nn.Module):
+    """Colours of pixels -> logits of cells, which are added to those of the network.
+
+    The evidence of a class in a cell is the mean share that it has of the colours of the cell's pixels, of those that
+    can show it at all, and of four at least. That of a colour by name is taken likewise.
+    """
+
+    codes: Tensor
+    shares: Tensor
+    odds: Tensor
+    rows: Tensor
+
+    def __init__(self, codes: Tensor | None = None, shares: Tensor | None = None, odds: Tensor | None = None) -> None:
+        """Take a table; without one there is no evidence.
+
+        Args:
+            codes: (K,) int32 the colours, see :func:`codes_of`.
+            shares: (K, SHARES) uint8 how large a part of a colour's pixels is of each object, in steps of 1 / 255, and
+                of those of objects whose colour has a name, of each name.
+            odds: (2, LEVELS) what evidence adds to the logits of a class, and of a colour by name.
+        """
+        super().__init__()
+        self.register_buffer("codes", torch.empty(0, dtype=torch.int32) if codes is None else codes)
+        self.register_buffer("shares", torch.empty(0, SHARES, dtype=torch.uint8) if shares is None else shares)
+        self.register_buffer("odds", torch.zeros(2, LEVELS) if odds is None else odds)
+        rows = torch.zeros(2 ** (3 * _BITS), dtype=torch.int16)  # of each colour in the table, from 1 on; 0: none
+        rows[self.codes.long()] = torch.arange(1, len(self.codes) + 1, dtype=torch.int16)
+        self.register_buffer("rows", rows, persistent=False)
+
+    def levels(self, images: Tensor) -> Tensor:
+        """Return the evidence (B, rows, columns, SHARES), int64 below LEVELS, of uint8 pictures (B, height, width, 3).
+
+        Sums are those of whole numbers, and exact.
+        """
+        count, height, width, _ = images.shape
+        rows, columns = -(-height // CELL), -(-width // CELL)
+        numbers = self.rows[codes_of(images)]
+        picture, row, column = torch.nonzero(numbers > 0, as_tuple=True)
+        cell = (picture * rows + row // CELL) * columns + column // CELL
+        shares = self.shares[numbers[picture, row, column].long() - 1].float()
+        sums = torch.zeros(count * rows * columns, SHARES).index_add_(0, cell, shares)
+        pixels = torch.zeros_like(sums).index_add_(0, cell, (shares > 0).float())
+        return (sums / pixels.clamp(min=_VISIBLE)).floor().long().view(count, rows, columns, SHARES)
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return what is added to the logits (B, OUTPUTS, rows, columns) of pictures (B, height, width, 3)."""
+        levels = self.levels(images)
+        logits = torch.zeros(*levels.shape[:3], OUTPUTS)
+        logits[..., :OBJECTS] = self.odds[0][levels[..., :OBJECTS]]
+        logits[..., len(LABELS) :] = self.odds[1][levels[..., OBJECTS:]]
+        return logits.permute(0, 3, 1, 2)
+
+
+def codes_of(images: Tensor) -> Tensor:
+    """Return the colours (B, height, width), int64, of the pixels of uint8 pictures (B, height, width, 3)."""
+    red, green, blue = (images.long() >> 8 - _BITS).unbind(dim=-1)
+    return (red << 2 * _BITS) + (green << _BITS) + blue
+
+
+def counted_colours(views: "Views", rows: NDArray[np.integer]) -> tuple[Tensor, Tensor]:
+    """Return codes and shares of a :class:`ColourTable`, from the labels of some views."""
+    pixels = np.zeros(2 ** (3 * _BITS))
+    width = max(len(LABELS), len(catalog.COLOURS)) + 1
+    counts: list[dict[int, int]] = [{}, {}]
+    for part in np.array_split(rows, max(len(rows) // 500, 1)):
+        codes = codes_of(torch.from_numpy(views.images[part])).numpy()
+        pixels += np.bincount(codes.ravel(), minlength=len(pixels))
+        objects = views.labels[part] < OBJECTS
+        for found, labels, known in zip(counts, (views.labels, views.colours), (0, 1), strict=True):
+            shown = objects & (labels[part] >= known)
+            keys, numbers = np.unique(codes[shown] * width + labels[part][shown], return_counts=True)
+            for key, number in zip(keys.tolist(), numbers.tolist(), strict=True):
+                found[key] = found.get(key, 0) + number
+    of_class, of_colour = (_split(found, width) for found in counts)
+    whole = np.bincount(of_colour[0], of_colour[2], minlength=len(pixels))
+    share = of_class[2] / (pixels[of_class[0]] + 1)
+    kept = share > _LEAST
+    codes = np.unique(of_class[0][kept])
+    shares = np.zeros((len(codes), SHARES))
+    shares[np.searchsorted(codes, of_class[0][kept]), of_class[1][kept]] = share[kept]
+    named = np.isin(of_colour[0], codes)
+    where, colour, number = (column[named] for column in of_colour)
+    shares[np.searchsorted(codes, where), OBJECTS + colour - 1] = number / (whole[where] + 1)
+    return torch.from_numpy(codes.astype(np.int32)), torch.from_numpy((shares * 255).round().astype(np.uint8))
+
+
+def _split(found: dict[int, int], width: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return codes, labels and numbers of pixels."""
+    keys = np.fromiter(found, np.int64, len(found))
+    return keys // width, keys % width, np.fromiter(found.values(), np.int64, len(found))
