@@ -76,7 +76,8 @@ def epsilon_greedy(epsilon: float) -> Choose:
 def _random_actions(action_mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return one of the allowed actions (...) of each row of a mask (..., A)."""
     numbers = rng.integers(action_mask.sum(axis=-1))  # of the action among those that are allowed
-    return (action_mask.cumsum(axis=-1) > numbers[..., np.newaxis]).argmax(axis=-1)
+    chosen: np.ndarray = (action_mask.cumsum(axis=-1) > numbers[..., np.newaxis]).argmax(axis=-1)
+    return chosen
 
 
 def greedy(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
