@@ -231,7 +231,8 @@ def _wipe_all(boxes, canvas):  # type: ignore[no-untyped-def]
     left, right, top, bottom = _union(boxes)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
-            wipe(canvas, row, column)
+            if canvas.face[row, column] >= 0:
+                wipe(canvas, row, column)
 
 
 @compiled
