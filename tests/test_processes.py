@@ -69,9 +69,10 @@ def sleep_long() -> None:
 
 @pytest.mark.parametrize("work", [os.getpid, fail, die])
 def test_what_is_done_meanwhile_brings_nothing_not_even_an_error(work: Callable[[], object]) -> None:
+    others = set(active_children())  # of tests before, in the same process
     with meanwhile(work):
         pass
-    assert not active_children()
+    assert set(active_children()) <= others
 
 
 def test_what_is_done_meanwhile_ends_with_what_fails(monkeypatch: pytest.MonkeyPatch) -> None:
