@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, Renderer
-from chmarl_pb.robots.pointing import CELLS, GRID
+from chmarl_pb.robots.pointing import GRID
 from chmarl_pb.sensing.scene_graph import MAX_NODES
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.world import WorldState
@@ -45,14 +45,22 @@ def pixels_in_cells(renderer: Renderer, robot: str, state: WorldState, numbers: 
         state: of the renderer's world, as it is now.
         numbers: of the things, in ``renderer.names``.
     """
-    shown = segmentation(renderer, robot, state)
-    line = (2 * np.arange(VISIBILITY_SIZE) + 1) * GRID // (2 * VISIBILITY_SIZE)  # by the middle of a pixel
-    cells = line[:, None] * GRID + line
-    counts = np.bincount(
-        (shown + 1).ravel() * len(CELLS) + cells.ravel(), minlength=(len(renderer.names) + 1) * len(CELLS)
-    )
-    of_things: NDArray[np.int64] = counts.reshape(-1, GRID, GRID)[1:]
-    return of_things[list(numbers)]
+    places = np.full(len(renderer.names) + 1, -1)  # the last stands for what is no thing
+    places[list(numbers)] = np.arange(len(numbers))
+    of_things: NDArray[np.int64] = _pixels_in_cells(segmentation(renderer, robot, state), places, len(numbers))
+    return of_things
+
+
+@compiled
+def _pixels_in_cells(segmentation, places, count):  # type: ignore[no-untyped-def]
+    """Return the pixels (count, GRID, GRID) of things; ``places`` has where each counts, -1 for not at all."""
+    size, found = len(segmentation), np.zeros((count, GRID, GRID), np.int64)
+    for row in range(size):
+        for column in range(size):
+            place = places[segmentation[row, column]]
+            if place >= 0:  # a pixel is in the cell that its middle is in
+                found[place, (2 * row + 1) * GRID // (2 * size), (2 * column + 1) * GRID // (2 * size)] += 1
+    return found
 
 
 class NodeViewSensor:

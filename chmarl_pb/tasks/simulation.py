@@ -1,7 +1,9 @@
 """A simulation: one home with its world, its robots and what draws their views, kept for all episodes played in it."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
+from typing import TypeGuard
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError, TaskError
@@ -76,7 +78,8 @@ class Simulation(Uncopied):
         if lookalikes:
             self.home = among_lookalikes(self.home)
         self._lookalikes = lookalikes
-        self._definite: dict[AnyTask, LookalikeTask] = {}  # task -> what it has become among lookalikes
+        # Task, of no known length, and kind -> what it has become among lookalikes, and the plan that proved it.
+        self._definite: dict[tuple[Task, TaskKind], tuple[LookalikeTask, TeamPlan | None]] = {}
         for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
@@ -128,22 +131,27 @@ class Simulation(Uncopied):
         Raises:
             TaskError: the home cannot hold the task, or the planner does not solve any that it may become.
         """
-        if not self._lookalikes or not isinstance(task, Task) or isinstance(task, LookalikeTask):
-            return task
-        if task not in self._definite:
+        return self._definite_and_plan(task, kind)[0] if self._is_indefinite(task) else task
+
+    def _is_indefinite(self, task: AnyTask) -> TypeGuard[Task]:
+        """Return whether lookalikes are still to be drawn for a task."""
+        return self._lookalikes and isinstance(task, Task) and not isinstance(task, LookalikeTask)
+
+    def _definite_and_plan(self, task: Task, kind: TaskKind) -> tuple[LookalikeTask, TeamPlan | None]:
+        """Return what a task becomes among lookalikes, and its plan; both are kept."""
+        key = replace(task, optimal_steps=0), kind
+        if key not in self._definite:
             if len(self._definite) == _KEPT:
                 del self._definite[next(iter(self._definite))]
-            self._definite[task] = self._draw_definite(task, kind)
-        return self._definite[task]
+            self._definite[key] = self._draw_definite(task, kind)
+        return self._definite[key]
 
-    def _draw_definite(self, task: Task, kind: TaskKind) -> LookalikeTask:
+    def _draw_definite(self, task: Task, kind: TaskKind) -> tuple[LookalikeTask, TeamPlan | None]:
         reason = ""
         for drawn in islice(draw_lookalikes(task, self.home), _DRAWS):
             try:
                 goals = self.begin(drawn, kind).goals
-                if self.oracles:
-                    plan_team(self.oracles, goals)
-                return drawn
+                return drawn, plan_team(self.oracles, goals) if self.oracles else None
             except TaskError as error:
                 reason = str(error)
         raise TaskError(
@@ -168,7 +176,9 @@ class Simulation(Uncopied):
             TaskError: the task cannot be solved.
         """
         with uncollected():
-            return plan_team(self.oracles, self.begin(task, kind).goals)
+            goals = self.begin(task, kind).goals
+            known = self._definite_and_plan(task, kind)[1] if self._is_indefinite(task) else None
+            return known or plan_team(self.oracles, goals)
 
     @property
     def oracle(self) -> Oracle:
