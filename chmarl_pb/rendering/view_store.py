@@ -40,7 +40,8 @@ MEMORY = 384  # MB of kept views in a process, unless CHMARL_VIEW_MEMORY says ot
 
 _SUFFIX = ".views"
 _PAGE = 4096  # bytes; slots begin at multiples of it
-_GRANT = 16 * 2**20  # bytes that a process writes before it measures the folder again
+_GRANT = 64 * 2**20  # bytes that a process writes before it measures the folder again, which takes 20 ms
+_SHARE = 8  # at most this part of a smaller store
 # Colour, depth, segmentation.
 _TYPES: tuple[np.dtype, ...] = (np.dtype(np.uint32), np.dtype(np.float32), np.dtype(np.int16))
 _NO_COLOURS = np.zeros((0, 0), np.uint32)
@@ -118,7 +119,8 @@ class ViewStore:
     def _grant(self, wanted: int) -> bool:
         """Return whether so many bytes may be written, and count them."""
         if self._granted < wanted:
-            self._granted = min(_GRANT, self._make_room(wanted))
+            portion = max(wanted, min(_GRANT, self.limit // _SHARE))
+            self._granted = min(portion, self._make_room(portion))
         if self._granted < wanted:
             return False
         self._granted -= wanted
