@@ -1,0 +1,126 @@
+"""What the detector's mistakes cost: ``python -m benchmarks.true_eyes``.
+
+Plays weights that see by the detector on validation tasks, with what pictures truly show in the place of what it finds
+in them: of no class, of receptacles, of objects, of all. Prints success and PLW. Test splits are refused.
+"""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmarks.dials import advance
+from chmarl_pb import catalog
+from chmarl_pb.cli.evaluate import percent, progress_bar
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.learning.networks.detections import LABELS, PLACE, SHAPE
+from chmarl_pb.learning.networks.frozen import FrozenEncoder
+from chmarl_pb.learning.policies.load import load_policy
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
+
+SPLITS = ("val-seen", "val-unseen")
+TRUE = {
+    "none": slice(0), "receptacles": slice(len(catalog.BENCHMARK.graspables), None),
+    "objects": slice(len(catalog.BENCHMARK.graspables)), "all": slice(None),
+}  # fmt: skip
+_CELL = 4  # pixels along a side of what the detector tells apart
+
+
+class TrueEyes:
+    """A policy that sees by the detector, told the truth of some classes."""
+
+    def __init__(self, inner: Any, env: Any, told: slice):
+        """Take the place of a policy's encoder.
+
+        Args:
+            inner: the policy.
+            env: what it plays in.
+            told: the classes, of ``LABELS``, of which it is told the truth.
+        """
+        self._inner, self._env, self._told = inner, env, told
+        self._encoder: FrozenEncoder = inner.batched.encoder
+        self._robots: list[str] = []
+        inner.batched.encoder = self
+
+    def reset(self, seed: int | None) -> None:
+        """Begin an episode."""
+        self._inner.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return the robots' actions."""
+        self._robots = list(observations)
+        actions: Actions = self._inner.act(observations, infos)
+        return actions
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """Return the detections (B, C, 6) in the pictures of all robots."""
+        found, renderer = self._encoder(images).clone(), self._env.simulation.renderer
+        for number, robot in enumerate(self._robots):
+            shown = detections_of(renderer.picture(robot, VISIBILITY_SIZE).segmentation, renderer.names)
+            found[number, self._told, :PLACE] = shown[self._told, :PLACE].half()
+        return found
+
+
+def detections_of(segmentation: np.ndarray, names: tuple[str, ...]) -> Tensor:
+    """Return detections (C, 6), but for the colours, of which a picture's segmentation is known.
+
+    Args:
+        segmentation: (size, size) number of the thing in each pixel, negative for none.
+        names: of the things.
+    """
+    labels = [LABELS.index(kind) if (kind := catalog.class_of(name)) in LABELS else -1 for name in names]
+    shown = np.array([*labels, -1])[segmentation]
+    cells, found = len(segmentation) // _CELL, torch.zeros(SHAPE)
+    for label in np.unique(shown[shown >= 0]).tolist():
+        row, column = np.nonzero(shown == label)
+        if len(row) < VISIBLE_PIXELS:
+            continue
+        touched = len(np.unique(row // _CELL * cells + column // _CELL))
+        middle = [2 * float(line.mean()) / (len(segmentation) - 1) - 1 for line in (column, row)]
+        found[label, :PLACE] = torch.tensor([1.0, *middle, np.log2(1 + touched) / np.log2(1 + cells**2)])
+    return found
+
+
+class Told:
+    """Makes the policy of weights, told the truth of some classes; can be sent to other processes."""
+
+    privileged = deterministic = True  # it reads the environment's segmentation
+
+    def __init__(self, weights: Path, told: slice):
+        """Remember a file of weights, and the classes."""
+        self.weights, self.told = weights, told
+
+    def __call__(self, env: Any) -> Policy:
+        """Return the policy for an environment."""
+        return TrueEyes(load_policy(self.weights)(env), env, self.told)
+
+
+def main() -> None:
+    """Play and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.true_eyes", description=__doc__)
+    parser.add_argument("weights", type=Path, nargs="?", default=Path("results/weights/ours-pictures.pt"))
+    parser.add_argument("--split", action="append", choices=SPLITS, help="(default: both)")
+    parser.add_argument("--thin", type=int, default=1, metavar="N", help="play every Nth task only")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    print("| told the truth of | split | success % | PLW % |", "|---|---|--:|--:|", sep="\n")
+    for split in options.split or SPLITS:
+        for name, told in TRUE.items():
+            with progress_bar() as bar:
+                row = bar.add_task(f"{name} on {split}", total=None)
+                summary = evaluate(
+                    Told(options.weights, told), split, "visual", seeds=[0], workers=options.workers,
+                    tasks=evaluated_tasks(split)[:: options.thin], messages=True, feedback=True,
+                    progress=partial(advance, bar, row),
+                ).summary  # fmt: skip
+            print(f"| {name} | {split} | {percent(summary.success_rate)} | {percent(summary.plw)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
