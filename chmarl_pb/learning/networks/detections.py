@@ -22,6 +22,7 @@ PLACE = 4  # numbers of a class before those of its colour
 SHAPE = (len(LABELS), PLACE + 2)
 _IDS = tuple(catalog.BENCHMARK.class_ids[name] for name in LABELS)
 HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
+THING, VALUE = 64, 16  # features of a class that is seen, and those of them that are told of X and of Y
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
 _LEAST = 0.02  # confidence below which a class counts as not shown
@@ -79,26 +80,21 @@ class DetectionEncoder(Part):
 
     Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
     detections behind its gates, so it holds whether such a thing is seen, where, and whether in a colour that the words
-    ask for. Grounded, there are two more heads, whose gates are how likely a class is that of X, and that of Y.
+    ask for.
     """
 
     asks = True
 
-    def __init__(self, meaning: nn.Linear | None = None, grounded: bool = False):
+    def __init__(self, meaning: nn.Linear | None = None):
         """Make the tables.
 
         Args:
             meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
-            grounded: whether X and Y have heads of their own.
         """
         super().__init__()
-        self.matches = grounded
-        self.size = EMBEDDING + (HEADS + ROLES * grounded) * (PLACE + 1)
-        self.classes: Table
-        if grounded:
-            self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
-        elif meaning is not None:
-            self.classes = VectorTable(class_vectors()[list(_IDS)], SHAPE[0], meaning)
+        self.size = EMBEDDING + HEADS * (PLACE + 1)
+        if meaning is not None:
+            self.classes: Table = VectorTable(class_vectors()[list(_IDS)], SHAPE[0], meaning)
         else:
             self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
@@ -108,17 +104,57 @@ class DetectionEncoder(Part):
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
         detected = detected.float()
-        rows = self.classes.weight[list(_IDS)] if self.matches else self.classes.weight
-        keys = self.key(rows).unflatten(1, (HEADS, KEY))
+        keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
         match = torch.einsum("chd,bhd->bhc", keys, self.query(asked.words).unflatten(1, (HEADS, KEY)))
-        gates = torch.sigmoid(match - _CLOSED)
-        if self.matches:
-            assert asked.wanted is not None
-            gates = torch.cat([gates, asked.wanted.classes[..., list(_IDS)]], dim=1)
-        seen = torch.cat([detected[..., :PLACE], self._painted(detected, asked).unsqueeze(2)], dim=2)
-        return torch.cat([detected[..., 0] @ rows, (gates @ seen).flatten(1)], dim=1)
+        seen = _with_colour(detected, self.colour, asked)
+        return torch.cat(
+            [detected[..., 0] @ self.classes.weight, (torch.sigmoid(match - _CLOSED) @ seen).flatten(1)], dim=1
+        )
 
-    def _painted(self, detected: Tensor, asked: Asked) -> Tensor:
-        """Return (B, C) how surely each class is seen in a colour that the words ask for."""
-        wanted = nn.functional.pad(torch.sigmoid(self.colour(asked.words)), (1, 0))  # none is that of id 0
-        return detected[..., 0] * detected[..., 5] * wanted.gather(1, detected[..., 4].long())
+
+class GroundedDetectionEncoder(Part):
+    """Features of each class that is seen, by its name and place: their mean, and what X, and Y, is like.
+
+    How likely a class is X or Y follows from the words of the instruction, see
+    :class:`chmarl_pb.learning.networks.match.Match`. For each of the two there is how surely it is seen, where, whether
+    in a colour that the words ask for, and some of its features; as for the nodes of graphs.
+    """
+
+    asks = True
+    matches = True
+    size = THING + ROLES * (PLACE + 1 + VALUE)
+
+    def __init__(self, meaning: nn.Linear | None = None):
+        """Make the layers.
+
+        Args:
+            meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
+        """
+        super().__init__()
+        self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
+        self.colour = nn.Linear(EMBEDDING, len(catalog.COLOURS))
+        self.named, self.placed = nn.Linear(EMBEDDING, THING), nn.Linear(PLACE - 1, THING, bias=False)
+        self.second, self.value = nn.Linear(THING, THING), nn.Linear(THING, VALUE)
+
+    def forward(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
+        assert asked.wanted is not None
+        detected = detected.float()
+        sure = detected[..., :1]
+        places = detected[..., 1:PLACE] / sure.clamp(min=_LEAST)
+        things = torch.relu(self.second(torch.relu(self.named(self.classes.weight[list(_IDS)]) + self.placed(places))))
+        total = (sure * things).sum(dim=1) / sure.sum(dim=1).clamp(min=1)
+        seen = torch.cat([_with_colour(detected, self.colour, asked), sure * self.value(things)], dim=2)
+        return torch.cat([total, (asked.wanted.classes[..., list(_IDS)] @ seen).flatten(1)], dim=1)
+
+
+def _with_colour(detected: Tensor, colour: nn.Linear, asked: Asked) -> Tensor:
+    """Return (B, C, PLACE + 1) detections with how surely each class is seen in a colour that the words ask for."""
+    wanted = nn.functional.pad(torch.sigmoid(colour(asked.words)), (1, 0))  # none is that of id 0
+    painted = detected[..., 0] * detected[..., 5] * wanted.gather(1, detected[..., 4].long())
+    return torch.cat([detected[..., :PLACE], painted.unsqueeze(2)], dim=2)
+
+
+def reader(meaning: nn.Linear | None, grounded: bool) -> Part:
+    """Return what reads detections; ``grounded``, by how likely each class is X, and Y."""
+    return GroundedDetectionEncoder(meaning) if grounded else DetectionEncoder(meaning)

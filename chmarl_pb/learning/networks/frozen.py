@@ -47,7 +47,7 @@ class Kind:
 
 FROZEN_ENCODERS: dict[str, Kind] = {
     "resnet18": Kind(resnet.build, resnet.SHAPE, lambda *_: FeatureEncoder()),
-    "detector": Kind(detector.build, detections.SHAPE, detections.DetectionEncoder),
+    "detector": Kind(detector.build, detections.SHAPE, detections.reader),
     efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, lambda *_: FeatureEncoder(efficientnet.FEATURES)),
 }
 
