@@ -12,17 +12,21 @@ from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder, int8
 from chmarl_pb.learning.networks.colour_table import LEVELS, OUTPUTS, SHARES, ColourTable, codes_of
 from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
-from chmarl_pb.learning.networks.detections import LABELS, SHAPE, detections
+from chmarl_pb.learning.networks.detections import LABELS, SHAPE, THING, GroundedDetectionEncoder, detections
 from chmarl_pb.learning.networks.detector import Detector, build, read
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
+from chmarl_pb.learning.networks.match import Wanted
+from chmarl_pb.learning.networks.parts import Asked
 from chmarl_pb.learning.networks.pyramid import CELL, IntegerPyramid, Pyramid, pyramid_ranges
+from chmarl_pb.learning.networks.tables import EMBEDDING
 from chmarl_pb.learning.policies.eyes import DetectorEyes
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures
 from training.onnx_file import Exported, write_onnx
 
 NOTHING = len(LABELS)
+CLASSES = len(catalog.BENCHMARK.rows) + 1
 GRASPABLE, RECEPTACLE = LABELS.index("mug"), LABELS.index("sofa")
 
 
@@ -159,6 +163,32 @@ def test_agents_are_told_whether_the_colour_is_asked_for(encoder: FrozenEncoder)
     other[0, GRASPABLE, 4] = RED + 1
     assert not torch.equal(encode(seen | {"image": image}), encode(seen | {"image": other}))
     env.close()
+
+
+def test_what_is_not_seen_tells_a_grounded_pool_nothing(encoder: FrozenEncoder) -> None:
+    torch.manual_seed(0)
+    part, wanted = GroundedDetectionEncoder(), Wanted(torch.zeros(1, 2, CLASSES))
+    wanted.classes[0, 0, catalog.BENCHMARK.class_ids[LABELS[GRASPABLE]]] = 1.0
+    asked = Asked(torch.zeros(1, EMBEDDING), wanted)
+    empty, one = torch.zeros(1, *SHAPE), torch.zeros(1, *SHAPE)
+    one[0, GRASPABLE, :4] = torch.tensor([0.5, 0.1, -0.2, 0.3])
+    assert not part(empty, asked).any()
+    total, about_x, about_y = part(one, asked).split([THING, *[(part.size - THING) // 2] * 2], dim=1)
+    assert total.any() and not about_y.any()
+    torch.testing.assert_close(about_x[0, :4], one[0, GRASPABLE, :4])
+
+
+def test_a_grounded_pool_has_the_mean_of_what_is_seen_and_where_it_is() -> None:
+    torch.manual_seed(0)
+    part = GroundedDetectionEncoder()
+    asked = Asked(torch.zeros(1, EMBEDDING), Wanted(torch.zeros(1, 2, CLASSES)))
+    pairs = torch.zeros(3, *SHAPE)
+    pairs[0, GRASPABLE, 0] = pairs[1, RECEPTACLE, 0] = pairs[2, [GRASPABLE, RECEPTACLE], 0] = 1.0
+    first, second, both = (part(pair[None], asked)[:, :THING] for pair in pairs)
+    torch.testing.assert_close(both, (first + second) / 2)
+    moved = pairs[:1].clone()
+    moved[0, GRASPABLE, 1] = 1.0
+    assert not torch.equal(part(moved, asked)[:, :THING], first)
 
 
 def test_eyes_see_what_the_detector_is_sure_of(encoder: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
