@@ -70,7 +70,8 @@ class Agent(nn.Module):
 def asked_of_encoder(config: Any) -> dict[str, bool]:
     """Return the options that settings switch on; encoders of one's own need not know of the others."""
     options = {
-        "word_vectors": config.word_vectors, "numbers_past": config.numbers_past, "taught": config.grounding_coef > 0
+        "word_vectors": config.word_vectors, "numbers_past": config.numbers_past, "taught": config.grounding_coef > 0,
+        "cells_past": getattr(config, "cells_past", False),  # clones know no actions that point
     }  # fmt: skip
     return {name: True for name, is_on in options.items() if is_on}
 

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
+from chmarl_pb.learning.networks.cells import cells_of
 from chmarl_pb.learning.networks.match import ROLES
 from chmarl_pb.learning.networks.parts import Asked, Part
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table
@@ -122,6 +123,7 @@ class GroundedDetectionEncoder(Part):
 
     asks = True
     matches = True
+    locates = True
     size = THING + ROLES * (PLACE + 1 + VALUE)
 
     def __init__(self, meaning: nn.Linear | None = None):
@@ -146,6 +148,13 @@ class GroundedDetectionEncoder(Part):
         total = (sure * things).sum(dim=1) / sure.sum(dim=1).clamp(min=1)
         seen = torch.cat([_with_colour(detected, self.colour, asked), sure * self.value(things)], dim=2)
         return torch.cat([total, (asked.wanted.classes[..., list(_IDS)] @ seen).flatten(1)], dim=1)
+
+    def cells(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return in which cells of the picture X and Y lie, (B, cells.SIZE)."""
+        assert asked.wanted is not None
+        sure, column, row = detected[..., : PLACE - 1].float().unbind(dim=2)
+        u, v = ((1 + place / sure.clamp(min=_LEAST)) / 2 for place in (column, row))
+        return cells_of(asked.wanted.classes[..., list(_IDS)] * sure.unsqueeze(1), u, v)
 
 
 def _with_colour(detected: Tensor, colour: nn.Linear, asked: Asked) -> Tensor:

@@ -13,6 +13,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks import cells
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder, GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -49,6 +50,7 @@ def build_encoder(
     numbers_past: bool = False,
     word_vectors: bool = False,
     taught: bool = False,
+    cells_past: bool = False,
 ) -> nn.Module:
     """Return a module that encodes batches of a space's observations.
 
@@ -72,13 +74,15 @@ def build_encoder(
         word_vectors: whether words and classes come from static word vectors, of which one linear map is learned, so
             that synonyms that training never shows are understood; see :mod:`chmarl_pb.tasks.language.vectors`.
         taught: whether ``grounding_loss`` is to teach which classes the instruction names, whatever the pool.
+        cells_past: whether the cells of the picture in which X and Y lie are also appended to the features, for actions
+            that point; needs the grounded pool, and detections or nodes with places in the picture.
 
     Raises:
-        ValueError: the space is of another kind, or there is no such encoder.
+        ValueError: the space is of another kind, there is no such encoder, or nothing tells of cells.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors, taught)
+        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors, taught, cells_past)
     part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
@@ -100,6 +104,7 @@ class DictEncoder(nn.Module):
         numbers_past: bool = False,
         word_vectors: bool = False,
         taught: bool = False,
+        cells_past: bool = False,
     ):
         """Make the parts that a space needs."""
         super().__init__()
@@ -115,19 +120,23 @@ class DictEncoder(nn.Module):
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
         self.numbers = Numbers(space) if numbers_past else None
-        self.past = self.numbers.size if self.numbers else 0
+        self._locating = {key for key, part in parts.items() if part.locates} if cells_past else set()
+        if cells_past and not self._locating:
+            raise ValueError("cells_past needs graph_pool='grounded', and detections or nodes with a node_view")
+        self.past = (self.numbers.size if self.numbers else 0) + cells.SIZE * len(self._locating)
         self.size = size + self.past
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return (B, size)."""
         flat = {key: flattened(observation[key], box.shape) for key, box in self.space.spaces.items()}
-        features = []
+        features, past = [], [self.numbers(observation)] if self.numbers else []
         for key, part in zip(self.keys, self.parts, strict=True):
             beside = [flat[other] if other else None for other in self._beside.get(key, ())]
             asked = {"asked": self._asked(key, flat)} if part.asks else {}
             features.append(part(flat[key], *beside, **asked))
-        joint = self.joint(torch.cat(features, dim=1))
-        return torch.cat([joint, self.numbers(observation)], dim=1) if self.numbers else joint
+            if key in self._locating:
+                past.append(cast(Any, part).cells(flat[key], *beside, **asked))
+        return torch.cat([self.joint(torch.cat(features, dim=1)), *past], dim=1)
 
     def grounding_loss(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return how badly the classes and colours of X and Y are known from the instructions; 0 without any."""
@@ -230,5 +239,5 @@ def _instruction_beside(key: str) -> str:
 
 #: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
 #: encoder of pictures and of the pool of graphs; where a run asks for it, also with ``word_vectors=True``,
-#: ``numbers_past=True`` and ``taught=True``.
+#: ``numbers_past=True``, ``cells_past=True`` and ``taught=True``.
 ENCODERS: dict[str, Callable[..., nn.Module]] = {"household": build_encoder}

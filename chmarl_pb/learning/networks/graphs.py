@@ -11,6 +11,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from chmarl_pb.learning.networks.cells import cells_of
 from chmarl_pb.learning.networks.match import ROLES
 from chmarl_pb.learning.networks.parts import Asked, Part, id_count
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table, embedding
@@ -152,7 +153,8 @@ class GroundedGraphEncoder(GraphEncoder):
         """Make tables for the ids in spaces; see :class:`GraphEncoder`."""
         super().__init__(*tables)
         self.value = nn.Linear(GRAPH, VALUE)
-        self.size = GRAPH + ROLES * (1 + VALUE + (VIEW if self.placed is not None else 0))
+        self.locates = self.placed is not None
+        self.size = GRAPH + ROLES * (1 + VALUE + VIEW * self.locates)
 
     def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
         """Return whether X and Y are there, and what they are like."""
@@ -168,6 +170,24 @@ class GroundedGraphEncoder(GraphEncoder):
             values = torch.cat([values, graph.views], dim=1)
         pooled = _sum((gates.unsqueeze(2) * values.unsqueeze(1)).flatten(1), graph.real).unflatten(1, (ROLES, -1))
         return [there, (pooled / _sum(gates, graph.real).clamp(min=1).unsqueeze(2)).flatten(1)]
+
+    def cells(
+        self, node_class: Tensor, node_state: Tensor, edges: Tensor, color: Tensor | None, view: Tensor, asked: Asked
+    ) -> Tensor:
+        """Return in which cells of the picture X and Y lie, (B, cells.SIZE)."""
+        assert asked.wanted is not None
+        ids = node_class.long()
+        likely = _picked(asked.wanted.classes, ids) * (ids > 0).unsqueeze(1)
+        if asked.wanted.colours is not None and color is not None:
+            of_x = _picked(asked.wanted.colours[:, :1], color[:, : ids.shape[1]].long())
+            likely = torch.cat([likely[:, :1] * of_x, likely[:, 1:]], dim=1)
+        u, v, share = view[:, : ids.shape[1]].float().unbind(dim=2)
+        return cells_of(likely * (share > 0).unsqueeze(1), u, v)
+
+
+def _picked(probabilities: Tensor, ids: Tensor) -> Tensor:
+    """Return the probabilities (B, ROLES, N) of ids (B, N), from those of all ids (B, ROLES, ids)."""
+    return probabilities.gather(2, ids.unsqueeze(1).expand(-1, probabilities.shape[1], -1))
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,14 @@ class Part(nn.Module):
         size: number of its features.
         asks: whether it also takes what the instruction says, ``asked``.
         matches: whether it needs ``asked.wanted``, too.
+        locates: whether it has a method ``cells``, with the arguments of ``forward``, that tells in which cells of the
+            picture X and Y lie, see :func:`chmarl_pb.learning.networks.cells.cells_of`.
     """
 
     size: int
     asks = False
     matches = False
+    locates = False
 
 
 class TokenEncoder(Part):
