@@ -13,7 +13,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.lookup import look_up
-from chmarl_pb.learning.networks import cells
+from chmarl_pb.learning.networks.cells import SIZE as CELL_NUMBERS
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder, GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -123,7 +123,7 @@ class DictEncoder(nn.Module):
         self._locating = {key for key, part in parts.items() if part.locates} if cells_past else set()
         if cells_past and not self._locating:
             raise ValueError("cells_past needs graph_pool='grounded', and detections or nodes with a node_view")
-        self.past = (self.numbers.size if self.numbers else 0) + cells.SIZE * len(self._locating)
+        self.past = (self.numbers.size if self.numbers else 0) + CELL_NUMBERS * len(self._locating)
         self.size = size + self.past
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
