@@ -16,7 +16,7 @@ import pytest
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.homes.home import Home, load_home
-from chmarl_pb.rendering import view_store as view_store_module
+from chmarl_pb.rendering import view_file
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
@@ -143,8 +143,8 @@ def make() -> Iterator[Callable[..., Any]]:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A store's folder of its own for one test."""
     monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "cache"))
-    view_store_module._warn_of.cache_clear()
-    view_store_module._warn.cache_clear()
+    view_file.warn_of.cache_clear()
+    view_file.warn.cache_clear()
     return tmp_path / "cache" / "views"
 
 

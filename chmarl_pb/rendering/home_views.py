@@ -29,7 +29,8 @@ from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering.camera import Camera, Picture, camera_of, lens, render, view_matrix
 from chmarl_pb.rendering.home_model import HomeModel
 from chmarl_pb.rendering.triangles import Lens
-from chmarl_pb.rendering.view_store import FORMAT, ViewFile, view_memory, view_store
+from chmarl_pb.rendering.view_file import ViewFile
+from chmarl_pb.rendering.view_store import FORMAT, view_memory, view_store
 from chmarl_pb.rendering.visible_pixels import count_pixels
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Client, Vector, World, loaded_home

@@ -9,7 +9,8 @@ from chmarl_pb.executors import Executor
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.rendering.home_views import HomeViews, home_views
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
-from chmarl_pb.rendering.view_store import ViewFile, ViewStore, view_store
+from chmarl_pb.rendering.view_file import ViewFile
+from chmarl_pb.rendering.view_store import ViewStore, view_store
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.robots.registry import TEAM
 

@@ -8,7 +8,8 @@ import pytest
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.camera import Picture
 from chmarl_pb.rendering.home_views import HomeViews
-from chmarl_pb.rendering.view_store import ViewFile, ViewStore
+from chmarl_pb.rendering.view_file import ViewFile
+from chmarl_pb.rendering.view_store import ViewStore
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.robots.registry import TEAM
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.homes.home import Home
-from chmarl_pb.rendering import view_store as view_store_module
+from chmarl_pb.rendering import view_file
 from chmarl_pb.rendering.home_views import HomeViews
 from chmarl_pb.rendering.view_store import ViewStore, view_memory, view_store
 from tests.helpers.stored_views import (
@@ -206,8 +206,8 @@ def test_a_store_that_cannot_be_written_is_read(tmp_path: Path, request: pytest.
     file = opened(tmp_path, "whole")
     assert_equal(file.get(3, VIEW), picture(3))
     assert file.put(3, VIEW, picture(4)) is None
-    view_store_module._warn_of.cache_clear()
-    view_store_module._warn.cache_clear()
+    view_file.warn_of.cache_clear()
+    view_file.warn.cache_clear()
     with pytest.warns(RuntimeWarning, match="memory only"):
         assert ViewStore(tmp_path, 2**30).open("short", POSES, SIZE) is None
     with pytest.warns(RuntimeWarning, match="Permission denied|No such file"):
@@ -216,8 +216,8 @@ def test_a_store_that_cannot_be_written_is_read(tmp_path: Path, request: pytest.
 
 def test_a_disk_that_fills_up_is_one_warning(tmp_path: Path) -> None:
     file = opened(tmp_path)
-    view_store_module._warn_of.cache_clear()
-    view_store_module._warn.cache_clear()
+    view_file.warn_of.cache_clear()
+    view_file.warn.cache_clear()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, hard))
     try:
