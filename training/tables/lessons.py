@@ -110,12 +110,15 @@ def _score(records: Records, table: str, name: str, split: str) -> str:
 
 
 def _headlines(records: Records) -> list[str]:
-    """Return, for each observation, the row that is best on the validation splits, beside the paper's best."""
+    """Return, for each observation, the row that is best on val-unseen, as the headline is of unseen homes, too.
+
+    Rows of which seeds are still to be run are no candidates where others are: the best of single runs is a lucky one.
+    """
     lines = []
     for table, published in (("scene-graph", paper.SCENE_GRAPH), ("visual", paper.VISUAL)):
-        best = max(
-            (row for row in TABLES[table] if runs_of(row, records)), key=lambda row: _valid(row, records), default=None
-        )
+        run = [row for row in TABLES[table] if runs_of(row, records)]
+        whole = [row for row in run if len(runs_of(row, records)) >= row.seeds]
+        best = max(whole or run, key=lambda row: _valid(row, records), default=None)
         theirs = max(published.rows, key=lambda row: row.plw[-1])
         beside = f"paper's best {theirs.name}: PLW {theirs.plw[-1]:.2f}, success {theirs.success[-1]:.2f}"
         if best is None:
@@ -124,7 +127,7 @@ def _headlines(records: Records) -> list[str]:
         plw, success = (values(runs_of(best, records), metric, SPLITS[-1]) for metric in METRICS.values())
         search = built_in(TEACHER, "plw", HEADLINE)
         share = f", {fmean(plw) / search:.0%} of the PLW of {TEACHER}" if search else ""
-        whose = "best on validation" if best.published else "ours, best on validation"
+        whose = f"{'' if best.published else 'ours, '}best on val-unseen of those with all seeds run"
         lines.append(
             f"- {_TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{cell(plw)}**"
             f"{_intervals(best, records, 'plw')}, success **{cell(success)}**"
@@ -154,7 +157,7 @@ def _intervals(row: Row, records: Records, metric: str) -> str:
 
 
 def _valid(row: Row, records: Records) -> float:
-    return fmean(fmean(values(runs_of(row, records), "plw", split)) for split in SPLITS[:2])
+    return fmean(values(runs_of(row, records), "plw", SPLITS[1]))
 
 
 def _draw(records: Records, folder: Path) -> list[str]:
