@@ -191,6 +191,21 @@ def test_a_grounded_pool_has_the_mean_of_what_is_seen_and_where_it_is() -> None:
     assert not torch.equal(part(moved, asked)[:, :THING], first)
 
 
+def test_among_lookalikes_a_class_in_another_colour_is_not_what_is_asked_for() -> None:
+    torch.manual_seed(0)
+    part = GroundedDetectionEncoder(lookalikes=True)
+    wanted = Wanted(torch.zeros(1, 2, CLASSES), torch.zeros(1, 2, len(catalog.COLOURS) + 1))
+    wanted.classes[0, :, catalog.BENCHMARK.class_ids[LABELS[GRASPABLE]]] = 1.0
+    wanted.colours[0, 0, RED] = 1.0  # type: ignore[index]
+    asked = Asked(torch.zeros(1, EMBEDDING), wanted)
+    red, blue, unsure = (torch.zeros(1, *SHAPE) for _ in range(3))
+    for picture, colour, sure in ((red, RED, 1.0), (blue, RED + 1, 1.0), (unsure, RED + 1, 0.25)):
+        picture[0, GRASPABLE] = torch.tensor([1.0, 0.0, 0.0, 0.5, colour, sure])
+    about_x = [part(picture, asked)[0, THING].item() for picture in (red, blue, unsure)]
+    assert [round(one, 5) for one in about_x] == [1.0, 0.0, 0.75]
+    assert not part.cells(blue, asked)[0, :9].any() and part.cells(blue, asked)[0, 9:].sum() == 1.0  # Y has no colour
+
+
 def test_eyes_see_what_the_detector_is_sure_of(encoder: FrozenEncoder, monkeypatch: pytest.MonkeyPatch) -> None:
     logits = logits_of(
         (GRASPABLE, 0, slice(30, 32), 20.0), (NOTHING + RED - 1, 0, slice(30, 32), 5.0),

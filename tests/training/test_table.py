@@ -444,7 +444,9 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch: Launch) -> None:
         "| QMIX | 2 of 3 | mean pool, 4 episodes, feedback at test | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
     )
     assert "| QMIX | 1 | 4 episodes, feedback at test | 14.09 | 25.0 |" in text
-    assert "**QMIX** (best on val-unseen of those with all seeds run): PLW **30.0 ± 7.1**, success" in text  # without intervals
+    assert (
+        "**QMIX** (best on val-unseen of those with all seeds run): PLW **30.0 ± 7.1**, success" in text
+    )  # without intervals
     assert "curves_scene_graph.png" in text and (tmp_path / "docs" / "curves_scene_graph.png").stat().st_size > 10_000
     assert "4 episodes" in text
     assert "| QMIX | 25 | 0 | 25 | 50 |" in text

@@ -232,9 +232,9 @@ def _grounded(observation: str) -> tuple[Row, ...]:
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 100 without, a third of it the
     draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
-    PPO's 150,000 steps are some 6,000 episodes. Imitation on pictures has a third of the episodes of that on graphs.
+    PPO's 150,000 steps are some 6,000 episodes. Imitation on pictures has fewer episodes than that on graphs.
     """
-    episodes = {"scene_graph": "9000", "visual": "3000"}[observation]
+    episodes = {"scene_graph": "9000", "visual": "2000"}[observation]
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = (*_GROUNDED, "--cells-past", *(["--image-encoder", "detector"] if observation == "visual" else []))
     features = ("--image-encoder", "resnet18") if observation == "visual" else ()

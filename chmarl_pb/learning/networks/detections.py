@@ -15,7 +15,7 @@ from chmarl_pb import catalog
 from chmarl_pb.learning.networks.cells import cells_of
 from chmarl_pb.learning.networks.match import ROLES
 from chmarl_pb.learning.networks.parts import Asked, Part
-from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table
+from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table, colour_table
 from chmarl_pb.tasks.language.vectors import class_vectors
 
 LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
@@ -107,7 +107,8 @@ class DetectionEncoder(Part):
         detected = detected.float()
         keys = self.key(self.classes.weight).unflatten(1, (HEADS, KEY))
         match = torch.einsum("chd,bhd->bhc", keys, self.query(asked.words).unflatten(1, (HEADS, KEY)))
-        seen = _with_colour(detected, self.colour, asked)
+        painted = _painted(detected, _by_words(self.colour, asked))
+        seen = torch.cat([detected[..., :PLACE], painted.unsqueeze(2)], dim=2)
         return torch.cat(
             [detected[..., 0] @ self.classes.weight, (torch.sigmoid(match - _CLOSED) @ seen).flatten(1)], dim=1
         )
@@ -116,9 +117,9 @@ class DetectionEncoder(Part):
 class GroundedDetectionEncoder(Part):
     """Features of each class that is seen, by its name and place: their mean, and what X, and Y, is like.
 
-    How likely a class is X or Y follows from the words of the instruction, see
-    :class:`chmarl_pb.learning.networks.match.Match`. For each of the two there is how surely it is seen, where, whether
-    in a colour that the words ask for, and some of its features; as for the nodes of graphs.
+    How likely a class is X or Y follows from the words of the instruction, and among lookalikes from the colour that it
+    is seen in; see :class:`chmarl_pb.learning.networks.match.Match`. For each of the two there is how surely it is
+    seen, where, whether in a colour that the words ask for, and some of its features; as for the nodes of graphs.
     """
 
     asks = True
@@ -126,44 +127,70 @@ class GroundedDetectionEncoder(Part):
     locates = True
     size = THING + ROLES * (PLACE + 1 + VALUE)
 
-    def __init__(self, meaning: nn.Linear | None = None):
+    def __init__(self, meaning: nn.Linear | None = None, lookalikes: bool = False):
         """Make the layers.
 
         Args:
             meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
+            lookalikes: whether instructions name the colour of X.
         """
         super().__init__()
         self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
-        self.colour = nn.Linear(EMBEDDING, len(catalog.COLOURS))
+        self.colours: Table | None = colour_table(len(catalog.COLOURS) + 1, meaning) if lookalikes else None
+        self.colour = None if lookalikes else nn.Linear(EMBEDDING, len(catalog.COLOURS))
         self.named, self.placed = nn.Linear(EMBEDDING, THING), nn.Linear(PLACE - 1, THING, bias=False)
         self.second, self.value = nn.Linear(THING, THING), nn.Linear(THING, VALUE)
 
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
-        assert asked.wanted is not None
         detected = detected.float()
         sure = detected[..., :1]
         places = detected[..., 1:PLACE] / sure.clamp(min=_LEAST)
         things = torch.relu(self.second(torch.relu(self.named(self.classes.weight[list(_IDS)]) + self.placed(places))))
         total = (sure * things).sum(dim=1) / sure.sum(dim=1).clamp(min=1)
-        seen = torch.cat([_with_colour(detected, self.colour, asked), sure * self.value(things)], dim=2)
-        return torch.cat([total, (asked.wanted.classes[..., list(_IDS)] @ seen).flatten(1)], dim=1)
+        painted = _painted(detected, self._wanted_colours(asked)).unsqueeze(2)
+        seen = torch.cat([detected[..., :PLACE], painted, sure * self.value(things)], dim=2)
+        return torch.cat([total, (self._likely(detected, asked) @ seen).flatten(1)], dim=1)
 
     def cells(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return in which cells of the picture X and Y lie, (B, cells.SIZE)."""
-        assert asked.wanted is not None
-        sure, column, row = detected[..., : PLACE - 1].float().unbind(dim=2)
+        detected = detected.float()
+        sure, column, row = detected[..., : PLACE - 1].unbind(dim=2)
         u, v = ((1 + place / sure.clamp(min=_LEAST)) / 2 for place in (column, row))
-        return cells_of(asked.wanted.classes[..., list(_IDS)] * sure.unsqueeze(1), u, v)
+        return cells_of(self._likely(detected, asked) * sure.unsqueeze(1), u, v)
+
+    def _likely(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return how likely each class is X, and Y, (B, ROLES, C): X less so in another colour than its own."""
+        assert asked.wanted is not None
+        classes = asked.wanted.classes[..., list(_IDS)]
+        if self.colours is None:
+            return classes
+        other = detected[..., 5] * (1 - _of_seen(detected, self._wanted_colours(asked)))  # how surely it is another
+        return torch.stack([classes[:, 0] * (1 - other), classes[:, 1]], dim=1)
+
+    def _wanted_colours(self, asked: Asked) -> Tensor:
+        """Return how likely each id of a colour (B, ids) is that of X."""
+        if self.colour is not None:
+            return _by_words(self.colour, asked)
+        assert asked.wanted is not None and asked.wanted.colours is not None
+        return asked.wanted.colours[:, 0]
 
 
-def _with_colour(detected: Tensor, colour: nn.Linear, asked: Asked) -> Tensor:
-    """Return (B, C, PLACE + 1) detections with how surely each class is seen in a colour that the words ask for."""
-    wanted = nn.functional.pad(torch.sigmoid(colour(asked.words)), (1, 0))  # none is that of id 0
-    painted = detected[..., 0] * detected[..., 5] * wanted.gather(1, detected[..., 4].long())
-    return torch.cat([detected[..., :PLACE], painted.unsqueeze(2)], dim=2)
+def _by_words(colour: nn.Linear, asked: Asked) -> Tensor:
+    """Return how likely each id of a colour (B, ids) is asked for, by all words alike; none is that of id 0."""
+    return nn.functional.pad(torch.sigmoid(colour(asked.words)), (1, 0))
 
 
-def reader(meaning: nn.Linear | None, grounded: bool) -> Part:
-    """Return what reads detections; ``grounded``, by how likely each class is X, and Y."""
-    return GroundedDetectionEncoder(meaning) if grounded else DetectionEncoder(meaning)
+def _painted(detected: Tensor, wanted: Tensor) -> Tensor:
+    """Return (B, C) how surely each class is seen in a colour (B, ids) that is asked for."""
+    return detected[..., 0] * detected[..., 5] * _of_seen(detected, wanted)
+
+
+def _of_seen(detected: Tensor, wanted: Tensor) -> Tensor:
+    """Return (B, C) how likely the colours that classes are seen in are asked for, from those of all ids (B, ids)."""
+    return wanted.gather(1, detected[..., 4].long())
+
+
+def reader(meaning: nn.Linear | None, grounded: bool, lookalikes: bool) -> Part:
+    """Return what reads detections; ``grounded``, by how likely each class is X, and Y, perhaps among lookalikes."""
+    return GroundedDetectionEncoder(meaning, lookalikes) if grounded else DetectionEncoder(meaning)

@@ -36,6 +36,7 @@ from chmarl_pb.learning.observation_keys import (
     tokens,
 )
 from chmarl_pb.learning.spaces import FLAT, FLAT_NAMES
+from chmarl_pb.tasks.language.tokens import vocabulary_size
 
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {
     "mean": GraphEncoder, "gated": GatedGraphEncoder, "grounded": GroundedGraphEncoder
@@ -198,8 +199,20 @@ class _Maker:
             return TokenEncoder(self._tables.setdefault(count, word_table(count, self._meaning)))
         if key in self._goals:
             return GoalEncoder(box, self._meaning, others[0])
-        own = key in self._pictures
-        return _flat_or_image(box, self._image_encoder, own, self._meaning, self._pool is GroundedGraphEncoder)
+        if key in self._pictures and is_features(box):
+            return self._reader(key, box)
+        return _flat_or_image(box, self._image_encoder)
+
+    def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
+        """Return what reads the features of a picture; those are known under our own key alone."""
+        kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS)
+        if features.shape != kind.shape:
+            raise ValueError(
+                f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: {kind.shape}"
+            )
+        words = self._space.spaces.get(_instruction_beside(key))
+        coloured = words is not None and id_count(words) >= vocabulary_size(attributes=True)
+        return kind.reader(self._meaning, self._pool is GroundedGraphEncoder, coloured)
 
 
 def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
@@ -210,23 +223,10 @@ def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
     return found | {key: (goal_attributes(space, key),) for key in goals(space)}
 
 
-def _flat_or_image(
-    space: spaces.Space[Any],
-    image_encoder: str,
-    ours: bool = False,
-    meaning: nn.Linear | None = None,
-    grounded: bool = False,
-) -> Part:
-    """Return what encodes a part of a space; features of pictures are known under our own key alone."""
+def _flat_or_image(space: spaces.Space[Any], image_encoder: str) -> Part:
+    """Return what encodes a part of a space that needs nothing else."""
     if isinstance(space, spaces.Box) and is_picture(space):
         return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
-    if ours and is_features(space):
-        kind = look_up("image_encoder", image_encoder, FROZEN_ENCODERS)
-        if space.shape != kind.shape:
-            raise ValueError(
-                f"pictures have features of shape {space.shape}, not those of {image_encoder}: {kind.shape}"
-            )
-        return kind.reader(meaning, grounded)
     if isinstance(space, FLAT):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a {FLAT_NAMES}, or a Dict of these")

@@ -37,12 +37,12 @@ class Kind:
         build: makes it from its weights.
         shape: of the features of one picture.
         reader: makes the part of an agent's network that reads the features; called with the map of word vectors, if
-            there is one, and whether the pool is grounded.
+            there is one, whether the pool is grounded, and whether instructions name colours.
     """
 
     build: Build
     shape: tuple[int, ...]
-    reader: Callable[[nn.Linear | None, bool], Part]
+    reader: Callable[[nn.Linear | None, bool, bool], Part]
 
 
 FROZEN_ENCODERS: dict[str, Kind] = {
