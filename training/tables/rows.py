@@ -236,7 +236,7 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     """
     episodes = {"scene_graph": "9000", "visual": "2000"}[observation]
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
-    seeing = (*_GROUNDED, "--cells-past", *(["--image-encoder", "detector"] if observation == "visual" else []))
+    seeing = (*_GROUNDED, *(["--image-encoder", "detector"] if observation == "visual" else []))
     features = ("--image-encoder", "resnet18") if observation == "visual" else ()
     ppo = ("--algo", "ppo", "--env", f"CHMARL/Grounded{kind}Humanoid-v0", "--preset", "encoder", "--workers", "1")
     ppo += ("--steps", "150000", *features)
@@ -245,11 +245,12 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         "MAPPO": ("--algo", "mappo", "--episodes", "6000", *seeing),
         "Imitation of belief": (
             "--algo", "imitation", "--expert", "belief", "--episodes", episodes, "--gradient-steps", "12",
-            "--anneal", "0.5", *seeing
+            "--anneal", "0.5", "--cells-past", *seeing
         ),
         "Imitation of belief, then MAPPO": (
             "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", episodes,
-            "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "12000", *seeing,
+            "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "12000", "--cells-past",
+            *seeing,
         ),
     }  # fmt: skip
     learners = tuple(
