@@ -73,7 +73,7 @@ def test_what_is_done_meanwhile_brings_nothing_not_even_an_error(work: Callable[
     with meanwhile(work):
         pass
     for process in set(active_children()) - others:
-        process.join(10)  # it has ended, but the pool's thread may be about to note it
+        process.join(60)  # it has ended, but the pool's thread may be about to note it
     assert set(active_children()) <= others
 
 
