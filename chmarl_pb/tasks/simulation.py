@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError, TaskError
@@ -34,6 +34,20 @@ from chmarl_pb.world import Uncopied, World
 
 _DRAWS = 100  # of lookalikes for a task until the planner solves it
 _KEPT = 2048  # tasks whose lookalikes are kept
+
+
+class _Definite(NamedTuple):
+    """What a task has become among lookalikes.
+
+    Attributes:
+        task: with all that its instruction names.
+        plan: the one that proved that it can be solved; None where no robot grasps.
+        kind: that it was planned for.
+    """
+
+    task: LookalikeTask
+    plan: TeamPlan | None
+    kind: TaskKind
 
 
 class Simulation(Uncopied):
@@ -78,8 +92,7 @@ class Simulation(Uncopied):
         if lookalikes:
             self.home = among_lookalikes(self.home)
         self._lookalikes = lookalikes
-        # Task, of no known length, and kind -> what it has become among lookalikes, and the plan that proved it.
-        self._definite: dict[tuple[Task, TaskKind], tuple[LookalikeTask, TeamPlan | None]] = {}
+        self._definite: dict[Task, _Definite] = {}  # of tasks without their length, which is known later
         for problem in limits(self.home, len(self.models)):
             raise HomeError(f"{self.home.path}: {problem}")
         self.space = space_of(self.home)
@@ -131,27 +144,27 @@ class Simulation(Uncopied):
         Raises:
             TaskError: the home cannot hold the task, or the planner does not solve any that it may become.
         """
-        return self._definite_and_plan(task, kind)[0] if self._is_indefinite(task) else task
+        return self._become(task, kind).task if self._is_indefinite(task) else task
 
     def _is_indefinite(self, task: AnyTask) -> TypeGuard[Task]:
         """Return whether lookalikes are still to be drawn for a task."""
         return self._lookalikes and isinstance(task, Task) and not isinstance(task, LookalikeTask)
 
-    def _definite_and_plan(self, task: Task, kind: TaskKind) -> tuple[LookalikeTask, TeamPlan | None]:
-        """Return what a task becomes among lookalikes, and its plan; both are kept."""
-        key = replace(task, optimal_steps=0), kind
+    def _become(self, task: Task, kind: TaskKind) -> "_Definite":
+        """Return what a task becomes among lookalikes, which is kept."""
+        key = replace(task, optimal_steps=0)
         if key not in self._definite:
             if len(self._definite) == _KEPT:
                 del self._definite[next(iter(self._definite))]
             self._definite[key] = self._draw_definite(task, kind)
         return self._definite[key]
 
-    def _draw_definite(self, task: Task, kind: TaskKind) -> tuple[LookalikeTask, TeamPlan | None]:
+    def _draw_definite(self, task: Task, kind: TaskKind) -> "_Definite":
         reason = ""
         for drawn in islice(draw_lookalikes(task, self.home), _DRAWS):
             try:
                 goals = self.begin(drawn, kind).goals
-                return drawn, plan_team(self.oracles, goals) if self.oracles else None
+                return _Definite(drawn, plan_team(self.oracles, goals) if self.oracles else None, kind)
             except TaskError as error:
                 reason = str(error)
         raise TaskError(
@@ -177,8 +190,9 @@ class Simulation(Uncopied):
         """
         with uncollected():
             goals = self.begin(task, kind).goals
-            known = self._definite_and_plan(task, kind)[1] if self._is_indefinite(task) else None
-            return known or plan_team(self.oracles, goals)
+            if self._is_indefinite(task) and (known := self._become(task, kind)).kind is kind and known.plan:
+                return known.plan
+            return plan_team(self.oracles, goals)
 
     @property
     def oracle(self) -> Oracle:

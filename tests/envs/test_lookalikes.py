@@ -3,7 +3,10 @@
 import copy
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,7 +22,10 @@ from chmarl_pb.evaluation.episode_file import load_episode, record_episode, repl
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.robots.pointing import cell_of
 from chmarl_pb.tasks import language
+from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.lookalike_task import LookalikeTask
+from chmarl_pb.tasks.order import TeamPlan, plan_team
+from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.playing import play
 
@@ -243,3 +249,27 @@ def test_the_first_draw_leaves_x_where_it_is_without_lookalikes(env: HouseholdEn
         if env.setting.task.seed == task.seed:
             assert np.allclose(env.world.pose(env.setting.goal.item)[0], plain.world.pose(plain.setting.goal.item)[0])
     plain.close()
+
+
+class Asking(Rearrange):
+    """A kind of one's own that cannot be hashed."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def test_a_task_is_planned_once_whatever_its_kind_and_known_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    planned: list[object] = []
+
+    def counted(*given: Any) -> TeamPlan:
+        planned.append(given)
+        return plan_team(*given)
+
+    monkeypatch.setattr("chmarl_pb.tasks.simulation.plan_team", counted)
+    kind, task = Asking(), TASKS[0]
+    with closing(Simulation(task.home, lookalikes=True)) as simulation:
+        simulation.begin(task, kind)
+        before = len(planned)
+        plan = simulation.solve(replace(task, optimal_steps=0), kind)
+        assert before >= 1 and len(planned) == before
+        assert simulation.solve(task, Asking()) == plan, "planned anew for another kind"
+        assert len(planned) == before + 1

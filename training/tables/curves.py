@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.files import replacing
 from training.tables.rows import Row
 from training.tables.runs import Record
@@ -74,10 +75,10 @@ def draw_curves(
         path = folder / f"curves_{table.replace('-', '_')}.png"
         with replacing(path) as temporary:
             figure.savefig(temporary, format="png", metadata={"Software": None})
+    dashed = "pictures" if table in TRACKS else "without messages; dots and dashes: our variants of the paper's rows"
     text = (
-        "Lines are means over seeds, bands go from the lowest to the highest seed; dashed: without messages; dots and "
-        "dashes: our variants of the paper's rows. The curve of a learner that began as another (ours: imitation) "
-        "starts after the other's episodes."
+        f"Lines are means over seeds, bands go from the lowest to the highest seed; dashed: {dashed}. The curve of a "
+        "learner that began as another (ours: imitation) starts after the other's episodes."
     )
     if any(panel[2] == "success" for panel in panels):
         text += f" Success in training is a running mean of {_WIDTH} points."
@@ -118,7 +119,7 @@ def _draw(
         x = curves[0][:points, 0]
         y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
-        axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row), label=_label(row) if apart else row.name)
+        axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row), label=_label(row, apart))
         axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)
     from matplotlib.ticker import MaxNLocator
 
@@ -139,6 +140,8 @@ def _colour(row: Row) -> str:
 
 def _style(row: Row) -> str:
     """Return how a row's line is drawn: our variants of the paper's rows have their colours."""
+    if row.table in TRACKS:  # a table of both observations, whose rows all have messages
+        return "-" if row.observation == "scene_graph" else "--"
     if "--humanoid-only" in row.options:
         return ":"
     if row.name.endswith(_VARIANTS):
@@ -146,10 +149,13 @@ def _style(row: Row) -> str:
     return "-" if row.messages else "--"
 
 
-def _label(row: Row) -> str:
-    """Return what tells the rows of the table of messages and feedback apart."""
+def _label(row: Row, apart: bool) -> str:
+    """Return a row's name; what tells rows apart in the table of messages and feedback, and in those of tracks."""
+    seen = "graphs" if row.observation == "scene_graph" else "pictures"
+    if not apart:
+        return f"{seen}: {row.name}" if row.table in TRACKS else row.name
     given = [word for word, on in (("messages", row.messages), ("feedback", row.feedback)) if on]
-    return f"{'graphs' if row.observation == 'scene_graph' else 'pictures'}: {' + '.join(given) or 'neither'}"
+    return f"{seen}: {' + '.join(given) or 'neither'}"
 
 
 def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:

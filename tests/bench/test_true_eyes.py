@@ -1,0 +1,26 @@
+"""What pictures truly show, as the detector would tell it if it made no mistakes."""
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.true_eyes import TRUE, detections_of
+from chmarl_pb.learning.networks.colour_table import OUTPUTS
+from chmarl_pb.learning.networks.detections import LABELS, detections
+
+MUG, SOFA = LABELS.index("mug"), LABELS.index("sofa")
+
+
+def test_truth_is_what_a_sure_detector_finds() -> None:
+    segmentation = np.full((128, 128), -1)
+    segmentation[40:48, 80:96], segmentation[64:128, :], segmentation[0, :3] = 0, 1, 3  # the last has too few pixels
+    logits = torch.full((OUTPUTS, 32, 32), -20.0)
+    logits[MUG, 10:12, 20:24], logits[SOFA, 16:32] = 20.0, 20.0
+    found = detections_of(segmentation, ("mug_1", "bedroom_sofa_1", "bedroom_wall_1", "fork_1"))
+    torch.testing.assert_close(found[:, :4], detections(logits)[:, :4], atol=0.01, rtol=0)
+    assert found[MUG, 0] == 1 and found[LABELS.index("fork"), 0] == 0
+
+
+@pytest.mark.parametrize(("name", "told"), [("none", set()), ("receptacles", {SOFA}), ("objects", {MUG})])
+def test_the_truth_is_told_of_some_classes(name: str, told: set[int]) -> None:
+    assert set(range(len(LABELS))[TRUE[name]]) & {MUG, SOFA} == told
