@@ -16,7 +16,7 @@ def test_truth_is_what_a_sure_detector_finds() -> None:
     segmentation[40:48, 80:96], segmentation[64:128, :], segmentation[0, :3] = 0, 1, 3  # the last has too few pixels
     logits = torch.full((OUTPUTS, 32, 32), -20.0)
     logits[MUG, 10:12, 20:24], logits[SOFA, 16:32] = 20.0, 20.0
-    found = detections_of(segmentation, ("mug_1", "bedroom_sofa_1", "bedroom_wall_1", "fork_1"))
+    found = detections_of(segmentation, ("mug_1", "bedroom/sofa_1", "bedroom/wall_1", "fork_1"))
     torch.testing.assert_close(found[:, :4], detections(logits)[:, :4], atol=0.01, rtol=0)
     assert found[MUG, 0] == 1 and found[LABELS.index("fork"), 0] == 0
 
