@@ -17,7 +17,7 @@ def test_truth_is_what_a_sure_detector_finds() -> None:
     logits = torch.full((OUTPUTS, 32, 32), -20.0)
     logits[MUG, 10:12, 20:24], logits[SOFA, 16:32] = 20.0, 20.0
     found = detections_of(segmentation, ("mug_1", "bedroom/sofa_1", "bedroom/wall_1", "fork_1"))
-    torch.testing.assert_close(found[:, :4], detections(logits)[:, :4], atol=0.01, rtol=0)
+    torch.testing.assert_close(found[:, :4], detections(logits)[:, :4], atol=0.02, rtol=0)  # a cell is 0.06 wide
     assert found[MUG, 0] == 1 and found[LABELS.index("fork"), 0] == 0
 
 
