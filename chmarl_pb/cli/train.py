@@ -136,7 +136,7 @@ class DaggerMappo(Play):
         """Train twice in a folder; a finished first training is not done again."""
         network = (
             "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors",
-            "numbers_past", "cells_past", "grounding_coef",
+            "numbers_past", "cells_past", "history_past", "grounding_coef",
         )  # fmt: skip
         same = ("seed", "horizon", *network)
         imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})

@@ -83,6 +83,8 @@ class RunConfig:
         numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
         cells_past: whether so do the cells of the picture in which X and Y lie, for Pick and Place that point; needs
             the grounded pool.
+        history_past: whether so does the most that each of these numbers, and of the agent's own actions, has been so
+            far in the episode.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
             :mod:`chmarl_pb.learning.networks.match`.
         home_rollouts: rollouts in a row that an environment stays in one of endless homes, at most as many as it says.
@@ -111,6 +113,7 @@ class RunConfig:
     word_vectors: bool = False
     numbers_past: bool = False
     cells_past: bool = False
+    history_past: bool = False
     grounding_coef: float = amount(0.0)
     home_rollouts: int = count(100)
     validation_interval: int = count(1_000)

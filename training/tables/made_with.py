@@ -61,8 +61,8 @@ def _settings(record: Record) -> dict[str, object]:
     checkpoint = record["checkpoint"]
     # Older runs have none of these.
     before = {
-        "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "grounding_coef": 0.0,
-        "home_rollouts": 100, "anneal": 0.0, "split": "train",
+        "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "history_past": False,
+        "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train",
     }  # fmt: skip
     settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
     return {name: value for name, value in settings.items() if name not in own}

@@ -234,9 +234,10 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
     PPO's 150,000 steps are some 6,000 episodes. Imitation on pictures has fewer episodes than that on graphs.
     """
-    episodes = {"scene_graph": "9000", "visual": "2000"}[observation]
+    episodes = {"scene_graph": "6000", "visual": "6000"}[observation]
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = (*_GROUNDED, *(["--image-encoder", "detector"] if observation == "visual" else []))
+    pointing = ("--cells-past", "--history-past", *seeing)
     features = ("--image-encoder", "resnet18") if observation == "visual" else ()
     ppo = ("--algo", "ppo", "--env", f"CHMARL/Grounded{kind}Humanoid-v0", "--preset", "encoder", "--workers", "1")
     ppo += ("--steps", "150000", *features)
@@ -245,12 +246,11 @@ def _grounded(observation: str) -> tuple[Row, ...]:
         "MAPPO": ("--algo", "mappo", "--episodes", "6000", *seeing),
         "Imitation of belief": (
             "--algo", "imitation", "--expert", "belief", "--episodes", episodes, "--gradient-steps", "12",
-            "--anneal", "0.5", "--cells-past", *seeing
+            "--anneal", "0.5", *pointing
         ),
         "Imitation of belief, then MAPPO": (
             "--algo", "dagger-mappo", "--imitation.expert", "belief", "--imitation.episodes", episodes,
-            "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "12000", "--cells-past",
-            *seeing,
+            "--imitation.gradient-steps", "12", "--imitation.anneal", "0.5", "--episodes", "4000", *pointing,
         ),
     }  # fmt: skip
     learners = tuple(

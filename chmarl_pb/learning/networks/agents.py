@@ -21,41 +21,57 @@ class Agent(nn.Module):
 
     An action of several components has a head for each, see :mod:`chmarl_pb.learning.components`.
 
-    Numbers that go past the encoder are read by the GRU and by the last layer.
+    Numbers that go past the encoder are read by the GRU and by the last layer. With ``history_past`` so is the most
+    that each of them, and of the agent's own actions, has been so far in the episode: what has been heard, said, seen
+    and tried, which a GRU would have to learn to keep.
+
+    Attributes:
+        actions: their number, or that of the values of their components.
+        past: numbers that go past the encoder.
+        state_size: numbers of the state that the agent keeps from step to step, that of the GRU and the history.
     """
 
     def __init__(self, space: spaces.Space[Any], actions: Counts, config: RunConfig):
         """Make the layers for an observation space and a number of actions, or of the values of their components."""
         super().__init__()
-        self.actions, self.hidden = actions, config.hidden
+        self.actions, self._hidden = actions, config.hidden
         make = look_up("encoder", config.encoder, ENCODERS)
         self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
-        self.memory = nn.GRU(config.features + self.past + outputs, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden + self.past, outputs)
-        sizes = (config.features + self.past, config.hidden) if config.layer_norm else ()
+        self._history = self.past + outputs if config.history_past else 0
+        self.state_size = config.hidden + self._history
+        read = config.features + self.past + self._history
+        self.memory = nn.GRU(read + outputs, config.hidden, batch_first=True)
+        self.head = nn.Linear(config.hidden + self.past + self._history, outputs)
+        sizes = (read, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
     def forward(
         self, observation: Tree, last_action: Tensor, hidden: Tensor | None = None, real: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the values of the actions (B, T, K, A), the GRU's outputs (B, T, H), and its last state (1, B, H).
+        """Return the values of the actions (B, T, K, A), the GRU's outputs (B, T, H), and the last state (1, B, S).
 
         Args:
             observation: tensors with the leading dimensions (B, T).
             last_action: (B, T, K) int64, the agent's own action of the step before, or ``NO_ACTION``.
-            hidden: (1, B, H), the GRU's state before; zeros if None.
+            hidden: (1, B, S), the state before; zeros if None.
             real: (B, T) bool, which observations are more than padding; the others are not encoded. None: all are.
         """
         features = self._encode(observation, real).unflatten(0, last_action.shape[:2])
+        acted = one_hot(last_action, self.actions).to(features.dtype)
+        before = (None, None) if hidden is None else hidden.split((self._hidden, self._history), dim=-1)
         numbers = features[..., features.shape[-1] - self.past :]
+        if self._history:
+            history = _most_so_far(torch.cat([numbers, acted], dim=-1), before[1])
+            features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
         features = self.norms[0](features) if self.norms else features
-        acted = one_hot(last_action, self.actions)
-        histories, hidden = self.memory(torch.cat([features, acted.to(features.dtype)], dim=-1), hidden)
+        histories, state = self.memory(torch.cat([features, acted], dim=-1), before[0])
         read = self.norms[1](histories) if self.norms else histories
         outputs = self.head(torch.cat([read, numbers], dim=-1))
-        return apart(outputs, self.actions), histories, hidden
+        if self._history:
+            state = torch.cat([state, history[:, -1].unsqueeze(0)], dim=-1)
+        return apart(outputs, self.actions), histories, state
 
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
         """Return features (B * T, F), zeros where there is only padding."""
@@ -65,6 +81,12 @@ class Agent(nn.Module):
         rows = real.flatten().nonzero().squeeze(1)
         encoded = self.encoder(tree_map(lambda part: part.flatten(0, 1)[rows], observation))
         return encoded.new_zeros(real.numel(), encoded.shape[1]).index_copy(0, rows, encoded)
+
+
+def _most_so_far(numbers: Tensor, before: Tensor | None) -> Tensor:
+    """Return the largest that each of some numbers (B, T, F) has been up to each step, and before, (1, B, F)."""
+    most = numbers.cummax(dim=1).values
+    return most.clamp(min=0) if before is None else torch.maximum(most, before[0].unsqueeze(1))
 
 
 def asked_of_encoder(config: Any) -> dict[str, bool]:
@@ -95,7 +117,9 @@ class Player:
         """Begin a number of episodes."""
         self.agents, self._device = agents, device_of(agents)
         with self._device:
-            self._hidden = {name: torch.zeros(episodes, cast(Agent, agent).hidden) for name, agent in agents.items()}
+            self._hidden = {
+                name: torch.zeros(episodes, cast(Agent, agent).state_size) for name, agent in agents.items()
+            }
             counts = {name: of_each(cast(Agent, agent).actions) for name, agent in agents.items()}
             self._last = {name: torch.full((episodes, len(sizes)), NO_ACTION) for name, sizes in counts.items()}
 

@@ -23,7 +23,11 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 
 class ValuePolicy:
-    """Drives each agent by the best action of its own network, in several episodes at once."""
+    """Drives each agent by the best action of its own network, in several episodes at once.
+
+    Attributes:
+        acting: chooses the actions from what the networks give for them.
+    """
 
     def __init__(self, agents: nn.ModuleDict, silenced: tuple[str, ...] = (), encoder: FrozenEncoder | None = None):
         """Take the networks over; they must not be trained while an episode is played.
@@ -33,12 +37,12 @@ class ValuePolicy:
             silenced: keys of observations that read as zeros, as they did in training.
             encoder: what turns images into the features that the networks see; None: they see images.
         """
-        self.silenced, self.encoder = silenced, encoder
-        self._acting = Explorer(agents, greedy, np.random.default_rng(0))  # draws nothing
+        self.agents, self.silenced, self.encoder = agents, silenced, encoder
+        self.acting = Explorer(agents, greedy, np.random.default_rng(0))  # draws nothing
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
-        self._acting.reset(seeds)
+        self.acting.reset(seeds)
 
     @threads(1)
     def act(
@@ -48,7 +52,7 @@ class ValuePolicy:
         seen = all_with_features(observations, self.encoder) if self.encoder else observations
         silent = [{name: own | {key: np.zeros_like(own[key]) for key in self.silenced} for name, own in one.items()}
                   for one in seen]  # fmt: skip
-        return self._acting.act(episodes, silent, infos)
+        return self.acting.act(episodes, silent, infos)
 
 
 class ValuePolicies:
