@@ -1,8 +1,8 @@
 """What a learner that imitates an expert has not learned: ``python -m benchmarks.teacher_parts WEIGHTS``.
 
 Plays its weights on validation tasks by the rules that they were trained by, while the expert does parts of the
-actions: the words of a robot, its movements, all. What is gained is what the learner lacks in that part. Also prints how often
-the learner does what the expert would in the states that the learner itself comes to. Test splits are refused.
+actions: the words of a robot, its movements, all. What is gained is what the learner lacks in that part. Also prints
+how often the learner does what the expert would in the states that the learner itself comes to; on no test split.
 """
 
 import argparse

@@ -186,7 +186,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--network", choices=NETWORKS, default="resnet18", help="(default %(default)s)")
     parser.add_argument("--views", type=int, help="to learn from (default 20000, detector 32000; 82 kB each on disk)")
-    parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 4)")
+    parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 8)")
     parser.add_argument("--seed", type=int, default=0, help="of views, weights and order (default 0)")
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
     parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")

@@ -234,7 +234,7 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     draw of a solvable task, and an episode has up to 28; so 12,000 episodes are about an hour of playing alone.
     PPO's 150,000 steps are some 6,000 episodes. Imitation on pictures has fewer episodes than that on graphs.
     """
-    episodes = {"scene_graph": "6000", "visual": "6000"}[observation]
+    episodes = {"scene_graph": "6000", "visual": "4000"}[observation]
     kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
     seeing = (*_GROUNDED, *(["--image-encoder", "detector"] if observation == "visual" else []))
     pointing = ("--cells-past", "--history-past", *seeing)
