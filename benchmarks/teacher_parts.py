@@ -103,7 +103,7 @@ def _kind(action: str) -> str:
 
 
 class Helper:
-    """Makes the policy; can be sent to other processes."""
+    """Makes the policy, and keeps what it has made."""
 
     privileged = deterministic = True  # its expert may know more than robots see
 
