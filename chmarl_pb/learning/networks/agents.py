@@ -84,7 +84,7 @@ class Agent(nn.Module):
 
 
 def _most_so_far(numbers: Tensor, before: Tensor | None) -> Tensor:
-    """Return the most that each of some numbers (B, T, F) has been up to each step, and before, (1, B, F), from 0 on."""
+    """Return the most that numbers (B, T, F) have been up to each step, and before, (1, B, F), from 0 on."""
     most = numbers.cummax(dim=1).values
     return most.clamp(min=0) if before is None else torch.maximum(most, before[0].unsqueeze(1))
 
