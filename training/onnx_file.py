@@ -7,9 +7,11 @@ from torch import Tensor, nn
 
 from chmarl_pb import extras
 from chmarl_pb.files import replacing
+from chmarl_pb.learning.networks.colour_table import ColourTable, codes_of, levels_of
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.learning.networks.detector import Detector, read
 from chmarl_pb.learning.networks.frozen import read_weights
+from chmarl_pb.learning.networks.pyramid import CELL
 from chmarl_pb.learning.runs.checkpoint import reading
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 
@@ -28,8 +30,20 @@ class Exported(nn.Module):
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
         """Return confidence and cells."""
-        cells = self.detector(images)
+        cells, table = self.detector.cells(self.detector.network(images)), self.detector.colours
+        if len(table.codes):
+            cells = cells + table.worth(_levels(table, images))
         return torch.sigmoid(cells[:, : len(LABELS)].amax(dim=(2, 3))), cells
+
+
+def _levels(table: ColourTable, images: Tensor) -> Tensor:
+    """Return the same as ``table.levels``, from the shares of all pixels, most of which are zeros.
+
+    It takes longer, but scatters nothing: onnxruntime adds to one row from several threads, and loses some of it.
+    """
+    shares = nn.functional.pad(table.shares.float(), (0, 0, 1, 0))[table.rows[codes_of(images)].long()]
+    cells = shares.unflatten(2, (-1, CELL)).unflatten(1, (-1, CELL))
+    return levels_of(cells.sum(dim=(2, 4)), (cells > 0).float().sum(dim=(2, 4)))
 
 
 def read_detector(path: Path) -> Detector:

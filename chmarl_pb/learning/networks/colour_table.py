@@ -70,15 +70,23 @@ class ColourTable(nn.Module):
         shares = self.shares[numbers[picture, row, column].long() - 1].float()
         sums = torch.zeros(count * rows * columns, SHARES).index_add_(0, cell, shares)
         pixels = torch.zeros_like(sums).index_add_(0, cell, (shares > 0).float())
-        return (sums / pixels.clamp(min=_VISIBLE)).floor().long().view(count, rows, columns, SHARES)
+        return levels_of(sums, pixels).view(count, rows, columns, SHARES)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return what is added to the logits (B, OUTPUTS, rows, columns) of pictures (B, height, width, 3)."""
-        levels = self.levels(images)
+        return self.worth(self.levels(images))
+
+    def worth(self, levels: Tensor) -> Tensor:
+        """Return what evidence (B, rows, columns, SHARES) adds to the logits (B, OUTPUTS, rows, columns)."""
         logits = torch.zeros(*levels.shape[:3], OUTPUTS)
         logits[..., :OBJECTS] = self.odds[0][levels[..., :OBJECTS]]
         logits[..., len(LABELS) :] = self.odds[1][levels[..., OBJECTS:]]
         return logits.permute(0, 3, 1, 2)
+
+
+def levels_of(sums: Tensor, pixels: Tensor) -> Tensor:
+    """Return evidence, int64, from the sums of the shares of a cell's colours, and the pixels that have any."""
+    return (sums / pixels.clamp(min=_VISIBLE)).floor().long()
 
 
 def codes_of(images: Tensor) -> Tensor:
