@@ -81,8 +81,8 @@ class RunConfig:
             node is what the instruction calls X and Y.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
-        cells_past: whether so do the cells of the picture in which X and Y lie, for Pick and Place that point; needs
-            the grounded pool.
+        cells_past: whether so does what pointing and guiding take: the cells of the picture in which X and Y can be
+            taken, their directions from another robot, the room that is named; needs the grounded pool.
         history_past: whether so does the most that each of these numbers, and of the agent's own actions, has been so
             far in the episode.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see

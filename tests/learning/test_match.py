@@ -18,7 +18,7 @@ from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.losses import grounding
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, make_learner
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
-from chmarl_pb.learning.networks.match import Match, named_by
+from chmarl_pb.learning.networks.match import ROOMS, Match, named_by
 from chmarl_pb.learning.networks.tables import class_table, shared_map, word_table
 from chmarl_pb.learning.runs.collect import Collector, greedy
 from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
@@ -57,8 +57,10 @@ def likely(encode: DictEncoder, observation: dict[str, torch.Tensor]) -> torch.T
 
 
 def test_labels_are_what_instructions_name() -> None:
-    tokens = language.tokenize("Put the red mug on the couch.", 24, attributes=True)
-    assert named_by(tokens).tolist() == [[MUG, SOFA], [catalog.COLOUR_IDS["red"], -100]]
+    red, bathroom = catalog.COLOUR_IDS["red"], 1 + ROOMS.index(BENCHMARK.class_ids["bathroom"])
+    for where, room in (("", 0), (" in the washroom", bathroom)):
+        tokens = language.tokenize(f"Put the red mug on the couch{where}.", 24, attributes=True)
+        assert named_by(tokens).tolist() == [[MUG, SOFA], [red, -100], [room, -100]]
     assert (named_by(np.zeros(24, np.int16)) < 0).all()
     assert (named_by(language.tokenize("Put the mug away.", 24)) < 0).all()
 

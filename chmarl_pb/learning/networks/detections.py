@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.cells import cells_of
+from chmarl_pb.learning.networks.cells import SIZE, cells_of
 from chmarl_pb.learning.networks.match import ROLES
 from chmarl_pb.learning.networks.parts import Asked, Part
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table, colour_table
@@ -26,6 +26,7 @@ HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in ea
 THING, VALUE = 64, 16  # features of a class that is seen, and those of them that are told of X and of Y
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
+_CELLS = 32 * 32  # of the detector, in a picture of 128 x 128
 _LEAST = 0.02  # confidence below which a class counts as not shown
 _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
 
@@ -124,7 +125,8 @@ class GroundedDetectionEncoder(Part):
 
     asks = True
     matches = True
-    locates = True
+    locates = SIZE
+    objects: Tensor
     size = THING + ROLES * (PLACE + 1 + VALUE)
 
     def __init__(self, meaning: nn.Linear | None = None, lookalikes: bool = False):
@@ -140,6 +142,7 @@ class GroundedDetectionEncoder(Part):
         self.colour = None if lookalikes else nn.Linear(EMBEDDING, len(catalog.COLOURS))
         self.named, self.placed = nn.Linear(EMBEDDING, THING), nn.Linear(PLACE - 1, THING, bias=False)
         self.second, self.value = nn.Linear(THING, THING), nn.Linear(THING, VALUE)
+        self.register_buffer("objects", torch.arange(len(LABELS)) < len(catalog.BENCHMARK.graspables), persistent=False)
 
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
@@ -152,12 +155,16 @@ class GroundedDetectionEncoder(Part):
         seen = torch.cat([detected[..., :PLACE], painted, sure * self.value(things)], dim=2)
         return torch.cat([total, (self._likely(detected, asked) @ seen).flatten(1)], dim=1)
 
-    def cells(self, detected: Tensor, asked: Asked) -> Tensor:
-        """Return in which cells of the picture X and Y lie, (B, cells.SIZE)."""
+    def places(self, detected: Tensor, asked: Asked) -> Tensor:
+        """Return in which cells of the picture X and Y can be taken, (B, SIZE)."""
         detected = detected.float()
-        sure, column, row = detected[..., : PLACE - 1].unbind(dim=2)
-        u, v = ((1 + place / sure.clamp(min=_LEAST)) / 2 for place in (column, row))
-        return cells_of(self._likely(detected, asked) * sure.unsqueeze(1), u, v)
+        sure = detected[..., 0]
+        column, row, size = (detected[..., 1:PLACE] / sure.clamp(min=_LEAST).unsqueeze(2)).unbind(dim=2)
+        likely, taken = self._likely(detected, asked), torch.stack([self.objects, ~self.objects])
+        return cells_of(
+            likely * sure.unsqueeze(1), (1 - likely) * taken * sure.unsqueeze(1), (1 + column) / 2, (1 + row) / 2,
+            ((1.0 + _CELLS) ** size - 1) / _CELLS,
+        )  # fmt: skip
 
     def _likely(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return how likely each class is X, and Y, (B, ROLES, C): X less so in another colour than its own."""

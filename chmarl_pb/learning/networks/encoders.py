@@ -13,11 +13,10 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.lookup import look_up
-from chmarl_pb.learning.networks.cells import SIZE as CELL_NUMBERS
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder, GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
-from chmarl_pb.learning.networks.match import Match
+from chmarl_pb.learning.networks.match import ROOMS, Match
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
 from chmarl_pb.learning.networks.parts import Asked, FlatEncoder, Part, TokenEncoder, flattened, id_count
 from chmarl_pb.learning.networks.tables import Table, shared_map, word_table
@@ -75,8 +74,10 @@ def build_encoder(
         word_vectors: whether words and classes come from static word vectors, of which one linear map is learned, so
             that synonyms that training never shows are understood; see :mod:`chmarl_pb.tasks.language.vectors`.
         taught: whether ``grounding_loss`` is to teach which classes the instruction names, whatever the pool.
-        cells_past: whether the cells of the picture in which X and Y lie are also appended to the features, for actions
-            that point; needs the grounded pool, and detections or nodes with places in the picture.
+        cells_past: whether what pointing and guiding take is also appended to the features: the cells of the picture in
+            which X and Y can be taken, their directions from another robot, the room of Y that the instruction names,
+            and messages by the robot's own heading; needs the grounded pool, and detections or nodes with places in
+            the picture.
 
     Raises:
         ValueError: the space is of another kind, there is no such encoder, or nothing tells of cells.
@@ -120,11 +121,12 @@ class DictEncoder(nn.Module):
         self.matches = nn.ModuleDict({key: self._match(key) for key in matched})
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
-        self.numbers = Numbers(space) if numbers_past else None
-        self._locating = {key for key, part in parts.items() if part.locates} if cells_past else set()
+        self.numbers = Numbers(space, cells_past) if numbers_past else None
+        self._locating = {key: part.locates for key, part in parts.items() if part.locates} if cells_past else {}
         if cells_past and not self._locating:
             raise ValueError("cells_past needs graph_pool='grounded', and detections or nodes with a node_view")
-        self.past = (self.numbers.size if self.numbers else 0) + CELL_NUMBERS * len(self._locating)
+        self.past = (self.numbers.size if self.numbers else 0) + sum(self._locating.values())
+        self.past += sum(len(ROOMS) for key in self._locating if self._colours(key) is not None)
         self.size = size + self.past
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
@@ -136,7 +138,7 @@ class DictEncoder(nn.Module):
             asked = {"asked": self._asked(key, flat)} if part.asks else {}
             features.append(part(flat[key], *beside, **asked))
             if key in self._locating:
-                past.append(cast(Any, part).cells(flat[key], *beside, **asked))
+                past += [cast(Any, part).places(flat[key], *beside, **asked), *_named_rooms(asked["asked"])]
         return torch.cat([self.joint(torch.cat(features, dim=1)), *past], dim=1)
 
     def grounding_loss(self, observation: Mapping[str, Tensor]) -> Tensor:
@@ -230,6 +232,11 @@ def _flat_or_image(space: spaces.Space[Any], image_encoder: str) -> Part:
     if isinstance(space, FLAT):
         return FlatEncoder(space)
     raise ValueError(f"{space} cannot be encoded; use a {FLAT_NAMES}, or a Dict of these")
+
+
+def _named_rooms(asked: Asked) -> list[Tensor]:
+    """Return how likely each kind of room is named as that of Y, (B, ROOMS), where instructions name any."""
+    return [] if asked.wanted is None or asked.wanted.rooms is None else [asked.wanted.rooms[:, 1:]]
 
 
 def _instruction_beside(key: str) -> str:

@@ -11,8 +11,9 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.cells import cells_of
-from chmarl_pb.learning.networks.match import ROLES
+from chmarl_pb.catalog import BENCHMARK, RELATION_IDS
+from chmarl_pb.learning.networks import bearings, cells
+from chmarl_pb.learning.networks.match import ROLES, ROOMS, Wanted
 from chmarl_pb.learning.networks.parts import Asked, Part, id_count
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table, embedding
 
@@ -20,6 +21,8 @@ GRAPH = 64  # features of a node after each graph convolution
 VIEW = 3  # numbers of a node's place in the picture
 HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of each node, and numbers in each
 
+_IN_ROOM, _HELD = RELATION_IDS["in_room"], BENCHMARK.state_ids["held"]
+_ROBOTS = [BENCHMARK.class_ids[row.name] for row in BENCHMARK.rows if row.kind == "robot"]
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
 
 
@@ -78,22 +81,17 @@ class GraphEncoder(Part):
             view: (B, nodes, 3) places in the picture, if the encoder knows of them.
             asked: what the instruction asks for; the mean does not need it.
         """
-        real = node_class > 0  # padding is left out: (N) nodes of all graphs, one after the other
-        graph = _Nodes(
-            real, node_class[real].long(), node_state[real].long(),
-            None if color is None else color[:, : real.shape[1]][real].long(),
-            None if view is None else view[:, : real.shape[1]][real].float(),
-        )  # fmt: skip
-        nodes = self._convolved(graph, edges)
-        return torch.cat([_mean(nodes, real), *self._heads(nodes, graph, asked)], dim=1)
+        graph = _Nodes.of(node_class, node_state, edges, color, view)
+        nodes = self._convolved(graph)
+        return torch.cat([_mean(nodes, graph.real), *self._heads(nodes, graph, asked)], dim=1)
 
     def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
         """Return what is pooled beside the mean, (B, features) each, from the convolved nodes (N, GRAPH)."""
         return []
 
-    def _convolved(self, graph: "_Nodes", edges: Tensor) -> Tensor:
+    def _convolved(self, graph: "_Nodes") -> Tensor:
         """Return (N, GRAPH) of all real nodes after both convolutions."""
-        spread = _propagation(graph.real, edges)
+        spread = _propagation(graph.real, graph.edges)
         nodes = torch.relu(spread(self._embedded(graph)))
         return torch.relu(spread(self.second(nodes)))
 
@@ -141,28 +139,27 @@ class GatedGraphEncoder(GraphEncoder):
 class GroundedGraphEncoder(GraphEncoder):
     """The same convolutions, with attention to the nodes that are X and to those that are Y, beside the mean.
 
-    How likely a node is either follows from its class, and colour, and from the words of the instruction; see
+    How likely a node is either follows from its class, and colour or room, and from the words of the instruction; see
     :class:`chmarl_pb.learning.networks.match.Match`. For each of the two there is how likely it is among the nodes, and
     the mean of the nodes with these weights: their features and, where nodes have one, their place in the picture.
     """
 
     asks = True
     matches = True
+    takes: Tensor
 
     def __init__(self, *tables: Any):
         """Make tables for the ids in spaces; see :class:`GraphEncoder`."""
         super().__init__(*tables)
         self.value = nn.Linear(GRAPH, VALUE)
-        self.locates = self.placed is not None
-        self.size = GRAPH + ROLES * (1 + VALUE + VIEW * self.locates)
+        self.locates = (cells.SIZE + bearings.SIZE) * (self.placed is not None)
+        self.size = GRAPH + ROLES * (1 + VALUE + VIEW * bool(self.locates))
+        self.register_buffer("takes", _takes(len(self.classes.weight)), persistent=False)
 
     def _heads(self, nodes: Tensor, graph: "_Nodes", asked: Asked | None) -> list[Tensor]:
         """Return whether X and Y are there, and what they are like."""
         assert asked is not None and asked.wanted is not None
-        gates = asked.wanted.classes[graph.graphs, :, graph.classes]  # (N, ROLES)
-        if asked.wanted.colours is not None and graph.colours is not None:
-            of_x = asked.wanted.colours[graph.graphs, 0, graph.colours]
-            gates = torch.stack([gates[:, 0] * of_x, gates[:, 1]], dim=1)
+        gates = _likely(graph, asked.wanted)
         index = graph.graphs.unsqueeze(1).expand_as(gates)
         there = gates.new_zeros(len(graph.real), ROLES).scatter_reduce(0, index, gates, "amax")
         values = self.value(nodes)
@@ -171,23 +168,48 @@ class GroundedGraphEncoder(GraphEncoder):
         pooled = _sum((gates.unsqueeze(2) * values.unsqueeze(1)).flatten(1), graph.real).unflatten(1, (ROLES, -1))
         return [there, (pooled / _sum(gates, graph.real).clamp(min=1).unsqueeze(2)).flatten(1)]
 
-    def cells(
+    def places(
         self, node_class: Tensor, node_state: Tensor, edges: Tensor, color: Tensor | None, view: Tensor, asked: Asked
     ) -> Tensor:
-        """Return in which cells of the picture X and Y lie, (B, cells.SIZE)."""
+        """Return in which cells X and Y can be taken, and in which directions from another robot they are."""
         assert asked.wanted is not None
+        graph = _Nodes.of(node_class, node_state, edges, color, view)
+        likely = _padded(_likely(graph, asked.wanted), graph.real).transpose(1, 2)  # (B, ROLES, nodes)
+        u, v, share = view[:, : node_class.shape[1]].float().unbind(dim=2)
         ids = node_class.long()
-        likely = _picked(asked.wanted.classes, ids) * (ids > 0).unsqueeze(1)
-        if asked.wanted.colours is not None and color is not None:
-            of_x = _picked(asked.wanted.colours[:, :1], color[:, : ids.shape[1]].long())
-            likely = torch.cat([likely[:, :1] * of_x, likely[:, 1:]], dim=1)
-        u, v, share = view[:, : ids.shape[1]].float().unbind(dim=2)
-        return cells_of(likely * (share > 0).unsqueeze(1), u, v)
+        standing = ((node_state != _HELD) & (share > 0)).unsqueeze(1)
+        others = (1 - likely) * self.takes[:, ids].transpose(0, 1)
+        robots = torch.isin(ids, torch.tensor(_ROBOTS, device=ids.device))
+        rooms = _padded(graph.rooms + 1, graph.real) - 1
+        return torch.cat(
+            [
+                cells.cells_of(likely * standing, others * standing, u, v, share),
+                bearings.bearings_of(likely * standing, robots, rooms, u, v),
+            ],
+            dim=1,
+        )
 
 
-def _picked(probabilities: Tensor, ids: Tensor) -> Tensor:
-    """Return the probabilities (B, ROLES, N) of ids (B, N), from those of all ids (B, ROLES, ids)."""
-    return probabilities.gather(2, ids.unsqueeze(1).expand(-1, probabilities.shape[1], -1))
+def _takes(count: int) -> Tensor:
+    """Return (ROLES, ids) whether a Pick, and a Place, can take things of a class; of users' own classes it may."""
+    found = torch.zeros(ROLES, count)
+    for role, kind in enumerate((BENCHMARK.graspables, BENCHMARK.receptacles)):
+        found[role, [BENCHMARK.class_ids[name] for name in kind]] = 1
+    found[:, len(BENCHMARK.rows) + 1 :] = 1
+    return found
+
+
+def _likely(graph: "_Nodes", wanted: Wanted) -> Tensor:
+    """Return how likely each node is X, and Y, (N, ROLES)."""
+    of_x, of_y = wanted.classes[graph.graphs, :, graph.classes].unbind(dim=1)
+    if wanted.colours is not None and graph.colours is not None:
+        of_x = of_x * wanted.colours[graph.graphs, 0, graph.colours]
+    if wanted.rooms is not None:
+        fits = wanted.rooms[:, :1].repeat(1, wanted.classes.shape[2])  # a thing in whatever room, if none is named
+        fits[:, list(ROOMS)] += wanted.rooms[:, 1:]
+        kinds = torch.where(graph.rooms < 0, 0, graph.classes[graph.rooms])
+        of_y = of_y * fits[graph.graphs, kinds]
+    return torch.stack([of_x, of_y], dim=1)
 
 
 @dataclass(frozen=True)
@@ -196,6 +218,7 @@ class _Nodes:
 
     Attributes:
         real: (B, nodes) which are not padding.
+        edges: (B, edges, 3) of the graphs.
         classes: (N) ids.
         states: (N) ids.
         colours: (N) ids, if the encoder knows of them.
@@ -203,15 +226,59 @@ class _Nodes:
     """
 
     real: Tensor
+    edges: Tensor
     classes: Tensor
     states: Tensor
     colours: Tensor | None
     views: Tensor | None
 
+    @classmethod
+    def of(
+        cls, node_class: Tensor, node_state: Tensor, edges: Tensor, color: Tensor | None, view: Tensor | None
+    ) -> "_Nodes":  # fmt: skip
+        """Return the nodes of graphs without their padding; see :meth:`GraphEncoder.forward`."""
+        real = node_class > 0
+        return cls(
+            real, edges, node_class[real].long(), node_state[real].long(),
+            None if color is None else color[:, : real.shape[1]][real].long(),
+            None if view is None else view[:, : real.shape[1]][real].float(),
+        )  # fmt: skip
+
     @cached_property
     def graphs(self) -> Tensor:
         """(N) the number of each node's graph."""
         return self.real.nonzero(as_tuple=True)[0]
+
+    @cached_property
+    def rooms(self) -> Tensor:
+        """(N) the number of the node of the room that each node is in, or -1."""
+        _, kinds, things, rooms = _ends(self.real, self.edges)
+        is_in = kinds == _IN_ROOM
+        return torch.full_like(self.classes, -1).index_copy_(0, things[is_in], rooms[is_in])
+
+
+def _ends(real: Tensor, edges: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return graph, relation, source and target (E) of all edges between real nodes, these by their numbers.
+
+    Args:
+        real: (B, nodes) which nodes are not padding.
+        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
+    """
+    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
+    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
+    graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
+    found = edges[graph, row].long()
+    ends = numbers[graph.unsqueeze(1), found[:, :2].clamp(max=real.shape[1])]
+    there = (ends >= 0).all(dim=1)
+    one, other = ends[there].unbind(dim=1)
+    return graph[there], found[there, 2], one, other
+
+
+def _padded(nodes: Tensor, real: Tensor) -> Tensor:
+    """Return the numbers of nodes (N, ...) by graph, (B, nodes, ...), with 0 for padding."""
+    found = nodes.new_zeros(*real.shape, *nodes.shape[1:])
+    found[real] = nodes
+    return found
 
 
 def _mean(nodes: Tensor, real: Tensor) -> Tensor:
@@ -272,17 +339,8 @@ def _product(features: Tensor, columns: Tensor, starts: Tensor, values: Tensor) 
 
 
 def _propagation(real: Tensor, edges: Tensor) -> _Propagation:
-    """Return what spreads features over the graphs of a batch.
-
-    Args:
-        real: (B, nodes) which nodes are not padding.
-        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
-    """
-    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
-    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
-    graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
-    ends = numbers[graph.unsqueeze(1), edges[graph, row, :2].long().clamp(max=real.shape[1])]
-    one, other = ends[(ends >= 0).all(dim=1)].unbind(dim=1)
+    """Return what spreads features over the graphs of a batch; see :func:`_ends`."""
+    _, _, one, other = _ends(real, edges)
     loops = torch.arange(int(real.sum()), device=real.device)
     rows, columns = torch.cat([one, other, loops]), torch.cat([other, one, loops])
     degree = torch.bincount(rows, minlength=len(loops))

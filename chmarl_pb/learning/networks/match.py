@@ -1,4 +1,4 @@
-"""What an instruction asks for, among the classes and colours that nodes have: which are X, and which Y.
+"""What an instruction asks for, among the classes, colours and rooms that nodes have: which are X, and which Y.
 
 Nothing but the right action tells a network which words name which class, and that late. :class:`Match` compares words
 with classes, and can be taught so directly: every instruction names its classes (``parse_instruction``), which every
@@ -19,6 +19,7 @@ from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable
 from chmarl_pb.tasks import language
 
 ROLES = 2  # X and Y
+ROOMS = tuple(BENCHMARK.class_ids[name] for name in BENCHMARK.rooms)  # ids of the classes of rooms
 _UNNAMED = -100  # label that cross_entropy leaves out
 _SHARPNESS = 10.0  # of the comparison at first: a cosine of 0.5 more is e^5 times as likely
 _QUICK = 10.0  # how much faster than other weights those learn that say which classes are ever X, and ever Y
@@ -31,10 +32,12 @@ class Wanted(NamedTuple):
     Attributes:
         classes: (B, ROLES, classes) probabilities, which sum to 1 over the classes.
         colours: (B, ROLES, colours) the same of colours; None where nodes have none.
+        rooms: (B, 1 + ROOMS) the same of Y's room, the first that none is named; None where instructions name none.
     """
 
     classes: Tensor
     colours: Tensor | None = None
+    rooms: Tensor | None = None
 
 
 class Match(nn.Module):
@@ -54,21 +57,22 @@ class Match(nn.Module):
 
         Args:
             classes: their number, with 0 for padding.
-            colours: whether the words that name colours are looked for, too.
+            colours: whether the words that name colours, and Y's room, are looked for, too.
         """
         super().__init__()
-        self.colours, looks = colours, ROLES * (1 + colours)
+        self.looks = [ROLES, ROLES, 1] if colours else [ROLES]
+        self.anywhere = nn.Parameter(torch.zeros(())) if colours else None  # the score of no room
         self.roles = nn.Parameter(torch.zeros(ROLES, classes))
         self.taught: Tensor
         self.register_buffer("taught", torch.zeros((), dtype=torch.int64))
         self.beside = nn.Conv1d(EMBEDDING, EMBEDDING, 3, padding=1)
-        self.weights = nn.Linear(EMBEDDING, looks)
+        self.weights = nn.Linear(EMBEDDING, sum(self.looks))
         self.query = nn.Linear(EMBEDDING, EMBEDDING, bias=False)
         nn.init.eye_(self.query.weight)
         self.sharpness = nn.Parameter(torch.tensor(_SHARPNESS).log())
 
     def scores(self, tokens: Tensor, embedded: Tensor, classes: Table, colours: Table | None) -> tuple[Tensor, ...]:
-        """Return logits of the classes (B, ROLES, classes), and with colours also of these.
+        """Return logits of the classes (B, ROLES, classes), and with colours also of these and of rooms (B, 1, rooms).
 
         Args:
             tokens: ids (B, L).
@@ -79,22 +83,24 @@ class Match(nn.Module):
         heard = torch.relu(self.beside(embedded.transpose(1, 2))).transpose(1, 2)
         weights = self.weights(heard).masked_fill((tokens == 0).unsqueeze(2), -1e9).softmax(dim=1)
         named = self.query(weights.transpose(1, 2) @ embedded)
-        tables = [classes] if colours is None else [classes, colours]
-        parts = [self._compared(part, table) for part, table in zip(named.split(ROLES, 1), tables, strict=True)]
-        return parts[0] + _QUICK * self.roles, *parts[1:]
+        looks = named.split(self.looks, 1)
+        found = self._compared(looks[0], classes.weight) + _QUICK * self.roles
+        if colours is None or self.anywhere is None:
+            return (found,)
+        return found, self._compared(looks[1], colours.weight), self._rooms(looks[2], classes.weight)
 
     def forward(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Wanted:
         """Return what instructions ask for, from token ids (B, L) and the tables of words, classes and colours."""
         different, place = tokens.long().unique(dim=0, return_inverse=True)
         found = [part.softmax(dim=-1)[place] for part in self.scores(different, words(different), classes, colours)]
-        return Wanted(*found)
+        return Wanted(*found[:2], *(part.squeeze(1) for part in found[2:]))
 
     def loss(self, tokens: Tensor, words: Table, classes: Table, colours: Table | None = None) -> Tensor:
-        """Return the cross-entropy of the classes, and colours, that different instructions name; 0 without any."""
+        """Return the cross-entropy of the classes, colours and rooms that different instructions name; 0 for none."""
         different = tokens.long().unique(dim=0)
         labels = torch.from_numpy(np.stack([named_by(row) for row in different.cpu().numpy()])).to(different.device)
         scores = self.scores(different, self._blurred(different, words), classes, colours)
-        losses = [_cross_entropy(part, labels[:, kind]) for kind, part in enumerate(scores)]
+        losses = [_cross_entropy(part, labels[:, kind, : part.shape[1]]) for kind, part in enumerate(scores)]
         return torch.stack(losses).sum()
 
     def _blurred(self, tokens: Tensor, words: Table) -> Tensor:
@@ -107,11 +113,19 @@ class Match(nn.Module):
         noise = _NOISE * torch.randn(*tokens.shape, words.vectors.shape[1], generator=stream)
         return words.blurred(tokens, noise.to(tokens.device))
 
-    def _compared(self, named: Tensor, table: Table) -> Tensor:
-        """Return the scores (B, ROLES, ids) of the rows of a table; none for 0, which is padding."""
-        likeness = nn.functional.normalize(named, dim=-1) @ nn.functional.normalize(table.weight, dim=-1).T
-        scores = likeness * self.sharpness.exp()
+    def _compared(self, named: Tensor, rows: Tensor) -> Tensor:
+        """Return the scores (B, looks, ids) of the rows of a table; none for 0, which is padding."""
+        scores = self._likeness(named, rows)
         return torch.cat([torch.full_like(scores[..., :1], -1e9), scores[..., 1:]], dim=-1)
+
+    def _rooms(self, named: Tensor, rows: Tensor) -> Tensor:
+        """Return the scores (B, 1, 1 + ROOMS) that none is named, and of each room, from the rows of classes."""
+        assert self.anywhere is not None
+        scores = self._likeness(named, rows[list(ROOMS)])
+        return torch.cat([self.anywhere.expand_as(scores[..., :1]), scores], dim=-1)
+
+    def _likeness(self, named: Tensor, rows: Tensor) -> Tensor:
+        return nn.functional.normalize(named, dim=-1) @ nn.functional.normalize(rows, dim=-1).T * self.sharpness.exp()
 
 
 def _cross_entropy(scores: Tensor, labels: Tensor) -> Tensor:
@@ -121,22 +135,24 @@ def _cross_entropy(scores: Tensor, labels: Tensor) -> Tensor:
 
 
 def named_by(tokens: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the ids that an instruction names, (2, ROLES): classes of X and Y, and colours of X and Y.
+    """Return the ids that an instruction names, (3, ROLES): classes of X and Y, the colour of X, the room of Y.
 
-    What it does not name has a label that no loss counts; so has all of an instruction of several objects.
+    The room is the number of its kind from 1 on, or 0 for none. What an instruction does not name otherwise has a
+    label that no loss counts; so has all of an instruction of several objects.
     """
     return _named_by(tokens.astype(np.int16).tobytes())
 
 
 @lru_cache(maxsize=8192)
 def _named_by(tokens: bytes) -> NDArray[np.int64]:
-    ids, labels = np.frombuffer(tokens, dtype=np.int16), np.full((2, ROLES), _UNNAMED)
+    ids, labels = np.frombuffer(tokens, dtype=np.int16), np.full((3, ROLES), _UNNAMED)
     try:
         pairs = language.read_pairs(ids)
     except ValueError:
         return labels
     if len(pairs) == 1:
         labels[0] = [BENCHMARK.class_ids[name] for name in pairs[0]]
-        colour = language.read_attributes(ids).get(pairs[0][0], "")
-        labels[1, 0] = catalog.COLOUR_IDS.get(colour, _UNNAMED)
+        item, target = (language.read_attributes(ids).get(name, "") for name in pairs[0])
+        labels[1, 0] = catalog.COLOUR_IDS.get(item, _UNNAMED)
+        labels[2, 0] = 1 + list(BENCHMARK.rooms).index(catalog.room_kind(target)) if target else 0
     return labels

@@ -11,6 +11,7 @@ from chmarl_pb.learning.networks.parts import Part, flattened, id_count
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table
 from chmarl_pb.learning.observation_keys import MESSAGES, SELF, goals, named
 
+_HEADING = slice(-3, -1)  # of a robot's own state: cosine and sine
 _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
 
 
@@ -48,11 +49,14 @@ class GoalEncoder(Part):
 class Numbers(nn.Module):
     """The messages, the robot's own state, and whether what it is asked for is in view, in one row.
 
+    What is heard of directions means another turn by each heading: ``turned``, there are also all messages times the
+    cosine and the sine of the robot's own heading.
+
     Attributes:
         size: their number.
     """
 
-    def __init__(self, space: spaces.Dict):
+    def __init__(self, space: spaces.Dict, turned: bool = False):
         """Find the keys in a space."""
         super().__init__()
         goal = goals(space)
@@ -60,8 +64,13 @@ class Numbers(nn.Module):
         self._shapes = {key: box.shape for key, box in space.spaces.items() if key in found}
         self._from = {key: _IDS if key in goal else 0 for key in self._shapes}
         self.size = sum(spaces.flatdim(space[key]) - first for key, first in self._from.items())
+        heard = [(key, key.removesuffix(MESSAGES) + SELF) for key in named(space.spaces, MESSAGES)] if turned else []
+        self._turned = [pair for pair in heard if pair[1] in space.spaces]
+        self.size += sum(2 * spaces.flatdim(space[messages]) for messages, _ in self._turned)
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return (B, size), float32."""
-        rows = {key: flattened(observation[key], shape).flatten(1) for key, shape in self._shapes.items()}
-        return torch.cat([row[:, self._from[key] :].float() for key, row in rows.items()], dim=1)
+        rows = {key: flattened(observation[key], shape).flatten(1).float() for key, shape in self._shapes.items()}
+        turned = [rows[key].unsqueeze(1) * rows[own][:, _HEADING].unsqueeze(2) for key, own in self._turned]
+        parts = [row[:, self._from[key] :] for key, row in rows.items()]
+        return torch.cat([*parts, *(part.flatten(1) for part in turned)], dim=1)

@@ -33,14 +33,15 @@ class Part(nn.Module):
         size: number of its features.
         asks: whether it also takes what the instruction says, ``asked``.
         matches: whether it needs ``asked.wanted``, too.
-        locates: whether it has a method ``cells``, with the arguments of ``forward``, that tells in which cells of the
-            picture X and Y lie, see :func:`chmarl_pb.learning.networks.cells.cells_of`.
+        locates: how many numbers its method ``places``, with the arguments of ``forward``, returns, which tells where X
+            and Y lie: see :mod:`chmarl_pb.learning.networks.cells` and :mod:`~chmarl_pb.learning.networks.bearings`; 0
+            without one.
     """
 
     size: int
     asks = False
     matches = False
-    locates = False
+    locates = 0
 
 
 class TokenEncoder(Part):
