@@ -12,7 +12,7 @@ import chmarl_pb
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.learning.networks import bearings, build_encoder, cells
 from chmarl_pb.learning.networks.detections import LABELS, SHAPE, GroundedDetectionEncoder
-from chmarl_pb.learning.networks.graphs import GroundedGraphEncoder
+from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.match import ROOMS, Wanted, named_by
 from chmarl_pb.learning.networks.parts import Asked
 from chmarl_pb.learning.networks.tables import EMBEDDING

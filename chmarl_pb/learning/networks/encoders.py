@@ -14,7 +14,8 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
-from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder, GroundedGraphEncoder
+from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
+from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.match import ROOMS, Match
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
