@@ -22,6 +22,7 @@ from chmarl_pb.robots.pointing import CELLS
 from chmarl_pb.tasks.language import read_pairs
 
 MUG, SOFA, CLASSES = BENCHMARK.class_ids["mug"], BENCHMARK.class_ids["sofa"], len(BENCHMARK.rows) + 1
+KINDS = (BENCHMARK.graspables, BENCHMARK.receptacles)  # what a Pick takes, and what a Place goes onto
 ROOM_KINDS = len(ROOMS)
 
 
@@ -72,9 +73,6 @@ def agrees_about_cells(seen: dict[str, np.ndarray]) -> None:
             if found > 0.6:
                 assert parts[cell] > 0.5
             assert parts.get(cell, 0.0) >= found - 1e-3  # less where only few pixels are in the cell
-
-
-KINDS = (BENCHMARK.graspables, BENCHMARK.receptacles)
 
 
 def agrees_about_directions(seen: dict[str, np.ndarray], guide: Guide) -> int:

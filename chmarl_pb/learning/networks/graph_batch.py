@@ -53,28 +53,26 @@ class Nodes:
         return self.real.nonzero(as_tuple=True)[0]
 
     @cached_property
+    def ends(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Relation, source and target (E) of all edges between nodes, these by their numbers.
+
+        Relation 0 is padding, and edges to padding are left out, too.
+        """
+        numbers = self.real.flatten().cumsum(0).sub_(1).view(self.real.shape)
+        numbers = nn.functional.pad(numbers.masked_fill(~self.real, -1), (0, 1), value=-1)  # for an end that is no node
+        graph, row = (self.edges[..., 2] > 0).nonzero(as_tuple=True)
+        found = self.edges[graph, row].long()
+        ends = numbers[graph.unsqueeze(1), found[:, :2].clamp(max=self.real.shape[1])]
+        there = (ends >= 0).all(dim=1)
+        source, target = ends[there].unbind(dim=1)
+        return found[there, 2], source, target
+
+    @cached_property
     def rooms(self) -> Tensor:
         """(N) the number of the node of the room that each node is in, or -1."""
-        _, kinds, things, rooms = _ends(self.real, self.edges)
+        kinds, things, rooms = self.ends
         is_in = kinds == _IN_ROOM
         return torch.full_like(self.classes, -1).index_copy_(0, things[is_in], rooms[is_in])
-
-
-def _ends(real: Tensor, edges: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return graph, relation, source and target (E) of all edges between real nodes, these by their numbers.
-
-    Args:
-        real: (B, nodes) which nodes are not padding.
-        edges: (B, edges, 3) source, target and relation, which is 0 for padding; edges to padding are left out.
-    """
-    numbers = real.flatten().cumsum(0).sub_(1).view(real.shape)  # of the nodes in the batch
-    numbers = nn.functional.pad(numbers.masked_fill(~real, -1), (0, 1), value=-1)  # for an end that is no node
-    graph, row = (edges[..., 2] > 0).nonzero(as_tuple=True)
-    found = edges[graph, row].long()
-    ends = numbers[graph.unsqueeze(1), found[:, :2].clamp(max=real.shape[1])]
-    there = (ends >= 0).all(dim=1)
-    one, other = ends[there].unbind(dim=1)
-    return graph[there], found[there, 2], one, other
 
 
 def padded(nodes: Tensor, real: Tensor) -> Tensor:
@@ -141,10 +139,10 @@ def _product(features: Tensor, columns: Tensor, starts: Tensor, values: Tensor) 
     )
 
 
-def propagation(real: Tensor, edges: Tensor) -> _Propagation:
-    """Return what spreads features over the graphs of a batch; see :func:`_ends`."""
-    _, _, one, other = _ends(real, edges)
-    loops = torch.arange(int(real.sum()), device=real.device)
+def propagation(graph: Nodes) -> _Propagation:
+    """Return what spreads features over the graphs of a batch."""
+    _, one, other = graph.ends
+    loops = torch.arange(len(graph.classes), device=graph.real.device)
     rows, columns = torch.cat([one, other, loops]), torch.cat([other, one, loops])
     degree = torch.bincount(rows, minlength=len(loops))
     root = degree.float().rsqrt()

@@ -85,7 +85,7 @@ class GraphEncoder(Part):
 
     def _convolved(self, graph: Nodes) -> Tensor:
         """Return (N, GRAPH) of all real nodes after both convolutions."""
-        spread = propagation(graph.real, graph.edges)
+        spread = propagation(graph)
         nodes = torch.relu(spread(self._embedded(graph)))
         return torch.relu(spread(self.second(nodes)))
 
