@@ -15,6 +15,7 @@ ROWS = (
         "progress",
         "reading",
         "compiled",
+        "packed",
         "assets",
         "catalog",
         "processes",

@@ -1,11 +1,44 @@
 """What a ball around a body tells: where in a picture the body can be seen, and whether the home hides it."""
 
+from typing import Any
+
 import numpy as np
 
 from chmarl_pb.compiled import compiled
-from chmarl_pb.rendering.triangles import Floats
+from chmarl_pb.packed import Packed, line, table
+from chmarl_pb.rendering.triangles import Floats, Lens
 
 TILE = 8  # pixels: side of the squares in which a body that the home hides is found out
+
+
+class Sight:
+    """A camera, and how far it sees at each pixel, before anything is drawn.
+
+    Attributes:
+        lens: the camera.
+        depth: (size, size) in [0, 1].
+        tiles: what :func:`farthest` makes of it.
+        words: all of them as compiled functions take them.
+    """
+
+    def __init__(self, lens: Lens, depth: Floats, tiles: Floats | None = None):
+        """Look at a depth; ``tiles`` need not be worked out again if they are known."""
+        self.lens, self.depth = lens, depth
+        self.tiles: Floats = farthest(depth) if tiles is None else tiles
+        self._packed = Packed((*lens, depth, self.tiles), _SIGHT)
+        self.words: Any = self._packed.words
+
+
+_SIGHT = *[("f4", 2)] * 2, ("f8", 1), ("f4", 1), *[("f4", 2)] * 2
+
+
+@compiled
+def sight_of(words):  # type: ignore[no-untyped-def]
+    """Return lens, depth and tiles of a packed :class:`Sight`."""
+    lens = Lens(
+        table(words, 0, np.float32), table(words, 1, np.float32), line(words, 2, np.float64), line(words, 3, np.float32)
+    )
+    return lens, table(words, 4, np.float32), table(words, 5, np.float32)
 
 
 @compiled

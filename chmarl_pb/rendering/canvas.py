@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
+from chmarl_pb.packed import Packed, table
 
 
 class Canvas(NamedTuple):
@@ -30,10 +31,21 @@ def clean_canvas(size: int) -> Canvas:
     return Canvas(np.full(shape, -np.inf), np.zeros(shape, np.float32), np.full(shape, -1, np.int32))
 
 
+def pack(canvas: Canvas) -> Packed:
+    """Return a canvas as compiled functions take it."""
+    return Packed(canvas, (("f8", 2), ("f4", 2), ("i4", 2)))
+
+
 @cache
-def canvas(size: int) -> Canvas:
-    """Return the process's canvas of a size, which everybody leaves clean."""
-    return clean_canvas(size)
+def canvas(size: int) -> Packed:
+    """Return the process's canvas of a size, packed, which everybody leaves clean."""
+    return pack(clean_canvas(size))
+
+
+@compiled
+def canvas_of(words):  # type: ignore[no-untyped-def]
+    """Return a packed canvas."""
+    return Canvas(table(words, 0, np.float64), table(words, 1, np.float32), table(words, 2, np.int32))
 
 
 @compiled

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from chmarl_pb.rendering import bounds
 from chmarl_pb.rendering import visible_pixels as visibility
+from chmarl_pb.rendering.bounds import Sight
 from chmarl_pb.rendering.camera import Picture, camera_of, empty_picture, lens, view_matrix
 from chmarl_pb.rendering.canvas import canvas
-from chmarl_pb.rendering.home_views import HomeView, HomeViews, Shown, home_views
+from chmarl_pb.rendering.home_views import HomeView, HomeViews, home_views
 from chmarl_pb.rendering.movables import Bodies, Joints, Movables, Team, draw_over, image_over, movables, team_in
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, can_be_visible, renderer_names
 from chmarl_pb.robots.model import RobotModel
@@ -58,7 +59,7 @@ class FastRenderer:
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
-        self._canvas = canvas(VISIBILITY_SIZE)
+        self._canvas = canvas(VISIBILITY_SIZE).words
         self._stands: dict[int, tuple[RobotState, Stand, bool]] = {}  # by the identity of the state
 
     def picture(self, robot: str, size: int) -> Picture:
@@ -88,27 +89,28 @@ class FastRenderer:
         self._update_objects()
         model, present = self._models[robot], np.array([self._body_numbers[item]], np.int32)
         eye = model.eye(self._views.space, self._world.state.robots[robot].pose)
+        empty, tiles = _nothing()
+        sight = Sight(lens(camera_of(model), view_matrix(eye)), empty.depth, tiles)
         seen = visibility.visible(
-            present, self._first, VISIBLE_PIXELS, self._counts[robot], self._bodies.models, self._bodies.placed,
-            lens(camera_of(model), view_matrix(eye)), _nothing(), self._canvas, self._bodies.scratch,
+            present, self._first, VISIBLE_PIXELS, self._counts[robot], self._bodies.stage.words, sight.words,
+            empty.segmentation, np.zeros(0, np.int64), self._canvas,
         )  # fmt: skip
         return len(seen) > 0
 
     def pixels(self, robot: str) -> NDArray[np.int64]:
         """Return the number of pixels of each of ``names`` in a robot's picture of ``VISIBILITY_SIZE``."""
-        home, bodies = self._empty(robot, VISIBILITY_SIZE), self._bodies
+        home = self._empty(robot, VISIBILITY_SIZE)
         pixels = np.zeros(len(self.names), dtype=np.int64)
         visibility.count(
-            self._present(robot), self._first, VISIBILITY_SIZE**2, bodies.models, bodies.placed, home.lens, home.shown,
-            self._canvas, bodies.scratch, pixels,
+            self._present(robot), self._first, VISIBILITY_SIZE**2, self._bodies.stage.words, home.sight.words,
+            home.picture.segmentation, home.pixels, self._canvas, pixels,
         )  # fmt: skip
         return pixels
 
     def _names(self, robot: str, home: HomeView, present: NDArray[np.int32]) -> tuple[str, ...]:
-        bodies = self._bodies
         seen = visibility.visible(
-            present, self._first, VISIBLE_PIXELS, self._counts[robot], bodies.models, bodies.placed, home.lens,
-            home.shown, self._canvas, bodies.scratch,
+            present, self._first, VISIBLE_PIXELS, self._counts[robot], self._bodies.stage.words, home.sight.words,
+            home.picture.segmentation, home.pixels, self._canvas,
         )  # fmt: skip
         return tuple([self.names[number] for number in seen.tolist()])
 
@@ -152,7 +154,7 @@ class FastRenderer:
             height, radius = self._movables.ball(name, state.joints)
             home = self._empty(robot, VISIBILITY_SIZE)
             ball = np.array((x, y, z + height, radius))
-            shows = self._in_view[key] = bool(bounds.may_show(ball, home.lens, home.tiles, VISIBILITY_SIZE))
+            shows = self._in_view[key] = bool(bounds.may_show(ball, home.sight.lens, home.sight.tiles, VISIBILITY_SIZE))
         return shows
 
     def _with(self, robots: Sequence[Stand]) -> NDArray[np.int32]:
@@ -182,10 +184,10 @@ class FastRenderer:
 
 
 @cache
-def _nothing() -> Shown:
-    """Return a view of no home, in arrays of the kinds that views of homes have."""
+def _nothing() -> tuple[Picture, NDArray[np.float32]]:
+    """Return a view of no home, and its tiles."""
     empty = empty_picture(VISIBILITY_SIZE)
-    return Shown(empty.depth, empty.segmentation, bounds.farthest(empty.depth), np.zeros(0, np.int64))
+    return empty, bounds.farthest(empty.depth)
 
 
 def _seen_of(objects: Objects, team: Team) -> Seen:

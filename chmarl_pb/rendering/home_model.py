@@ -5,7 +5,8 @@ from functools import lru_cache
 import numpy as np
 
 from chmarl_pb.errors import AssetError
-from chmarl_pb.rendering import bounds, placing, raster
+from chmarl_pb.rendering import placing, raster
+from chmarl_pb.rendering.bounds import Sight, farthest
 from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.meshes import Part, models_of, parts_of
@@ -30,15 +31,12 @@ class HomeModel:
         things: list[list[Part]] = [[] for _ in links]
         for part in parts:
             things[part.link + 1].append(part)
-        self._models = models_of(things, [{link: number} for number, link in enumerate(links)])
-        self._scratch = np.empty((len(self._models.vertices), 6), np.float32)
-        frames, inverses = np.zeros((2, len(things), 4, 4), np.float32)
-        sides, balls = np.zeros((len(self._models.corners), 6)), np.zeros((len(things), 4))
-        self._placed = placing.Placed(frames, inverses, sides, balls)
+        models = models_of(things, [{link: number} for number, link in enumerate(links)])
+        self._stage = placing.Stage(models, len(things))
         shown = np.array([number for number, thing in enumerate(things) if thing], dtype=np.int64)
         poses = [_pose(client, body, number - 1) for number in shown.tolist()]
         rows = np.array([[*position, *orientation] for position, orientation in poses]).reshape(-1, 7)
-        placing.put_each(shown, shown, rows, self._models, self._placed)
+        placing.put_each(shown, shown, rows, self._stage.words)
         self._shown = shown.astype(np.int32)
 
     def draw(self, lens: Lens, size: int, colours: bool = True) -> Picture:
@@ -51,12 +49,11 @@ class HomeModel:
         """
         side = size if colours else 0
         colour = np.full((side, side, 4), _WHITE, np.uint8)
-        nothing, tiles = _nothing(size, *lens.planes.tolist())
-        depth, links = nothing.copy(), np.full((size, size), -1, np.int32)
+        sight = Sight(lens, *_nothing(size, *lens.planes.tolist()))
+        depth, links = sight.depth.copy(), np.full((size, size), -1, np.int32)
         raster.picture(
-            self._shown, -1, self._models, self._placed, lens, light(), nothing, tiles, canvas(size), self._scratch,
-            colours, colour, depth, links,
-        )  # fmt: skip
+            self._shown, -1, self._stage.words, sight.words, light(), canvas(size).words, colours, colour, depth, links
+        )
         return Picture(colour.view(np.uint32)[..., 0], depth, links.astype(np.int16))
 
 
@@ -64,8 +61,7 @@ class HomeModel:
 def _nothing(size: int, near: float, far: float) -> tuple[Floats, Floats]:
     """Return the depth of a picture of nothing, between a camera's planes, and its tiles."""
     depth = np.full((size, size), depth_of(-np.float32(far), np.float32(near), np.float32(far)), np.float32)
-    depth.flags.writeable = False  # as kept views are: Numba compiles anew for arrays of another kind
-    return depth, bounds.farthest(depth)
+    return depth, farthest(depth)
 
 
 def _pose(client: int, body: int, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

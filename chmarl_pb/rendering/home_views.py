@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +24,9 @@ from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.content import content_hash, sha256_of
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, space_of
-from chmarl_pb.rendering import bounds
+from chmarl_pb.rendering.bounds import Sight
 from chmarl_pb.rendering.camera import Camera, Picture, camera_of, lens, render, view_matrix
 from chmarl_pb.rendering.home_model import HomeModel
-from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.rendering.view_file import ViewFile
 from chmarl_pb.rendering.view_store import FORMAT, view_memory, view_store
 from chmarl_pb.rendering.visible_pixels import count_pixels
@@ -42,22 +40,6 @@ DRAWING = 1
 _SAMPLED = 12  # camera poses that stand for all in the names of files, with the lattice
 _OWN = 4096  # bytes of a kept view beside its picture
 _numbers = count()
-
-
-class Shown(NamedTuple):
-    """What a view of the empty home shows, as compiled functions take it.
-
-    Attributes:
-        depth: (size, size) in [0, 1].
-        links: (size, size) PyBullet link index of the home at each pixel, -1 for nothing.
-        tiles: what :func:`chmarl_pb.rendering.bounds.farthest` makes of the depth.
-        pixels: number of pixels of each link, by link index; shorter than the list of links at its end.
-    """
-
-    depth: NDArray[np.float32]
-    links: NDArray[np.integer]
-    tiles: NDArray[np.float32]
-    pixels: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +57,14 @@ class HomeView:
     camera: Camera
 
     @cached_property
-    def lens(self) -> Lens:
-        """The camera at its pose, as bodies are drawn with it."""
-        return lens(self.camera, self.view)
+    def sight(self) -> Sight:
+        """The camera at its pose and how far it sees, as bodies are drawn there."""
+        return Sight(lens(self.camera, self.view), self.picture.depth)
 
     @cached_property
-    def tiles(self) -> NDArray[np.float32]:
-        """The greatest depth in each tile of the picture, to tell early what the home hides."""
-        tiles: NDArray[np.float32] = bounds.farthest(self.picture.depth)
-        return tiles
-
-    @cached_property
-    def shown(self) -> Shown:
-        """What it shows."""
-        links = self.picture.segmentation
-        return Shown(self.picture.depth, links, self.tiles, count_pixels(links, 0))
+    def pixels(self) -> NDArray[np.int64]:
+        """Number of pixels of each link, by link index; shorter than the list of links at its end."""
+        return count_pixels(self.picture.segmentation, 0)
 
 
 class HomeViews:

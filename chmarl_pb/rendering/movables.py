@@ -94,7 +94,7 @@ class Movables:
                 self._balls.clear()
             bodies = Bodies(self)
             bodies.put_robot(name, ((0.0, 0.0, 0.0), UPRIGHT), joints)
-            x, y, height, radius = bodies.placed.balls[self.numbers[name]].tolist()
+            x, y, height, radius = bodies.stage.placed.balls[self.numbers[name]].tolist()
             self._balls[name, joints] = height, radius + float(np.hypot(x, y))
         return self._balls[name, joints]
 
@@ -152,18 +152,13 @@ class Bodies:
     """Where the bodies of one world are.
 
     Attributes:
-        models: their meshes.
-        placed: their places.
-        scratch: room for drawing.
+        stage: they and their places, ready to be drawn.
     """
 
     def __init__(self, models: Movables) -> None:
         """Begin with nothing in place."""
         self._movables = models
-        self.models, self.scratch = self._movables.models, self._movables.scratch
-        frames, inverses = np.zeros((2, self._movables.frames, 4, 4), np.float32)
-        sides, balls = np.zeros((len(self.models.corners), 6)), np.zeros((len(self._movables.numbers), 4))
-        self.placed = placing.Placed(frames, inverses, sides, balls)
+        self.stage = placing.Stage(models.models, models.frames, models.scratch)
         self._poses: dict[str, object] = {}
 
     def put_objects(self, poses: Mapping[str, Pose]) -> None:
@@ -174,16 +169,15 @@ class Bodies:
             frames = np.concatenate([self._movables.object_frames(name, pose) for name, pose in moved.items()])
             numbers = np.array([self._movables.numbers[name] for name in moved])
             first_frames = np.array([self._movables.first_frame[name] for name in moved])
-            placing.put_each(numbers, first_frames, frames, self.models, self.placed)
+            placing.put_each(numbers, first_frames, frames, self.stage.words)
 
     def put_robot(self, name: str, pose: Pose, joints: Joints) -> None:
         """Put a robot at the pose of its base, and its joints into their positions."""
         frames = self._movables.robot_frames(name, pose, joints)
         if self._poses.get(name) is not frames:
             self._poses[name] = frames
-            placing.put(
-                self._movables.numbers[name], self._movables.first_frame[name], frames, self.models, self.placed
-            )  # fmt: skip
+            number, first_frame = self._movables.numbers[name], self._movables.first_frame[name]
+            placing.put(number, first_frame, frames, self.stage.words)
 
 
 def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first: int) -> Picture:
@@ -199,8 +193,8 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
     size = len(picture.depth)
     depth, links, colour = picture.depth.copy(), picture.segmentation.astype(np.int32), picture.colour.copy()
     raster.picture(
-        present, first, bodies.models, bodies.placed, home.lens, light(), picture.depth, home.tiles,
-        canvas(size), bodies.scratch, True, colour.view(np.uint8).reshape(size, size, 4), depth, links,
+        present, first, bodies.stage.words, home.sight.words, light(), canvas(size).words, True,
+        colour.view(np.uint8).reshape(size, size, 4), depth, links,
     )  # fmt: skip
     return Picture(colour, depth, links)
 
@@ -210,8 +204,5 @@ def image_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> ND
     size = len(home.picture.depth)
     rgb = np.empty((size, size, 3), np.uint8)
     raster.copy_rgb(home.picture.colour.view(np.uint8).reshape(size, size, 4), rgb)
-    raster.paint(
-        present, bodies.models, bodies.placed, home.lens, light(), home.picture.depth, home.tiles, canvas(size),
-        bodies.scratch, rgb,
-    )  # fmt: skip
+    raster.paint(present, bodies.stage.words, home.sight.words, light(), canvas(size).words, rgb)
     return rgb

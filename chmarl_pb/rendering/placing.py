@@ -5,12 +5,13 @@ The matrices are worked out with the arithmetic of Bullet and TinyRenderer, see
 their places.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
+from chmarl_pb.packed import Packed, block, line, table
 from chmarl_pb.rendering.triangles import ONE, ZERO, Floats, Lens, dot4
 
 
@@ -58,6 +59,53 @@ class Placed(NamedTuple):
     inverses: Floats
     sides: NDArray[np.float64]
     balls: NDArray[np.float64]
+
+
+class Stage:
+    """Bodies and where they are, ready to be drawn.
+
+    Attributes:
+        models: their meshes.
+        placed: their places, as :func:`put` and :func:`put_each` set them.
+        words: both, and room for drawing, as compiled functions take them.
+    """
+
+    def __init__(self, models: Models, frames: int, scratch: Floats | None = None):
+        """Begin with nothing in place.
+
+        Args:
+            models: the meshes.
+            frames: number of frames in all.
+            scratch: room for drawing, see :func:`chmarl_pb.rendering.raster.draw`; those who share it draw in turns.
+        """
+        inverses = np.zeros((frames, 4, 4), np.float32)
+        sides, balls = np.zeros((len(models.corners), 6)), np.zeros((len(models.first_part) - 1, 4))
+        self.models, self.placed = models, Placed(np.zeros_like(inverses), inverses, sides, balls)
+        scratch = np.empty((len(models.vertices), 6), np.float32) if scratch is None else scratch
+        self._packed = Packed((*self.models, *self.placed, scratch), _STAGE)
+        self.words: Any = self._packed.words
+
+
+#: The arrays of a stage: models, places and the scratch.
+_STAGE = (
+    *[("i4", 1)] * 5, ("u1", 2), *[("f4", 2)] * 2, ("i4", 2), *[("i4", 1)] * 2,
+    *[("f4", 3)] * 2, *[("f8", 2)] * 2, ("f4", 2),
+)  # fmt: skip
+
+
+@compiled
+def stage_of(words):  # type: ignore[no-untyped-def]
+    """Return models, places and scratch of a packed :class:`Stage`."""
+    models = Models(
+        line(words, 0, np.int32), line(words, 1, np.int32), line(words, 2, np.int32), line(words, 3, np.int32),
+        line(words, 4, np.int32), table(words, 5, np.uint8), table(words, 6, np.float32), table(words, 7, np.float32),
+        table(words, 8, np.int32), line(words, 9, np.int32), line(words, 10, np.int32),
+    )  # fmt: skip
+    placed = Placed(
+        block(words, 11, np.float32), block(words, 12, np.float32), table(words, 13, np.float64),
+        table(words, 14, np.float64),
+    )  # fmt: skip
+    return models, placed, table(words, 15, np.float32)
 
 
 @compiled
@@ -118,16 +166,29 @@ def _set_frame(pose, frame, inverse):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-def]
+def put(body, first_frame, poses, stage):  # type: ignore[no-untyped-def]
     """Put a body in its place.
 
     Args:
         body: its number.
         first_frame: number of its first frame.
         poses: (frames, 7) x, y, z in metres and quaternion x, y, z, w of its frames in the world.
-        models: the :class:`Models`.
-        placed: the :class:`Placed` to change.
+        stage: the words of the :class:`Stage` to change.
     """
+    models, placed, _ = stage_of(stage)
+    _put(body, first_frame, poses, models, placed)
+
+
+@compiled
+def put_each(bodies, first_frames, poses, stage):  # type: ignore[no-untyped-def]
+    """Put bodies of one frame each in their places, see :func:`put`."""
+    models, placed, _ = stage_of(stage)
+    for number, body in enumerate(bodies):
+        _put(body, first_frames[number], poses[number : number + 1], models, placed)
+
+
+@compiled
+def _put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-def]
     for number in range(len(poses)):
         _set_frame(poses[number], placed.frames[first_frame + number], placed.inverses[first_frame + number])
     first, last = models.first_part[body], models.first_part[body + 1]
@@ -142,13 +203,6 @@ def put(body, first_frame, poses, models, placed):  # type: ignore[no-untyped-de
         for face in range(models.first_triangle[part], models.first_triangle[part + 1]):
             _set_side(world, begin, models.corners[face], placed.sides[face])
     _set_ball(world, placed.balls[body])
-
-
-@compiled
-def put_each(bodies, first_frames, poses, models, placed):  # type: ignore[no-untyped-def]
-    """Put bodies of one frame each in their places, see :func:`put`."""
-    for number, body in enumerate(bodies):
-        put(body, first_frames[number], poses[number : number + 1], models, placed)
 
 
 @compiled

@@ -7,9 +7,9 @@ looked at.
 import numpy as np
 
 from chmarl_pb.compiled import compiled
-from chmarl_pb.rendering.bounds import extent
-from chmarl_pb.rendering.canvas import wipe
-from chmarl_pb.rendering.placing import multiply
+from chmarl_pb.rendering.bounds import extent, sight_of
+from chmarl_pb.rendering.canvas import canvas_of, wipe
+from chmarl_pb.rendering.placing import multiply, stage_of
 from chmarl_pb.rendering.triangles import (
     ONE,
     TWO,
@@ -161,27 +161,37 @@ def _nearest_first(bodies, balls, eye):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def paint(bodies, models, placed, lens, light, home, tiles, canvas, scratch, colour):  # type: ignore[no-untyped-def]
+def paint(bodies, stage, sight, light, canvas, colour):  # type: ignore[no-untyped-def]
     """Draw bodies into a picture's ``colour`` (size, size, 3 or 4) alone.
 
-    It takes what :func:`draw` takes, with a clean canvas that is clean again afterwards, and the light.
+    Args:
+        bodies: (n,) numbers of the bodies, in the order in which TinyRenderer draws them.
+        stage: the words of the :class:`chmarl_pb.rendering.placing.Stage` that they are on.
+        sight: the words of the camera's :class:`chmarl_pb.rendering.bounds.Sight` of the empty home.
+        light: the :class:`chmarl_pb.rendering.triangles.Light`.
+        canvas: the words of a clean canvas; it is clean again afterwards.
+        colour: the picture.
     """
-    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
-    _shade(boxes, models, placed, light, canvas.face, scratch, colour)
-    _wipe_all(boxes, canvas)
+    (models, placed, scratch), (lens, home, tiles) = stage_of(stage), sight_of(sight)
+    drawn = canvas_of(canvas)
+    boxes = draw(bodies, models, placed, lens, home, tiles, drawn, scratch)
+    _shade(boxes, models, placed, light, drawn.face, scratch, colour)
+    _wipe_all(boxes, drawn)
 
 
 @compiled
-def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scratch, shaded, colour, depth, links):  # type: ignore[no-untyped-def]
+def picture(bodies, first, stage, sight, light, canvas, shaded, colour, depth, links):  # type: ignore[no-untyped-def]
     """Draw bodies into a picture.
 
     As :func:`paint`; ``depth`` and ``links`` (size, size) are changed as well, ``links`` to the numbers of the bodies
     from ``first`` on. ``colour`` is left as it is unless the picture is to be ``shaded``, which takes half of the time.
     """
-    boxes = draw(bodies, models, placed, lens, home, tiles, canvas, scratch)
+    (models, placed, scratch), (lens, home, tiles) = stage_of(stage), sight_of(sight)
+    drawn = canvas_of(canvas)
+    boxes = draw(bodies, models, placed, lens, home, tiles, drawn, scratch)
     if shaded:
-        _shade(boxes, models, placed, light, canvas.face, scratch, colour)
-    near, far, raw, faces = lens.planes[0], lens.planes[1], canvas.raw, canvas.face
+        _shade(boxes, models, placed, light, drawn.face, scratch, colour)
+    near, far, raw, faces = lens.planes[0], lens.planes[1], drawn.raw, drawn.face
     left, right, top, bottom = _union(boxes)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
@@ -189,7 +199,7 @@ def picture(bodies, first, models, placed, lens, light, home, tiles, canvas, scr
             if face >= 0:
                 depth[row, column] = depth_of(np.float32(raw[row, column]), near, far)
                 links[row, column] = first + models.body[models.part[face]]
-    _wipe_all(boxes, canvas)
+    _wipe_all(boxes, drawn)
 
 
 @compiled

@@ -4,12 +4,15 @@ A body that no other overlaps is known to be visible once a few of its pixels ar
 it could hide one of the home's things that few pixels show.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
-from chmarl_pb.rendering.bounds import extent
-from chmarl_pb.rendering.canvas import wipe
+from chmarl_pb.rendering.bounds import extent, sight_of
+from chmarl_pb.rendering.canvas import canvas_of, wipe
+from chmarl_pb.rendering.placing import stage_of
 from chmarl_pb.rendering.raster import SAFE, draw_part, project
 from chmarl_pb.rendering.triangles import TWO, depth_of
 
@@ -36,14 +39,30 @@ def _count(segmentation, length):  # type: ignore[no-untyped-def]
     return counts
 
 
+class Shown(NamedTuple):
+    """What a view of the empty home shows.
+
+    Attributes:
+        depth: (size, size) in [0, 1].
+        links: (size, size) PyBullet link index of the home at each pixel, -1 for nothing.
+        tiles: what :func:`chmarl_pb.rendering.bounds.farthest` makes of the depth.
+        pixels: number of pixels of each link, by link index; shorter than the list of links at its end.
+    """
+
+    depth: NDArray[np.float32]
+    links: NDArray[np.integer]
+    tiles: NDArray[np.float32]
+    pixels: NDArray[np.int64]
+
+
 @compiled
-def visible(bodies, first, enough, nodes, models, placed, lens, home, canvas, scratch):  # type: ignore[no-untyped-def]
+def visible(bodies, first, enough, nodes, stage, sight, links, home_pixels, canvas):  # type: ignore[no-untyped-def]
     """Return the numbers of the things of which at least ``enough`` pixels are seen, of those that are ``nodes`` (n,).
 
     The other arguments are those of :func:`count`.
     """
     pixels = np.zeros(len(nodes), np.int64)
-    count(bodies, first, enough, models, placed, lens, home, canvas, scratch, pixels)
+    count(bodies, first, enough, stage, sight, links, home_pixels, canvas, pixels)
     found, shown = np.empty(len(nodes), np.int64), 0  # loops compile much faster than expressions of arrays
     for number in range(len(nodes)):
         if nodes[number] and pixels[number] >= enough:
@@ -53,31 +72,32 @@ def visible(bodies, first, enough, nodes, models, placed, lens, home, canvas, sc
 
 
 @compiled
-def count(bodies, first, enough, models, placed, lens, home, canvas, scratch, pixels):  # type: ignore[no-untyped-def]
+def count(bodies, first, enough, stage, sight, links, home_pixels, canvas, pixels):  # type: ignore[no-untyped-def]
     """Count the pixels in which each thing is seen; counts that reach ``enough`` are right in that alone.
 
     Args:
         bodies: (n,) numbers of the bodies, in the order in which TinyRenderer draws them.
         first: number of body 0 as a thing.
         enough: number of pixels.
-        models: the :class:`chmarl_pb.rendering.placing.Models`.
-        placed: where they are, :class:`chmarl_pb.rendering.placing.Placed`.
-        lens: the camera.
-        home: the empty home as the camera sees it, :class:`chmarl_pb.rendering.home_views.Shown`.
-        canvas: a clean canvas; it is clean again afterwards.
-        scratch: room for the corners, see :func:`chmarl_pb.rendering.raster.draw`.
+        stage: the words of the :class:`chmarl_pb.rendering.placing.Stage` that they are on.
+        sight: the words of the camera's :class:`chmarl_pb.rendering.bounds.Sight` of the empty home.
+        links: as :class:`Shown` has them.
+        home_pixels: the same.
+        canvas: the words of a clean canvas; it is clean again afterwards.
         pixels: (things,) zeros, set to the counts.
     """
+    (models, placed, scratch), (lens, depth, tiles) = stage_of(stage), sight_of(sight)
+    home, drawn = Shown(depth, links, tiles, home_pixels), canvas_of(canvas)
     enough_for_all = home.depth.size + 1
     shown, boxes = _in_view(bodies, models, placed, lens, home, scratch)
     left = _left_over(boxes, home)
     for number, body in enumerate(shown):
         whole = _overlaps(number, boxes) or _endangers(boxes[number], home, left, enough)
-        _draw(body, enough_for_all if whole else enough, models, placed, lens, home.depth, canvas, scratch)
+        _draw(body, enough_for_all if whole else enough, models, placed, lens, home.depth, drawn, scratch)
     for thing in range(len(home.pixels)):
         pixels[thing] = home.pixels[thing]
     for box in boxes:
-        _take_off(box, first, models, home.links, canvas, pixels)
+        _take_off(box, first, models, home.links, drawn, pixels)
 
 
 @compiled

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb import catalog
 from chmarl_pb.compiled import compiled
+from chmarl_pb.packed import Packed, line, table
 
 _FIXED = catalog.BENCHMARK.state_ids["fixed"]  # of every catalogue
 _IN_ROOM, _NEAR = catalog.RELATION_IDS["in_room"], catalog.RELATION_IDS["near"]
@@ -35,20 +36,33 @@ class Facts(NamedTuple):
     movable: NDArray[np.bool_]
     position: NDArray[np.float64]
 
+    def pack(self) -> Packed:
+        """Return them as compiled functions take them."""
+        return Packed(self, (*[("i2", 1)] * 2, *[("i4", 1)] * 2, ("i2", 1), ("?", 1), ("f8", 2)))
+
 
 @compiled
-def describe(seen, facts, room_kinds, node_class, node_state, edges):  # type: ignore[no-untyped-def]
+def _facts_of(words):  # type: ignore[no-untyped-def]
+    """Return packed facts."""
+    return Facts(
+        line(words, 0, np.int16), line(words, 1, np.int16), line(words, 2, np.int32), line(words, 3, np.int32),
+        line(words, 4, np.int16), line(words, 5, np.bool_), table(words, 6, np.float64),
+    )  # fmt: skip
+
+
+@compiled
+def describe(seen, words, room_kinds, node_class, node_state, edges):  # type: ignore[no-untyped-def]
     """Set nodes and edges of a scene graph; return the numbers of the rooms that are nodes of it.
 
     Args:
         seen: (n,) numbers of the seen things, the first n nodes of the graph; rooms follow.
-        facts: the :class:`Facts`.
+        words: of the packed :class:`Facts`.
         room_kinds: (rooms,) ids of the classes of the rooms.
         node_class: (nodes,) zeros, set to ids of classes.
         node_state: (nodes,) zeros, set to ids of states.
         edges: (m, 3) zeros, set to source node, target node and relation; what does not fit is left out.
     """
-    node_of_room = np.empty(len(room_kinds), np.int32)
+    facts, node_of_room = _facts_of(words), np.empty(len(room_kinds), np.int32)
     present = _number_rooms(seen, facts.room, node_of_room)
     for node, number in enumerate(seen):
         node_class[node], node_state[node] = facts.kind[number], facts.state[number]

@@ -90,6 +90,7 @@ class SceneGraphs:
             movable=np.zeros(count, dtype=np.bool_),
             position=np.zeros((count, 3)),
         )
+        self._packed = self._facts.pack()
         self._covered: dict[str, list[float]] = {}  # receptacle -> heights of its surfaces that have one above them
         for surface in space.surfaces:
             if surface.covered:
@@ -125,7 +126,7 @@ class SceneGraphs:
         numbers = np.array(list(map(self._numbers.__getitem__, seen)), dtype=np.int32)
         node_class, node_state = np.zeros(MAX_NODES, dtype=np.int16), np.zeros(MAX_NODES, dtype=np.int16)
         edges = np.zeros((MAX_EDGES, 3), dtype=np.int16)
-        present = describe(numbers, self._facts, self._room_classes, node_class, node_state, edges)
+        present = describe(numbers, self._packed.words, self._room_classes, node_class, node_state, edges)
         names = (*seen, *[self._rooms[room] for room in present.tolist()])
         return SceneGraph(names, node_class, node_state, edges, self.catalog)
 

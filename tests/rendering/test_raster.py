@@ -11,10 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from chmarl_pb.rendering.bounds import TILE, extent, farthest, may_show
-from chmarl_pb.rendering.canvas import Canvas, clean_canvas
-from chmarl_pb.rendering.home_views import Shown
-from chmarl_pb.rendering.placing import Models, Placed, lens_of, put
+from chmarl_pb.rendering.bounds import TILE, Sight, extent, farthest, may_show
+from chmarl_pb.rendering.canvas import Canvas, clean_canvas, pack
+from chmarl_pb.rendering.placing import Models, Stage, lens_of, put
 from chmarl_pb.rendering.raster import draw, paint
 from chmarl_pb.rendering.triangles import Lens, Light, depth_of
 from chmarl_pb.rendering.visible_pixels import count, count_pixels
@@ -47,7 +46,7 @@ def camera() -> Lens:
     return lens_of(np.eye(4, dtype=np.float32), projection)
 
 
-def scene(*triangles: Corners) -> tuple[Models, Placed]:
+def scene(*triangles: Corners) -> Stage:
     """Bodies of one triangle each, where their corners are."""
     n = len(triangles)
     steps = np.arange(n + 1, dtype=np.int32)
@@ -58,20 +57,24 @@ def scene(*triangles: Corners) -> tuple[Models, Placed]:
     models = Models(
         steps, steps[:-1], steps, 3 * steps, steps, colour, vertices, normals, corners, steps[:-1], steps[:-1]
     )
-    frames, inverses = np.zeros((2, n, 4, 4), np.float32)
-    placed = Placed(frames, inverses, np.zeros((n, 6)), np.zeros((n, 4)))
+    stage = Stage(models, n)
     for body in range(n):
-        put(body, body, np.array([UPRIGHT]), models, placed)
-    return models, placed
+        put(body, body, np.array([UPRIGHT]), stage.words)
+    return stage
 
 
 def drawn(*triangles: Corners, home: NDArray[np.float32] | None = None) -> Canvas:
     """A canvas on which triangles are drawn, one after the other."""
-    models, placed = scene(*triangles)
-    canvas, depth = clean_canvas(SIZE), np.ones((SIZE, SIZE), np.float32) if home is None else home
-    scratch = np.empty((len(models.vertices), 6), np.float32)
-    draw(np.arange(len(triangles)), models, placed, camera(), depth, farthest(depth), canvas, scratch)
+    canvas = clean_canvas(SIZE)
+    draw_on(canvas, scene(*triangles), list(range(len(triangles))), home)
     return canvas
+
+
+def draw_on(canvas: Canvas, stage: Stage, bodies: list[int], home: NDArray[np.float32] | None = None) -> None:
+    """Draw bodies before a home, or before nothing."""
+    depth = np.ones((SIZE, SIZE), np.float32) if home is None else home
+    scratch = np.empty((len(stage.models.vertices), 6), np.float32)
+    draw(np.array(bodies), stage.models, stage.placed, camera(), depth, farthest(depth), canvas, scratch)
 
 
 def buffer_depth(distance: NDArray[np.float64] | float) -> NDArray[np.float64]:
@@ -158,11 +161,9 @@ def test_any_order_of_drawing_shows_what_tinyrenderer_shows(shapes: list[Corners
     for number, canvas in enumerate(alone):
         shown = (canvas.face == 0) & ~(raw.astype(np.float32) > canvas.raw)
         face[shown], raw[shown] = number, canvas.raw[shown]
-    models, placed = scene(*shapes)
-    canvas, depth = clean_canvas(SIZE), np.ones((SIZE, SIZE), np.float32)
-    scratch = np.empty((len(models.vertices), 6), np.float32)
+    stage, canvas = scene(*shapes), clean_canvas(SIZE)
     for number in rng.sample(range(len(shapes)), len(shapes)):
-        draw(np.array([number]), models, placed, camera(), depth, farthest(depth), canvas, scratch)
+        draw_on(canvas, stage, [number])
     assert (canvas.face == face).all() and (canvas.raw == raw).all()
     together = drawn(*shapes)
     assert (together.face == face).all() and (together.raw == raw).all()
@@ -179,11 +180,10 @@ def test_the_home_hides_what_is_not_nearer(distance: float, seen: bool) -> None:
 
 def test_a_canvas_is_clean_again_after_painting_and_only_covered_pixels_change_their_colour() -> None:
     triangle = TRIANGLES["in the middle"]
-    models, placed = scene(triangle)
-    home, canvas, colour = np.ones((SIZE, SIZE), np.float32), clean_canvas(SIZE), np.zeros((SIZE, SIZE, 3), np.uint8)
+    stage, sight = scene(triangle), Sight(camera(), np.ones((SIZE, SIZE), np.float32))
+    canvas, colour = clean_canvas(SIZE), np.zeros((SIZE, SIZE, 3), np.uint8)
     light = Light(np.array([0, 0, 1], np.float32), np.array([0.5, 0.25, 0.0, 1.0], np.float32))
-    scratch = np.empty((3, 6), np.float32)
-    paint(np.array([0]), models, placed, camera(), light, home, farthest(home), canvas, scratch, colour)
+    paint(np.array([0]), stage.words, sight.words, light, pack(canvas).words, colour)
     assert (canvas.face == -1).all() and np.isneginf(canvas.raw).all(), "the canvas is not clean"
     distance, unsure = cast(triangle)
     # It faces the light: half its colour by ambient light, a quarter by diffuse.
@@ -202,8 +202,8 @@ def tiles_at(depth: float) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("name", TRIANGLES)
 def test_the_ball_around_a_body_bounds_its_pixels(name: str) -> None:
-    _, placed = scene(TRIANGLES[name])
-    left, right, top, bottom = extent(placed.balls[0], camera(), tiles_at(1.0), SIZE)
+    stage = scene(TRIANGLES[name])
+    left, right, top, bottom = extent(stage.placed.balls[0], camera(), tiles_at(1.0), SIZE)
     for row, column in np.argwhere(~np.isnan(cast(TRIANGLES[name])[0])):
         assert left <= column <= right and top <= row <= bottom, f"row {row}, column {column} is outside the bounds"
 
@@ -243,12 +243,13 @@ def test_tiles_hold_the_farthest_of_their_pixels() -> None:
 
 def counted(triangles: list[Corners], enough: int) -> NDArray[np.int64]:
     """Pixels of the home's only thing, a wall at 4 m, and of each triangle before it."""
-    models, placed = scene(*triangles)
-    depth, links = np.full((SIZE, SIZE), buffer_depth(4.0), np.float32), np.zeros((SIZE, SIZE), np.int32)
-    home = Shown(depth, links, farthest(depth), count_pixels(links, 1))
+    stage, links = scene(*triangles), np.zeros((SIZE, SIZE), np.int32)
+    sight = Sight(camera(), np.full((SIZE, SIZE), buffer_depth(4.0), np.float32))
     canvas, pixels = clean_canvas(SIZE), np.zeros(1 + len(triangles), np.int64)
-    scratch = np.empty((len(models.vertices), 6), np.float32)
-    count(np.arange(len(triangles)), 1, enough, models, placed, camera(), home, canvas, scratch, pixels)
+    count(
+        np.arange(len(triangles)), 1, enough, stage.words, sight.words, links, count_pixels(links, 1),
+        pack(canvas).words, pixels,
+    )  # fmt: skip
     assert (canvas.face == -1).all(), "the canvas is not clean"
     return pixels
 
