@@ -92,11 +92,10 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         deadline = time.monotonic() + _PATIENCE
-        for process in context.started():
-            process.join(max(0.0, deadline - time.monotonic()))
-            if process.is_alive():
+        for process in context.started():  # the pool's thread joins them; who joined too might miss how they ended
+            if not wait([process.sentinel], max(0.0, deadline - time.monotonic())):
                 process.kill()
-                process.join()
+                wait([process.sentinel])
 
 
 class _Context(SpawnContext):
