@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import llvmlite
@@ -224,10 +224,14 @@ def _code(function: FunctionType) -> list[str]:
 
 @cache
 def _text(function: FunctionType) -> str:
-    code = function.__code__
     constants = {name: _constant(value) for name, value in _globals(function).items()}
+    return repr((function.__module__, function.__qualname__, _instructions(function.__code__), constants))
+
+
+def _instructions(code: CodeType) -> tuple[object, ...]:
     names = code.co_names, code.co_varnames, code.co_cellvars, code.co_freevars
-    return repr((function.__module__, function.__qualname__, code.co_code, code.co_consts, names, constants))
+    constants = [_instructions(value) if isinstance(value, CodeType) else value for value in code.co_consts]
+    return code.co_code, constants, names
 
 
 def _globals(function: FunctionType) -> dict[str, Any]:
@@ -238,8 +242,13 @@ def _globals(function: FunctionType) -> dict[str, Any]:
 
 
 def _constant(value: Any) -> str:
+    """Return a text of a value that is the same in every process: none may hold an address."""
     if isinstance(value, Dispatcher):
         return ""  # its own code counts
+    value = getattr(value, "__wrapped__", value)  # of what Numba makes code of by itself
+    if isinstance(value, FunctionType):
+        own = value.__module__.partition(".")[0] == __name__.partition(".")[0]
+        return _text(value) if own else f"{value.__module__}.{value.__qualname__}"  # of a library the version counts
     if isinstance(value, np.ndarray | np.generic):
         return f"{value.dtype}{value.shape}{value.tobytes()!r}"
     return f"{value!r}{getattr(value, '_fields', '')}"

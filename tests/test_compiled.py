@@ -259,6 +259,17 @@ def refuse(event, arguments):
 sys.addaudithook(refuse)
 """
 
+#: Ends the process as soon as anything is compiled.
+NOTHING_NEW = """
+from numba.core import event
+class Listener(event.Listener):
+    def on_start(self, event):
+        raise SystemExit(f"compiled anew: {event.data['dispatcher']}")
+    def on_end(self, event):
+        pass
+event.register("numba:compile", Listener())
+"""
+
 
 def episodes(code: str = "", **environment: str) -> list[str]:
     """Hashes of what is seen in some episodes, in a process of its own."""
@@ -276,6 +287,12 @@ def episodes(code: str = "", **environment: str) -> list[str]:
 def usual() -> list[str]:
     """The hashes as they always are."""
     return episodes()
+
+
+@needs_numba
+def test_the_next_process_compiles_nothing(usual: list[str]) -> None:
+    """The names of all files are the same there: nothing that they are made of holds an address."""
+    assert episodes(NOTHING_NEW) == usual
 
 
 @pytest.mark.slow
