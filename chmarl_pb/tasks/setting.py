@@ -78,11 +78,11 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
         moves: the objects to be moved.
 
     Raises:
-        TaskError: X does not fit on the source.
+        TaskError: X does not fit on the source, or nowhere where it is to go.
     """
     for move in moves:
         move.check(space.home.catalog)
-    goals = tuple(_goal(world, space.home, move) for move in moves)
+    goals = tuple(_goal(world, space, move) for move in moves)
     kept = _layouts.setdefault(space, {})
     drawn = replace(task, optimal_steps=0)  # the planner adds the steps to what it has laid out and solved
     layout = kept.get(drawn)
@@ -97,17 +97,20 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
     return Setting(task, goals, states, world.graspers, tuple(space.home.rooms))
 
 
-def _goal(world: World, home: Home, move: Task) -> Goal:
+def _goal(world: World, space: Space, move: Task) -> Goal:
     """Return the goal of a move.
 
     Raises:
-        TaskError: the home has no such receptacle, or there is no such object in the world.
+        TaskError: the home has no such receptacle, none is large enough, or there is no such object in the world.
     """
     if move.item not in world.physics.objects:
         raise TaskError(f"task {move.id!r}: there is no {move.item}; tasks with colours need lookalikes=True")
-    targets = receptacles_of(home, move.target)
+    targets = receptacles_of(space.home, move.target)
     if isinstance(move, LookalikeTask) and move.room:
         targets = tuple(name for name in targets if catalog.room_of(name) == move.room)
+    size = world.size(move.item)
+    if not any(len(space.places(name, size)) for name in targets):
+        raise TaskError(f"task {move.id!r}: {move.item} is too large for {' and '.join(targets)}; choose another target")
     return Goal(move.item, targets)
 
 
