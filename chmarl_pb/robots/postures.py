@@ -55,7 +55,8 @@ def find_best(point, choices, floors, measures, best):  # type: ignore[no-untype
         cost = find_posture(point, choices[number], measures, posture)
         if cost < least:
             least = cost
-            best[:] = posture
+            for joint in range(8):  # as a whole, it takes Numba twice as long to compile all of this
+                best[joint] = posture[joint]
     return least
 
 

@@ -110,7 +110,8 @@ def _goal(world: World, space: Space, move: Task) -> Goal:
         targets = tuple(name for name in targets if catalog.room_of(name) == move.room)
     size = world.size(move.item)
     if not any(len(space.places(name, size)) for name in targets):
-        raise TaskError(f"task {move.id!r}: {move.item} is too large for {' and '.join(targets)}; choose another target")
+        where = " and ".join(targets)
+        raise TaskError(f"task {move.id!r}: {move.item} is too large for {where}; choose another target")
     return Goal(move.item, targets)
 
 

@@ -150,6 +150,11 @@ def test_a_task_whose_home_lacks_its_receptacle(
             simulation.begin(Task(**{**GOOD, **role}))
 
 
+def test_a_task_whose_object_is_too_large_for_its_target(simulation: Simulation) -> None:
+    with pytest.raises(TaskError, match=r"'t-1': board_game_1 is too large for \w+/nightstand_1"):
+        simulation.begin(Task(**{**GOOD, "graspable": "board_game", "target": "nightstand"}))
+
+
 def test_sampled_tasks_are_spread_and_repeat_with_the_seed(simulation: Simulation) -> None:
     def draw(seed: int) -> list[Task]:
         rng = np.random.default_rng(seed)

@@ -12,7 +12,7 @@ from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.words import parted
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
-from chmarl_pb.evaluation.optimum import optimal_steps
+from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.recognition import Recognition, recognition, total
 from chmarl_pb.learning.runs.collect import Collector, greedy
@@ -151,10 +151,10 @@ def play_tasks(
             recognition(core, outcomes.noted[number], _without_words(core, episode)) or Recognition()
             for number, (core, episode) in enumerate(zip(cores, episodes, strict=False))
         ]
-        for task, episode, counts in zip(rollout, episodes, noted, strict=True):
+        for core, task, episode, counts in zip(cores, rollout, episodes, noted, strict=False):
             won, score = bool(episode.info[cores[0].possible_agents[0]]["success"]), 0.0
             if won:
-                known[task.id] = known.get(task.id) or optimal_steps(cores[0], task)
+                known[task.id] = known.get(task.id) or optimum(core).steps
                 score = path_weighted(True, len(episode), known[task.id])
             found.append(PlayedTask(won, score, counts))
     return found
