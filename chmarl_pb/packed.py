@@ -6,7 +6,7 @@ addresses and lengths, of which the function makes arrays again.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numba import types
@@ -15,6 +15,7 @@ from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from chmarl_pb.compiled import COMPILES, compiled
+from chmarl_pb.errors import CopyError
 
 _FIELD = 4  # numbers of an array: its address, then its lengths
 
@@ -44,6 +45,14 @@ class Packed:
                 raise TypeError(f"array {place} is {array.dtype}, {array.ndim} axes; {kind}, {axes} in rows are needed")
         self.arrays = tuple(arrays)
         self.words: Any = _words(self.arrays) if COMPILES else self.arrays
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be copied or pickled: the addresses would still be those of the arrays here.
+
+        Raises:
+            CopyError: always.
+        """
+        raise CopyError("packed arrays cannot be copied or pickled; copy the arrays, and pack them again")
 
 
 def _words(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:

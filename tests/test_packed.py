@@ -1,5 +1,9 @@
 """Arrays that are packed for compiled functions: what they read and write is what was given."""
 
+import copy
+import pickle
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from chmarl_pb.compiled import compiled
+from chmarl_pb.errors import CopyError
 from chmarl_pb.packed import Packed, block, line, table
 
 KINDS = (("i2", 1), ("f4", 2), ("f8", 3))
@@ -45,3 +50,9 @@ def test_compiled_functions_read_and_write_the_arrays_themselves(
 def test_an_array_of_another_kind_is_refused(wrong: np.ndarray) -> None:
     with pytest.raises(TypeError, match="array 1 is"):
         Packed((np.zeros(1, np.int16), wrong, np.zeros((1, 1, 1))), KINDS)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_it_is_not_copied_with_the_addresses_of_other_arrays(copied: Callable[[Packed], object]) -> None:
+    with pytest.raises(CopyError, match="pack them again"):
+        copied(Packed((np.zeros(3),), (("f8", 1),)))
