@@ -21,6 +21,13 @@ def test_truth_is_what_a_sure_detector_finds() -> None:
     assert found[MUG, 0] == 1 and found[LABELS.index("fork"), 0] == 0
 
 
+def test_a_class_has_the_colour_of_its_most_pixels() -> None:
+    segmentation = np.full((128, 128), -1)
+    segmentation[:8, :8], segmentation[20:40, 20:40], segmentation[100:, :] = 0, 1, 2
+    found = detections_of(segmentation, ("mug_3", "mug_7", "bedroom/sofa_1"))
+    assert found[MUG, 4:].tolist() == [7, 1] and found[SOFA, 4:].tolist() == [0, 0]
+
+
 @pytest.mark.parametrize(("name", "told"), [("none", set()), ("receptacles", {SOFA}), ("objects", {MUG})])
 def test_the_truth_is_told_of_some_classes(name: str, told: set[int]) -> None:
     assert set(range(len(LABELS))[TRUE[name]]) & {MUG, SOFA} == told
