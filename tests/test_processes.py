@@ -91,7 +91,7 @@ def test_processes_at_work_end_soon_when_nobody_waits_for_them(monkeypatch: pyte
     assert isinstance(results, Generator)
     results.close()
     assert time.monotonic() - start < 20
-    assert not any(map(is_running, pids))
+    assert gone(pids)
 
 
 def test_no_memory_for_semaphores_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
