@@ -235,7 +235,7 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 150 without, and an episode has
-    up to 28; so 12,000 episodes are about an hour of playing alone. PPO's 150,000 steps are some 6,000 episodes.
+    up to 28; so 12,000 episodes are some 40 minutes of playing alone. PPO's 150,000 steps are some 6,000 episodes.
     Pictures have fewer episodes than graphs in the last two rows. MAPPO goes on from the published weights of the
     imitator, those of the row above with seed 0.
     """

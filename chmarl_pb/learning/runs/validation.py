@@ -151,7 +151,7 @@ def play_tasks(
             recognition(core, outcomes.noted[number], _without_words(core, episode)) or Recognition()
             for number, (core, episode) in enumerate(zip(cores, episodes, strict=False))
         ]
-        for core, task, episode, counts in zip(cores, rollout, episodes, noted, strict=False):
+        for core, task, episode, counts in zip(cores[: len(rollout)], rollout, episodes, noted, strict=True):
             won, score = bool(episode.info[cores[0].possible_agents[0]]["success"]), 0.0
             if won:
                 known[task.id] = known.get(task.id) or optimum(core).steps
