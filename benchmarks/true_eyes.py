@@ -1,11 +1,12 @@
 """What the detector's mistakes cost: ``python -m benchmarks.true_eyes``.
 
 Plays weights that see by the detector on validation tasks, by the rules that they were trained by, with what pictures
-truly show in the place of what it finds in them: of no class, of receptacles, of objects, of all. Prints success and
-PLW. Test splits are refused.
+truly show in the place of what it finds in them: of no class, of receptacles, of objects, of robots, of all. Prints
+success and PLW. Test splits are refused.
 """
 
 import argparse
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,16 @@ from chmarl_pb import catalog
 from chmarl_pb.cli.evaluate import percent, progress_bar
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
-from chmarl_pb.learning.networks.detections import LABELS, PLACE, SHAPE
+from chmarl_pb.learning.networks.detections import LABELS, OBJECTS, PLACE, SHAPE, THINGS
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
-from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, classes_of
 
 SPLITS = ("val-seen", "val-unseen", "generated-val")
 TRUE = {
-    "none": slice(0), "receptacles": slice(len(catalog.BENCHMARK.graspables), None),
-    "objects": slice(len(catalog.BENCHMARK.graspables)), "all": slice(None),
+    "none": slice(0), "receptacles": slice(OBJECTS, THINGS), "objects": slice(OBJECTS), "robots": slice(THINGS, None),
+    "all": slice(None),
 }  # fmt: skip
 _CELL = 4  # pixels along a side of what the detector tells apart
 
@@ -46,6 +47,7 @@ class TrueEyes:
         """
         self._inner, self._env, self._told = inner, env, told
         self._encoder: FrozenEncoder = inner.batched.encoder
+        self._models = {name: robot.model for name, robot in env.simulation.robots.items()}
         self._robots: list[str] = []
         inner.batched.encoder = self
 
@@ -63,21 +65,24 @@ class TrueEyes:
         """Return the detections (B, C, 6) in the pictures of all robots."""
         found, renderer = self._encoder(images).clone(), self._env.simulation.renderer
         for number, robot in enumerate(self._robots):
-            shown = detections_of(renderer.picture(robot, VISIBILITY_SIZE).segmentation, renderer.names)
+            segmentation = renderer.picture(robot, VISIBILITY_SIZE).segmentation
+            others = np.where(segmentation == renderer.names.index(robot), -1, segmentation)
+            shown = detections_of(others, classes_of(renderer.names, self._models), renderer.names)
             # Elsewhere the number in an object's name is not that of its colour, and nothing asks for colours.
             width = None if self._env.options.lookalikes else PLACE
             found[number, self._told, :width] = shown[self._told, :width].to(found.dtype)
         return found
 
 
-def detections_of(segmentation: np.ndarray, names: tuple[str, ...]) -> Tensor:
+def detections_of(segmentation: np.ndarray, kinds: Sequence[str], names: Sequence[str]) -> Tensor:
     """Return detections (C, 6) of which a picture's segmentation is known; a class has the colour of its most pixels.
 
     Args:
         segmentation: (size, size) number of the thing in each pixel, negative for none.
-        names: of the things.
+        kinds: classes of the things.
+        names: theirs.
     """
-    labels = [LABELS.index(kind) if (kind := catalog.class_of(name)) in LABELS else -1 for name in names]
+    labels = [LABELS.index(kind) if kind in LABELS else -1 for kind in kinds]
     shown = np.array([*labels, -1])[segmentation]
     colours = np.array([*map(catalog.colour_of, names), 0])[segmentation]
     cells, found = len(segmentation) // _CELL, torch.zeros(SHAPE)

@@ -25,6 +25,7 @@ from chmarl_pb.learning.networks.detector import Detector
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_file, read_weights, weights_file
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
 from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
@@ -35,6 +36,7 @@ WEIGHT_DECAY = 0.02
 CHECKED = 2_000  # views of each kind that it is measured on
 RANGED = 256  # views that the ranges are taken from
 
+CPU = torch.device("cpu")
 #: Whether the processor computes in bfloat16; where it has to be imitated, it is ten times as slow as float32.
 _HALF: bool = torch.ops.mkldnn._is_mkldnn_bf16_supported()
 
@@ -59,6 +61,7 @@ def pretrain(
     seed: int,
     bar: Progress,
     start: Path | None = None,
+    device: torch.device = CPU,
 ) -> dict[str, Any]:
     """Train, write the weights, and return the figures.
 
@@ -71,13 +74,14 @@ def pretrain(
         seed: of weights and order.
         bar: shows the batches.
         start: a trained detector, of which only the colours are counted anew; None: all is trained.
+        device: to learn on; weights differ between devices.
 
     Raises:
         Interrupted: a signal asked the training to end; it was saved.
         CheckpointError: there is no detector to start from, or the state is damaged.
     """
-    training = _Training(name, views, epochs, seed, out.with_suffix(".unfinished"))
-    model = _learned(training, bar) if start is None else read_detector(start)
+    training = _Training(name, views, epochs, seed, out.with_suffix(".unfinished"), device)
+    model = _learned(training, bar).to(CPU) if start is None else read_detector(start)
     model.eval().finish(views)
     weights = model.weights(ranged(views.images))
     with replacing(out) as temporary:
@@ -119,18 +123,18 @@ class _Training:
         kept: file of its state.
     """
 
-    def __init__(self, name: str, views: Views, epochs: int, seed: int, kept: Path):
+    def __init__(self, name: str, views: Views, epochs: int, seed: int, kept: Path, device: torch.device):
         """Begin."""
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            model = NETWORKS[name]().to(memory_format=torch.channels_last)
+            model = NETWORKS[name]().to(device).to(memory_format=torch.channels_last)
         optimizer = torch.optim.AdamW(model.parameters(), model.learning_rate, weight_decay=WEIGHT_DECAY)
         self._per_epoch = len(views) // model.batch
         self.done, self.total = 0, epochs * self._per_epoch
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, model.learning_rate, total_steps=self.total)
         self.model, self._optimizer, self._schedule = model, optimizer, schedule
         self._parts: dict[str, Any] = {"model": model, "optimizer": optimizer, "schedule": schedule}
-        self._views, self.kept, self._saved = views, kept, time.monotonic()
+        self._views, self.kept, self._saved, self._device = views, kept, time.monotonic(), device
         self.facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
 
     def losses(self) -> Iterator[float]:
@@ -139,7 +143,7 @@ class _Training:
             epoch, begun = divmod(self.done, self._per_epoch)
             self.model.train()
             for rows in batches(len(self._views), self.model.batch, self.facts["seed"], epoch, begun):
-                with torch.autocast("cpu", torch.bfloat16, enabled=_HALF):
+                with torch.autocast(self._device.type, torch.bfloat16, enabled=_HALF or self._device != CPU):
                     loss = self.model.loss(self._views, rows, epoch / self.facts["epochs"])
                 self._optimizer.zero_grad()
                 loss.backward()
@@ -185,10 +189,11 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m training.pretrain", description="Train a frozen encoder on views of the homes of training."
     )
     parser.add_argument("--network", choices=NETWORKS, default="resnet18", help="(default %(default)s)")
-    parser.add_argument("--views", type=int, help="to learn from (default 20000, detector 32000; 82 kB each on disk)")
+    parser.add_argument("--views", type=int, help="to learn from (default 20000, detector 96000; 82 kB each on disk)")
     parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 8)")
     parser.add_argument("--seed", type=int, default=0, help="of views, weights and order (default 0)")
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
+    parser.add_argument("--device", default="cpu", help="of torch, e.g. cuda (default cpu)")
     parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     parser.add_argument("--start", type=Path, help="a trained detector: only the colours of its table are counted anew")
@@ -219,7 +224,7 @@ def _export(chosen: argparse.Namespace) -> int:
 
 def _make(chosen: argparse.Namespace) -> int:
     """Draw the views, learn from them, and print the figures."""
-    out = chosen.out or own_file(chosen.network)
+    out, device = chosen.out or own_file(chosen.network), find_device(chosen.device)
     folder = open_folder(out.parent) / "labelled_views"
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()
@@ -229,7 +234,7 @@ def _make(chosen: argparse.Namespace) -> int:
         views = read_views([file for part in files for file in part])
         few = min(CHECKED, chosen.views)
         checked = {kind: read_views(draw(few, *source)) for kind, source in network.checks.items()}
-        figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar, chosen.start)
+        figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar, chosen.start, device)
     figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
     text = json.dumps(figures, indent=2)
     if chosen.figures:

@@ -97,6 +97,12 @@ def published(name: str, kind: str = POLICY) -> Weights | None:
     return row if row is not None and row.kind == kind else None
 
 
+def published_encoders(name: str) -> list[Weights]:
+    """Return the encoders of a kind that come with the package: ``name`` itself, and earlier ones ``name-...``."""
+    rows = read_manifest(weights_folder()).values()
+    return [row for row in rows if row.kind == ENCODER and row.name.partition("-")[0] == name]
+
+
 def checked_file(row: Weights) -> Path:
     """Return the file of weights.
 

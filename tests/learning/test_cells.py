@@ -110,10 +110,20 @@ def test_y_is_in_the_room_that_is_asked_for(room: int, found: list[int]) -> None
 def test_detections_count_as_far_as_they_are_sure() -> None:
     detected = torch.zeros(1, *SHAPE)
     detected[0, LABELS.index("mug"), :4] = torch.tensor([0.5, 0.5 * -0.9, 0.5 * 0.9, 0.5 * 0.5])  # left and below
-    found = GroundedDetectionEncoder().places(detected, asked()).view(2, len(CELLS))
-    assert found.sum() == found[0, CELLS.index((2, 0))] > 0.9
+    found = GroundedDetectionEncoder().places(detected, asked())[0]
+    assert found.sum() == found[CELLS.index((2, 0))] > 0.9
     detected[0, LABELS.index("apple"), :4] = detected[0, LABELS.index("mug"), :4]  # as sure, as large, in the same cell
     assert GroundedDetectionEncoder().places(detected, asked())[0].max() == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("sure", "there"), [(0.9, 0.8), (0.1, 0.0)])
+def test_a_robot_that_is_surely_in_the_picture_is_what_directions_go_from(sure: float, there: float) -> None:
+    detected = torch.zeros(1, *SHAPE)
+    detected[0, LABELS.index("humanoid"), :4] = sure * torch.tensor([1.0, -0.5, 0.5, 0.3])
+    detected[0, LABELS.index("mug"), :4] = 0.8 * torch.tensor([1.0, 0.1, -0.3, 0.2])  # 0.6 to the right, 0.8 up
+    directions = GroundedDetectionEncoder().places(detected, asked())[0, cells.SIZE :].view(2, 3)
+    torch.testing.assert_close(directions[0], there * torch.tensor([1.0, 0.6, 0.8]), atol=1e-3, rtol=0)
+    assert not directions[1].any()  # no Y
 
 
 def test_they_follow_the_features_where_a_run_asks_for_them() -> None:

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.colour_table import OBJECTS, OUTPUTS, SHARES, ColourTable, codes_of, counted_colours
-from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.colour_table import OUTPUTS, SHARES, ColourTable, codes_of, counted_colours
+from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
 from chmarl_pb.learning.networks.detector import Detector, read
 from chmarl_pb.learning.networks.labelled_views import Views
 from chmarl_pb.learning.networks.pyramid import CELL

@@ -12,7 +12,14 @@ from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder, int8
 from chmarl_pb.learning.networks.colour_table import LEVELS, OUTPUTS, SHARES, ColourTable, codes_of
 from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
-from chmarl_pb.learning.networks.detections import LABELS, SHAPE, THING, GroundedDetectionEncoder, detections
+from chmarl_pb.learning.networks.detections import (
+    LABELS,
+    SHAPE,
+    THING,
+    THINGS,
+    GroundedDetectionEncoder,
+    detections,
+)
 from chmarl_pb.learning.networks.detector import Detector, build, read
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
@@ -102,6 +109,15 @@ def test_half_a_confidence_halves_place_and_size() -> None:
     half, sure = (detections(logits_of((RECEPTACLE, 3, 4, value), size=8))[RECEPTACLE] for value in (0.0, 30.0))
     torch.testing.assert_close(half, sure / 2)
     assert not sure[4:].any()  # receptacles have no colour by name
+
+
+def test_detectors_from_before_robots_were_told_see_none(weights: dict[str, torch.Tensor]) -> None:
+    known = torch.cat([torch.arange(THINGS), torch.arange(NOTHING, OUTPUTS)])
+    before = {name: part[known] if name.startswith("cells.") else part for name, part in weights.items()}
+    images = pictures(3, 64)
+    found, now = build(before)(images), build(weights)(images)
+    assert not found[:, THINGS:].any() and now[:, THINGS:].any()
+    assert torch.equal(found[:, :THINGS], now[:, :THINGS])
 
 
 def test_whole_numbers_are_near_floats_and_the_same_by_either_way(monkeypatch: pytest.MonkeyPatch) -> None:

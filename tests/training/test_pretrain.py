@@ -19,7 +19,7 @@ from chmarl_pb.learning.networks import (
     residual,
 )
 from chmarl_pb.learning.networks.detection_metrics import average_precision
-from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.detections import LABELS, THINGS
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.int8 import RANGES
 from chmarl_pb.learning.networks.labelled_views import (
@@ -65,6 +65,12 @@ def test_views_among_lookalikes_know_their_colours(split: str) -> None:
     for name in LABELS[: len(BENCHMARK.graspables)]:
         seen = set(views.colours[views.labels == LABELS.index(name)].tolist())
         assert seen <= {catalog.COLOUR_IDS[colour] for colour in colours_of(BENCHMARK.graspables[name])}
+
+
+def test_views_show_the_other_robot_and_never_their_own_body() -> None:
+    seen = [layout_views(Job("train", task, task)).present[:, THINGS:].reshape(-1, 2, 2) for task in range(6)]
+    assert LABELS[THINGS:] == ("humanoid", "drone")
+    assert np.concatenate(seen).any(axis=0).tolist() == [[False, True], [True, False]]  # by each, of each
 
 
 def test_views_of_the_endless_split_are_in_ever_new_homes() -> None:

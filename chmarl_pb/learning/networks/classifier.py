@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
-from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.detections import THINGS
 from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
 from chmarl_pb.learning.networks.labelled_views import Views
 from chmarl_pb.learning.networks.residual import FEATURES, ResNet18, folded
@@ -31,9 +31,9 @@ class Classifier(nn.Module):
         """Make the layers."""
         super().__init__()
         self.network = ResNet18()
-        self.cells = nn.Conv2d(FEATURES, len(LABELS), 1)
-        self.present = nn.Linear(FEATURES, len(LABELS))
-        self.centres = nn.Linear(FEATURES, 2 * len(LABELS))
+        self.cells = nn.Conv2d(FEATURES, THINGS, 1)
+        self.present = nn.Linear(FEATURES, THINGS)
+        self.centres = nn.Linear(FEATURES, 2 * THINGS)
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return logits of cells (B, C, GRID, GRID) and of presence (B, C), and centres (B, C, 2)."""
@@ -50,9 +50,11 @@ class Classifier(nn.Module):
             done: share of the training; at first, every second row and column of the pictures is left out.
         """
         every = 2 if done < SMALL else 1
-        images = torch.from_numpy(views.images[rows, ::every, ::every])
+        device = self.cells.weight.device
+        images = torch.from_numpy(views.images[rows, ::every, ::every]).to(device)
         cells, present, centres = (
-            torch.from_numpy(part[rows]).float() for part in (views.cells, views.present, views.centres)
+            torch.from_numpy(part[rows, :THINGS]).float().to(device)
+            for part in (views.cells, views.present, views.centres)
         )
         predicted_cells, predicted_present, predicted_centres = self(images)
         shown = nn.functional.binary_cross_entropy_with_logits(predicted_present, present)

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.colour_table import LEVELS, OBJECTS
+from chmarl_pb.learning.networks.colour_table import LEVELS
 from chmarl_pb.learning.networks.detection_losses import targets
-from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.detector import Detector

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
 from chmarl_pb.learning.networks.pyramid import CELL
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
-OBJECTS = len(catalog.BENCHMARK.graspables)  # the first of ``LABELS``
 OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
 SHARES = OBJECTS + len(catalog.COLOURS)  # columns of a table
 LEVELS = 256  # of evidence

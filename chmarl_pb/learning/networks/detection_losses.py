@@ -41,8 +41,8 @@ def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
 def targets(labels: Tensor, colours: Tensor) -> tuple[Tensor, Tensor]:
     """Return class and colour of what each cell shows, both (B, rows, columns) int64, from labels of pixels.
 
-    A graspable counts before a receptacle, and that before nothing, however few pixels it has in the cell: this is
-    the order of ``LABELS``.
+    A graspable counts before a receptacle, that before a robot, and that before nothing, however few pixels it has in
+    the cell: this is the order of ``LABELS``.
     """
     base = len(catalog.COLOURS) + 1
     both = labels.float() * base + colours.float()
@@ -53,14 +53,14 @@ def targets(labels: Tensor, colours: Tensor) -> tuple[Tensor, Tensor]:
 def _pixels(labels: Tensor) -> Tensor:
     """Return (B, classes) number of pixels of each class."""
     count = len(labels)
-    numbers = labels.long().flatten(1) + (_COUNT + 1) * torch.arange(count).unsqueeze(1)
+    numbers = labels.long().flatten(1) + (_COUNT + 1) * torch.arange(count, device=labels.device).unsqueeze(1)
     return torch.bincount(numbers.flatten(), minlength=count * (_COUNT + 1)).view(count, -1)[:, :_COUNT]
 
 
 def _of_cells(logits: Tensor, wanted: Tensor, shown: Tensor) -> Tensor:
     """Return the cross-entropy of the cells, for each thing that is shown; what is too small counts for nothing."""
     flat = wanted.flatten(1)
-    cells = torch.zeros(len(flat), _COUNT + 1).scatter_add_(1, flat, torch.ones_like(flat, dtype=torch.float32))
+    cells = logits.new_zeros(len(flat), _COUNT + 1).scatter_add_(1, flat, torch.ones_like(flat, dtype=logits.dtype))
     weights = cells.clamp(min=1) ** _SHARED
     weights[:, :_COUNT] *= shown
     weights[:, _COUNT] = _EMPTY

@@ -21,21 +21,23 @@ def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views")
     a random order; ``centre_error`` the mean distance of centres, in pictures' half widths.
 
     Args:
-        scores: (V, C) how sure it is that a view shows a class.
-        centres: (V, C, 2) where, as in :class:`chmarl_pb.learning.networks.labelled_views.Views`.
+        scores: (V, classes) how sure it is that a view shows each class, of ``LABELS`` or the first of these.
+        centres: (V, classes, 2) where, as in :class:`chmarl_pb.learning.networks.labelled_views.Views`.
         views: with labels.
     """
+    classes = scores.shape[1]
+    present = views.present[:, :classes]
     each = {
-        name: average_precision(scores[:, number], views.present[:, number])
-        for number, name in enumerate(LABELS)
-        if views.present[:, number].sum() >= _FEWEST
+        name: average_precision(scores[:, number], present[:, number])
+        for number, name in enumerate(LABELS[:classes])
+        if present[:, number].sum() >= _FEWEST
     }
     known = [LABELS.index(name) for name in each]
-    errors = np.linalg.norm(centres - views.centres, axis=2)[views.present]
+    errors = np.linalg.norm(centres - views.centres[:, :classes], axis=2)[present]
     return {
         "views": len(views),
         "mean_average_precision": round(float(np.mean(list(each.values()))), 4),
-        "chance": round(float(views.present[:, known].mean()), 4),
+        "chance": round(float(present[:, known].mean()), 4),
         "centre_error": round(float(errors.mean()), 4),
         "average_precision": {name: round(value, 4) for name, value in each.items()},
     }

@@ -12,13 +12,19 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.cells import SIZE, cells_of
+from chmarl_pb.learning.networks.bearings import SIZE as BEARINGS
+from chmarl_pb.learning.networks.bearings import bearings_of
+from chmarl_pb.learning.networks.cells import SIZE as TAKEN
+from chmarl_pb.learning.networks.cells import cells_of
 from chmarl_pb.learning.networks.match import ROLES
 from chmarl_pb.learning.networks.parts import Asked, Part
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table, colour_table
 from chmarl_pb.tasks.language.vectors import class_vectors
 
-LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles)  # the classes that are to be seen
+OBJECTS = len(catalog.BENCHMARK.graspables)
+#: The classes that are to be seen: what can be picked up, what that is placed on, robots.
+LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles, *catalog.BENCHMARK.robots)
+THINGS = len(LABELS) - len(catalog.BENCHMARK.robots)  # classes that are no robots; they come first
 PLACE = 4  # numbers of a class before those of its colour
 SHAPE = (len(LABELS), PLACE + 2)
 _IDS = tuple(catalog.BENCHMARK.class_ids[name] for name in LABELS)
@@ -28,6 +34,7 @@ THING, VALUE = 64, 16  # features of a class that is seen, and those of them tha
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
 _CELLS = 32 * 32  # of the detector, in a picture of 128 x 128
 _LEAST = 0.02  # confidence below which a class counts as not shown
+_ROBOT = 0.5  # confidence from which on a robot counts as seen, for directions from it
 _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
 
 
@@ -52,7 +59,7 @@ def detections(logits: Tensor) -> Tensor:
     size = torch.log2(1.0 + count) / np.log2(1.0 + rows * columns)
     places = torch.stack([_centred(column / count, columns), _centred(row / count, rows), size], dim=1)
     found[seen, 0], found[seen, 1:PLACE] = sure.squeeze(1), places * sure
-    objects = seen < len(catalog.BENCHMARK.graspables)
+    objects = seen < OBJECTS
     found[seen[objects], PLACE:] = _colours(flat[len(LABELS) :], cells[objects], count[objects])
     return found.float()
 
@@ -125,8 +132,8 @@ class GroundedDetectionEncoder(Part):
 
     asks = True
     matches = True
-    locates = SIZE
-    objects: Tensor
+    locates = TAKEN + BEARINGS
+    takes: Tensor
     size = THING + ROLES * (PLACE + 1 + VALUE)
 
     def __init__(self, meaning: nn.Linear | None = None, lookalikes: bool = False):
@@ -142,7 +149,7 @@ class GroundedDetectionEncoder(Part):
         self.colour = None if lookalikes else nn.Linear(EMBEDDING, len(catalog.COLOURS))
         self.named, self.placed = nn.Linear(EMBEDDING, THING), nn.Linear(PLACE - 1, THING, bias=False)
         self.second, self.value = nn.Linear(THING, THING), nn.Linear(THING, VALUE)
-        self.register_buffer("objects", torch.arange(len(LABELS)) < len(catalog.BENCHMARK.graspables), persistent=False)
+        self.register_buffer("takes", _takes(), persistent=False)
 
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
@@ -156,15 +163,19 @@ class GroundedDetectionEncoder(Part):
         return torch.cat([total, (self._likely(detected, asked) @ seen).flatten(1)], dim=1)
 
     def places(self, detected: Tensor, asked: Asked) -> Tensor:
-        """Return in which cells of the picture X and Y can be taken, (B, SIZE)."""
+        """Return in which cells X and Y can be taken, and in which directions from another robot they are.
+
+        What a picture shows is taken to be in one room. (B, locates).
+        """
         detected = detected.float()
         sure = detected[..., 0]
         column, row, size = (detected[..., 1:PLACE] / sure.clamp(min=_LEAST).unsqueeze(2)).unbind(dim=2)
-        likely, taken = self._likely(detected, asked), torch.stack([self.objects, ~self.objects])
-        return cells_of(
-            likely * sure.unsqueeze(1), (1 - likely) * taken * sure.unsqueeze(1), (1 + column) / 2, (1 + row) / 2,
-            ((1.0 + _CELLS) ** size - 1) / _CELLS,
-        )  # fmt: skip
+        u, v, share = (1 + column) / 2, (1 + row) / 2, ((1.0 + _CELLS) ** size - 1) / _CELLS
+        likely = self._likely(detected, asked)
+        seen, others = likely * sure.unsqueeze(1), (1 - likely) * self.takes * sure.unsqueeze(1)
+        robots = (sure >= _ROBOT) & (torch.arange(len(LABELS), device=sure.device) >= THINGS)
+        one_room = torch.zeros_like(sure, dtype=torch.int64)
+        return torch.cat([cells_of(seen, others, u, v, share), bearings_of(seen, robots, one_room, u, v)], dim=1)
 
     def _likely(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return how likely each class is X, and Y, (B, ROLES, C): X less so in another colour than its own."""
@@ -181,6 +192,12 @@ class GroundedDetectionEncoder(Part):
             return _by_words(self.colour, asked)
         assert asked.wanted is not None and asked.wanted.colours is not None
         return asked.wanted.colours[:, 0]
+
+
+def _takes() -> Tensor:
+    """Return (ROLES, C) whether a Pick, and a Place, can take things of a class."""
+    number = torch.arange(len(LABELS))
+    return torch.stack([number < OBJECTS, (number >= OBJECTS) & (number < THINGS)]).float()
 
 
 def _by_words(colour: nn.Linear, asked: Asked) -> Tensor:

@@ -1,4 +1,4 @@
-"""A detector of classes: which of the benchmark's things a picture shows, where, how large, and in which colour.
+"""A detector of classes: which things and robots a picture shows, where, how large, and in which colour.
 
 A pyramid of features (:mod:`chmarl_pb.learning.networks.pyramid`) and a linear layer say of each cell of 4 x 4 pixels
 what it shows, and a table of colours (:mod:`chmarl_pb.learning.networks.colour_table`) adds what single pixels tell of
@@ -19,7 +19,7 @@ from chmarl_pb.learning.networks.colour_odds import fit_odds
 from chmarl_pb.learning.networks.colour_table import OUTPUTS, ColourTable, counted_colours
 from chmarl_pb.learning.networks.detection_losses import detection_loss
 from chmarl_pb.learning.networks.detection_metrics import detection_metrics
-from chmarl_pb.learning.networks.detections import LABELS, detections
+from chmarl_pb.learning.networks.detections import LABELS, THINGS, detections
 from chmarl_pb.learning.networks.int8 import RANGES
 from chmarl_pb.learning.networks.pyramid import FEATURES, IntegerPyramid, Pyramid, pyramid_ranges
 from chmarl_pb.learning.networks.view_parts import batch_of
@@ -30,19 +30,21 @@ if TYPE_CHECKING:
 PARTS = 0.7  # share of the epochs that see parts of the views, which take a quarter of the time
 
 _HELD = 20  # one of so many layouts is not counted, for the weight of colours to be fitted on
+_COUNTED = 32_000  # most views whose colours are counted
 
 _RARE = 0.01  # share of the cells that show a class, as it is believed before training
 _COLOURS = "colours."  # before the names of the table's parts, in a file of weights
+_UNSEEN = {"cells.weight": 0.0, "cells.bias": -100.0}  # of classes that are never seen
 _HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
 
 class Detector(nn.Module):
     """The pyramid, a linear layer for each cell, and the table of colours, which is counted after they have learned."""
 
-    learning_rate, batch = 3e-3, 32
-    views, epochs = 32_000, 8  # to learn from, and passes over them
+    learning_rate, batch = 3e-3, 64
+    views, epochs = 96_000, 8  # to learn from, and passes over them
     #: (split, whether among lookalikes) -> share of the views.
-    sources = {("train", False): 5 / 8, ("generated", True): 3 / 8}  # noqa: RUF012
+    sources = {("train", False): 1 / 3, ("generated", True): 2 / 3}  # noqa: RUF012
     #: Name of a measurement -> its views.
     checks = {"home_6": ("val-unseen", False), "generated_val": ("generated-val", True)}  # noqa: RUF012
 
@@ -74,7 +76,8 @@ class Detector(nn.Module):
             done: share of the training; at first only parts of the views are seen, see ``batch_of``.
         """
         rng = np.random.default_rng([int(rows[0]), round(done * 1e6)])
-        images, labels, colours = map(torch.from_numpy, batch_of(views, rows, rng, whole=done >= PARTS))
+        parts, device = batch_of(views, rows, rng, whole=done >= PARTS), self.cells.weight.device
+        images, labels, colours = (torch.from_numpy(part).to(device) for part in parts)
         return detection_loss(self(images).float(), labels, colours)
 
     def finish(self, views: "Views") -> None:
@@ -83,7 +86,7 @@ class Detector(nn.Module):
 
         held = np.arange(len(views)) // LAYOUT_VIEWS % _HELD == _HELD - 1
         rows, others = np.flatnonzero(~held), np.flatnonzero(held)
-        self.colours = ColourTable(*counted_colours(views, rows))
+        self.colours = ColourTable(*counted_colours(views, rows[:: -(-len(rows) // _COUNTED)]))
         fit_odds(self.eval(), views, others if len(others) else rows)
 
     @torch.no_grad()
@@ -114,7 +117,7 @@ class Detector(nn.Module):
 def read(weights: dict[str, Tensor]) -> Detector:
     """Return the detector with kept weights, in floats; its normalisations are folded.
 
-    Those from before there was a table of colours have none.
+    Those from before there was a table of colours have none, and of those from before robots were told none is seen.
 
     Raises:
         RuntimeError: the weights do not fit.
@@ -124,10 +127,17 @@ def read(weights: dict[str, Tensor]) -> Detector:
     table = {name.removeprefix(_COLOURS): value for name, value in weights.items() if name.startswith(_COLOURS)}
     detector.colours = ColourTable(**table)
     rest = {name: value.float() for name, value in weights.items() if name != RANGES and not name.startswith(_COLOURS)}
+    if len(rest["cells.bias"]) == OUTPUTS - (len(LABELS) - THINGS):
+        rest |= {name: _without_robots(rest[name], value) for name, value in _UNSEEN.items()}
     detector.load_state_dict(rest | {_COLOURS + name: part for name, part in detector.colours.state_dict().items()})
     if RANGES not in weights:
         raise RuntimeError(f"no {RANGES}")
     return detector
+
+
+def _without_robots(part: Tensor, value: float) -> Tensor:
+    """Return a part of the last layer with rows of one value for robots."""
+    return torch.cat([part[:THINGS], part.new_full((len(LABELS) - THINGS, *part.shape[1:]), value), part[THINGS:]])
 
 
 def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:

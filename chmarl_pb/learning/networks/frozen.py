@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, tensors_of
-from chmarl_pb.policies.weights import ENCODER, checked_file, published
+from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
 IMAGENET = "imagenet"  # name of torchvision's weights
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
@@ -152,8 +152,9 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     if name not in FROZEN_ENCODERS:
         raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(FROZEN_ENCODERS)}")
     encoder = frozen_encoder(name)
-    if encoder.fingerprint != fingerprint and (row := published(name, ENCODER)) is not None:
-        encoder = frozen_encoder(name, str(checked_file(row)))  # what published policies see by
+    for row in published_encoders(name):
+        if encoder.fingerprint != fingerprint:
+            encoder = frozen_encoder(name, str(checked_file(row)))  # what published policies see by
     if encoder.fingerprint != fingerprint:
         raise CheckpointError(
             f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); "

@@ -19,7 +19,7 @@ from chmarl_pb.homes.content import sha256_of
 from chmarl_pb.homes.generate.draws import VERSION
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.processes import in_processes
-from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, classes_of
 from chmarl_pb.tasks.generated_homes import numbered_homes
 from chmarl_pb.tasks.lookalike_task import draw_lookalikes
 from chmarl_pb.tasks.sampling import sample_task
@@ -41,7 +41,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Pictures with labels; V is their number, C that of ``LABELS``.
+    """Pictures with labels; V is their number, C that of ``LABELS``. A robot's own body has none.
 
     Attributes:
         images: (V, VISIBILITY_SIZE, VISIBILITY_SIZE, 3) uint8.
@@ -126,7 +126,7 @@ def _content(job: Job) -> str:
     else:
         task = load_tasks(job.split)[job.task]
         shown = [home_hash(task.home), repr(task)]
-    return sha256_of(part.encode() for part in (*shown, *among, "colours"))[:12]
+    return sha256_of(part.encode() for part in (*shown, *among, "colours", "robots"))[:12]
 
 
 def _draw(work: tuple[Job, Path]) -> None:
@@ -179,10 +179,11 @@ def layout_views(job: Job) -> Views:
     """
     rng = np.random.default_rng([job.seed, job.task])
     simulation = _laid_out(job, rng)
+    names = simulation.renderer.names
     # The last entry stands for no thing and for no label.
-    classes = np.array([*map(_label, simulation.renderer.names), len(LABELS)], np.uint8)
-    named = [catalog.colour_of(name) if job.lookalikes else 0 for name in simulation.renderer.names]
-    colours = np.array([*named, 0], np.uint8)
+    models = {name: robot.model for name, robot in simulation.robots.items()}
+    classes = np.array([*map(_label, classes_of(names, models)), len(LABELS)], np.uint8)
+    colours = np.array([*(catalog.colour_of(name) if job.lookalikes else 0 for name in names), 0], np.uint8)
     rows = []
     for _ in range(LAYOUT_VIEWS // len(simulation.robots)):
         for robot in simulation.robots.values():
@@ -190,6 +191,7 @@ def layout_views(job: Job) -> Views:
         for name in simulation.robots:
             picture = simulation.renderer.picture(name, VISIBILITY_SIZE)
             labels = classes[picture.segmentation]
+            labels[picture.segmentation == names.index(name)] = len(LABELS)
             rows.append((picture.rgb, labels, *labels_of(labels.astype(np.int64)), colours[picture.segmentation]))
     return Views(*(np.stack(column) for column in zip(*rows, strict=True)))
 
@@ -257,6 +259,5 @@ def _simulations(lookalikes: bool) -> Simulations:
     return Simulations(partial(Simulation, lookalikes=lookalikes), 5)
 
 
-def _label(name: str) -> int:
-    kind = catalog.class_of(name)
+def _label(kind: str) -> int:
     return LABELS.index(kind) if kind in LABELS else len(LABELS)

@@ -5,12 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb import catalog
+from chmarl_pb.learning.networks.detections import OBJECTS
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
-
-_OBJECTS = len(catalog.BENCHMARK.graspables)  # the first of ``LABELS``
 
 Pictures = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
 
@@ -42,7 +40,7 @@ def _windows(views: "Views", rows: NDArray[np.integer], rng: np.random.Generator
     size = views.labels.shape[1] // 2
     found = []
     for row in rows.tolist():
-        objects = np.flatnonzero(views.present[row, :_OBJECTS])
+        objects = np.flatnonzero(views.present[row, :OBJECTS])
         top, left = rng.integers(size + 1, size=2).tolist()
         if len(objects):
             places = np.argwhere(views.labels[row] == rng.choice(objects))

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from chmarl_pb.learning.networks.detections import LABELS, PLACE
+from chmarl_pb.learning.networks.detections import LABELS, PLACE, THINGS
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.pyramid import CELL
 from chmarl_pb.learning.runs.threads import threads
@@ -27,12 +27,12 @@ class DetectorEyes:
 
     @threads(1)
     def __call__(self, image: NDArray[np.uint8]) -> list[Sight]:
-        """Return the classes in a picture (height, width, 3), one thing of each."""
+        """Return the things in a picture (height, width, 3), one of each class; robots are left out."""
         found = self._detector(torch.from_numpy(image)[None])[0].double().numpy()
         cells = (image.shape[0] // CELL) * (image.shape[1] // CELL)
         return [
             self._sight(number, found[number], cells)
-            for number in np.flatnonzero(found[:, 0] >= max(self._sure, 1e-6)).tolist()
+            for number in np.flatnonzero(found[:THINGS, 0] >= max(self._sure, 1e-6)).tolist()
         ]
 
     def _sight(self, number: int, row: NDArray[np.float64], cells: int) -> Sight:
