@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = {"bc": "#54a24b", "iql": "#b279a2", "vdn": "#f58518", "qmix": "#4c78a8", "qtran": "#e45756"}
+_COLOURS |= {"pqn": "#5e3c99", "mappo": "#7fb800", "qr-dqn": "#c49c94"}
 _COLOURS |= {"ppo": "#17a2b8", "a2c": "#a8a21c", "dqn": "#8c564b", "recurrent-ppo": "#e377c2"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
 _VARIANTS = (", longer", ", grounded")  # of the paper's rows
 #: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
 _OURS = {
-    "Imitation of belief, generated homes": "#d00000", "Imitation of belief": "#000000",
+    "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
+    "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
 }  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.
