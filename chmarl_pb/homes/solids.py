@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,19 +156,35 @@ def within(sides: HalfPlanes, points: Points, margin: float = 0.0) -> NDArray[np
     return np.asarray((beyond <= margin + 1e-9).all(axis=-1).reshape(points.shape[:-1]))
 
 
+class Sides(NamedTuple):
+    """The half-planes whose common part is a convex polygon, of many polygons.
+
+    Attributes:
+        normals: (polygons, sides, 2) pointing out.
+        offsets: (polygons, sides) of the lines along the normals.
+    """
+
+    normals: Points
+    offsets: Points
+
+
 class Outlines:
-    """Many convex polygons at once, as half-planes, for tests of lines of sight."""
+    """Many convex polygons at once, as half-planes, for tests of lines of sight.
+
+    Attributes:
+        sides: of the polygons.
+    """
 
     def __init__(self, polygons: Sequence[Points]):
         """Stack polygons (k, 2), counter-clockwise; shorter ones repeat their last edge."""
         most = max((len(polygon) for polygon in polygons), default=3)
         shape = (len(polygons), most)
-        self._normals, self._offsets = np.zeros((*shape, 2)), np.zeros(shape)
+        self.sides = Sides(np.zeros((*shape, 2)), np.zeros(shape))
         for row, polygon in enumerate(polygons):
             normals = _normals(polygon)
             offsets = (normals * polygon).sum(axis=1)
             order = np.minimum(np.arange(most), len(polygon) - 1)
-            self._normals[row], self._offsets[row] = normals[order], offsets[order]
+            self.sides.normals[row], self.sides.offsets[row] = normals[order], offsets[order]
 
     def crossed(self, starts: Points, ends: Points, among: NDArray[np.int_] | None = None) -> NDArray[np.bool_]:
         """Return (n, polygons) which polygons each segment crosses, by clipping (Cyrus and Beck 1978).
@@ -178,30 +195,37 @@ class Outlines:
             among: numbers of the polygons to test; by default all.
         """
         if among is None:
-            among = np.arange(len(self._offsets))
+            among = np.arange(len(self.sides.offsets))
         starts, ends = np.ascontiguousarray(starts), np.ascontiguousarray(ends)
-        crosses = np.empty((len(starts), len(among)), np.bool_)
-        _find_crossed(self._normals, self._offsets, starts, ends, among, crosses)
-        return crosses
+        found = np.empty((len(starts), len(among)), np.bool_)
+        _find_crossed(self.sides, starts, ends, among, found)
+        return found
 
 
 @compiled
-def _find_crossed(normals, offsets, starts, ends, among, crosses):  # type: ignore[no-untyped-def]
-    """Set ``crosses`` (n, m): a segment runs in a polygon from its last entry into a half-plane to its first exit."""
+def _find_crossed(sides, starts, ends, among, found):  # type: ignore[no-untyped-def]
+    """Set ``found`` (n, m): which of some polygons each segment crosses."""
     for row in range(len(starts)):
         for column in range(len(among)):
-            polygon, entry, leave = among[column], 0.0, 1.0
-            for side in range(offsets.shape[1]):
-                x, y, offset = normals[polygon, side, 0], normals[polygon, side, 1], offsets[polygon, side]
-                before = starts[row, 0] * x + starts[row, 1] * y - offset
-                after = ends[row, 0] * x + ends[row, 1] * y - offset
-                if before > 0:
-                    entry = np.inf if after > 0 else max(entry, before / (before - after))
-                elif after > 0:
-                    leave = min(leave, before / (before - after))
-                if entry > leave:
-                    break
-            crosses[row, column] = entry <= leave
+            found[row, column] = crosses(
+                sides, among[column], starts[row, 0], starts[row, 1], ends[row, 0], ends[row, 1]
+            )
+
+
+@compiled
+def crosses(sides, polygon, start_x, start_y, end_x, end_y):  # type: ignore[no-untyped-def]
+    """Return whether a segment runs in a polygon from its last entry into a half-plane to its first exit."""
+    entry, leave = 0.0, 1.0
+    for side in range(sides.offsets.shape[1]):
+        x, y, offset = sides.normals[polygon, side, 0], sides.normals[polygon, side, 1], sides.offsets[polygon, side]
+        before, after = start_x * x + start_y * y - offset, end_x * x + end_y * y - offset
+        if before > 0:
+            entry = np.inf if after > 0 else max(entry, before / (before - after))
+        elif after > 0:
+            leave = min(leave, before / (before - after))
+        if entry > leave:
+            break
+    return entry <= leave
 
 
 def segments_hit(polygon: Points, starts: Points, ends: Points, radius: float) -> NDArray[np.bool_]:

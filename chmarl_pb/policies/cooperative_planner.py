@@ -100,7 +100,7 @@ class GraspingPlanner:
         seen = set(self.oracle.seen_from(robot.name, pose))
         targets = [name for name in self.goal.receptacles if name in seen] or list(self.goal.receptacles)
         x, y, _ = robot.lattice.pose(pose)
-        return min(targets, key=lambda name: float(np.hypot(*(self.oracle.centre(name)[:2] - (x, y)))))
+        return min(targets, key=lambda name: float(np.hypot(*(self.oracle.ball(name)[:2] - (x, y)))))
 
 
 class FlightPlanner:
@@ -154,10 +154,10 @@ class FlightPlanner:
 
     def _sees(self, poses: NDArray[np.int64], wanted: str) -> NDArray[np.bool_]:
         """Return whether the robot sees a thing from poses; true for the first of them alone."""
-        model, oracle = self._robot.model, self._oracle
+        model, oracle, ball = self._robot.model, self._oracle, self._oracle.ball(wanted)
         slope = np.tan(np.radians(model.camera.fov) / 2)
-        reach = model.altitude * slope + oracle.radius(wanted)  # metres along the floor: it surely sees no farther
-        away = np.abs(self._robot.lattice.points[poses] - oracle.centre(wanted)[:2]).max(axis=1)
+        reach = model.altitude * slope + ball[3]  # metres along the floor: it surely sees no farther
+        away = np.abs(self._robot.lattice.points[poses] - ball[:2]).max(axis=1)
         sees = np.zeros(len(poses), dtype=bool)
         for number in np.flatnonzero(away < reach):
             if wanted in oracle.seen_from(self._robot.name, int(poses[number])):

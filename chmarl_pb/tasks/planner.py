@@ -18,6 +18,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.compiled import compiled
 from chmarl_pb.errors import TaskError
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
@@ -128,26 +129,21 @@ class Oracle:
         finally:
             self.world.state = before
 
-    def centre(self, name: str) -> NDArray[np.float64]:
-        """Return the middle (x, y, z) of an object present or of a receptacle, metres."""
+    def ball(self, name: str) -> NDArray[np.float64]:
+        """Return x, y, z and radius, metres, of a ball that holds an object present or a receptacle."""
         if name in self.world.state.objects.poses:
-            x, y, z = self.world.pose(name)[0]
-            return np.array([x, y, z + self.world.size(name)[2] / 2])
-        low, high = self._box(name)
-        return (low + high) / 2
-
-    def radius(self, name: str) -> float:
-        """Return the radius in metres of a ball about its centre that holds an object or a receptacle."""
-        if name in self.world.state.objects.poses:
-            return float(np.linalg.norm(self.world.size(name))) / 2 + 0.05
-        low, high = self._box(name)
-        return float(np.linalg.norm(high - low)) / 2 + 0.1  # what is drawn may jut out a little
+            (x, y, z), size = self.world.pose(name)[0], self.world.size(name)
+            return np.array([x, y, z + size[2] / 2, np.linalg.norm(size) / 2 + 0.05])
+        solids = self.space.home.receptacles[name].solids
+        low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
+        high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
+        return np.array([*(low + high) / 2, np.linalg.norm(high - low) / 2 + 0.1])  # what is drawn may jut out a little
 
     def _to_place(self, goal: Goal, start: int, taken: Cells) -> list[str]:
         """Return the actions from a pose with the object in hand up to Place."""
         if self.robot.plan("place", goal, goal.receptacles, taken) is None:
             raise TaskError(f"{goal.item} has no free place within reach on {' or '.join(goal.receptacles)}")
-        balls = [self._ball(name) for name in goal.receptacles]
+        balls = np.stack([self.ball(name) for name in goal.receptacles])
         works = partial(self.useful, goal, taken=taken)
         return self._search(start, " or ".join(goal.receptacles), balls, lambda: True, works, taken)
 
@@ -155,7 +151,7 @@ class Oracle:
         """Return the actions with an empty hand up to Pick."""
         could = partial(self.renderer.could_see, self.robot.name, goal.item)
         works = partial(self.useful, goal, goals, taken)
-        return self._search(self.robot.pose, what, [self._ball(goal.item)], could, works, taken)
+        return self._search(self.robot.pose, what, self.ball(goal.item)[None], could, works, taken)
 
     def _put_away(self, held: str, goal: Goal, goals: Sequence[Goal], alone: bool) -> list[str]:
         """Return the actions that put down what no goal asks for, as soon as possible, and then reach a goal."""
@@ -167,12 +163,8 @@ class Oracle:
         finally:
             self.world.sync()
 
-    def _ball(self, name: str) -> tuple[NDArray[np.float64], float]:
-        """Return the middle and the radius of a ball that holds an object or a receptacle."""
-        return self.centre(name), self.radius(name)
-
     def _search(
-        self, start: int, what: str, balls: Sequence[tuple[NDArray[np.float64], float]], could: Callable[[], bool],
+        self, start: int, what: str, balls: NDArray[np.float64], could: Callable[[], bool],
         works: Callable[[], Iterator[str]], taken: Cells,
     ) -> list[str]:  # fmt: skip
         """Return the shortest way to a pose where a Pick, or a Place, works, and that at its end.
@@ -180,7 +172,7 @@ class Oracle:
         Args:
             start: the pose to start from.
             what: is to be seen.
-            balls: in which it lies, one of them.
+            balls: (m, 4) centres and radii of balls in one of which it lies.
             could: whether it can be seen if nothing hides it, when the robot stands there.
             works: yields the Picks, or Places, that work then; it may draw a view of the home.
             taken: cells in which other robots stand.
@@ -189,9 +181,8 @@ class Oracle:
 
         def sees(poses: NDArray[np.int64]) -> NDArray[np.bool_]:
             nonlocal looks, action
-            maybe = np.logical_or.reduce([self.outlook.may_see(poses, centre, radius) for centre, radius in balls])
             found = np.zeros(len(poses), dtype=bool)
-            for number in np.flatnonzero(maybe):
+            for number in np.flatnonzero(self.outlook.may_see(poses, balls)):
                 with self._standing(int(poses[number])):
                     if not could():
                         continue
@@ -246,12 +237,6 @@ class Oracle:
             self.robot.hold(item, self.robot.turn_of(item, stand))
             yield
 
-    def _box(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        solids = self.space.home.receptacles[name].solids
-        low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
-        high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
-        return low, high
-
 
 def free_moves(lattice: AnyLattice, taken: Cells) -> NDArray[np.int32]:
     """Return a lattice's moves where others stand: Goto takes the nearest free cell, other moves are blocked."""
@@ -282,16 +267,24 @@ def breadth_first(start: int, moves: NDArray[np.int32], sees: Seer) -> list[int]
         passed = np.flatnonzero(sees(frontier))
         if len(passed):
             return _path(int(frontier[passed[0]]), start, parent, kind)
-        following = []
-        for number in range(moves.shape[1]):
-            ends = moves[frontier, number]
-            reached, first = np.unique(ends, return_index=True)
-            new = (reached >= 0) & (parent[reached] < 0)
-            parent[reached[new]] = frontier[first[new]]
-            kind[reached[new]] = number
-            following.append(reached[new])
-        frontier = np.concatenate(following).astype(np.int64)
+        following = np.empty(len(moves), dtype=np.int64)
+        frontier = following[: _expand(frontier, moves, parent, kind, following)]
     return None
+
+
+@compiled
+def _expand(frontier, moves, parent, kind, following):  # type: ignore[no-untyped-def]
+    """Set the poses that are one move farther, ordered by the kind of move and then by number; return how many."""
+    count = 0
+    for number in range(moves.shape[1]):
+        first = count
+        for pose in frontier:
+            end = moves[pose, number]
+            if end >= 0 and parent[end] < 0:
+                parent[end], kind[end], following[count] = pose, number, end
+                count += 1
+        following[first:count].sort()
+    return count
 
 
 def _path(pose: int, start: int, parent: NDArray[np.int64], kind: NDArray[np.int64]) -> list[int]:

@@ -150,7 +150,8 @@ def _is_seen(simulation: Simulation, receptacle: str) -> bool:
     for x, y, z, yaw in places[:: max(1, len(places) // 3)].tolist():
         world.clear()
         world.place(item, (x, y, z), yaw_quaternion(yaw), receptacle)
-        poses = np.flatnonzero(oracle.outlook.may_see(np.arange(robot.lattice.count), oracle.centre(item), 0.05))
+        ball = np.array([[*oracle.ball(item)[:3], 0.05]])
+        poses = np.flatnonzero(oracle.outlook.may_see(np.arange(robot.lattice.count), ball))
         away = np.hypot(*(robot.lattice.points[poses // HEADINGS] - (x, y)).T)
         near = poses[np.argsort(away, kind="stable")][:_NEAR]
         for pose in near[:: max(1, len(near) // _GLANCES)].tolist():

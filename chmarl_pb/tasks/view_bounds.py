@@ -1,15 +1,34 @@
 """From which poses can a thing be seen? A cheap sure "no", before a picture gives the answer."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.homes.solids import Outlines, Points
+from chmarl_pb.compiled import compiled
+from chmarl_pb.homes.solids import Outlines, Points, crosses
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import FOOTPRINT, HEADINGS
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
-from chmarl_pb.robots.model import CameraMount, RobotModel
+from chmarl_pb.robots.model import RobotModel
 
 _WALL_HEIGHT = 2.2  # metres: a wall at least this high hides all that lies behind it from an eye below its top
+
+
+class Cone(NamedTuple):
+    """What a camera sees at most, seen from its robot's base.
+
+    Attributes:
+        height: of the lens above the floor, metres.
+        sine: of the pitch.
+        cosine: of the pitch.
+        slope: of the picture's edges.
+    """
+
+    height: float
+    sine: float
+    cosine: float
+    slope: float
 
 
 class Outlook:
@@ -17,8 +36,12 @@ class Outlook:
 
     def __init__(self, space: Space, model: RobotModel):
         """Collect the walls that are higher than the robot's camera."""
-        self.lattice, self.camera = space.lattice_of(model.footprint), model.camera
-        height = model.camera.position[2]
+        self.lattice, camera = space.lattice_of(model.footprint), model.camera
+        (forward, left, height), yaw = camera.position, 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+        slope = float(np.tan(np.radians(camera.fov) / 2))
+        self._cone = Cone(height, float(np.sin(camera.pitch)), float(np.cos(camera.pitch)), slope)
+        self._ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        self._lenses = forward * self._ahead + left * self._ahead[:, ::-1] * (-1, 1)  # from the base, by heading
         self._walls = Outlines(
             [
                 solid.polygon
@@ -29,49 +52,62 @@ class Outlook:
             ]
         )
 
-    def may_see(self, poses: NDArray[np.int64], centre: Points, radius: float) -> NDArray[np.bool_]:
-        """Return which poses (n,) may see something of a ball.
+    def may_see(self, poses: NDArray[np.int64], balls: Points) -> NDArray[np.bool_]:
+        """Return which poses (n,) may see something of one of some balls.
 
         Args:
             poses: poses on the lattice.
-            centre: of the ball (3,), metres.
-            radius: of the ball, metres.
+            balls: (m, 4) their centres and radii, metres.
         """
-        position, heading = np.divmod(poses, HEADINGS)
-        yaw = 2 * np.pi * heading / HEADINGS
-        (forward, left, _), cosine, sine = self.camera.position, np.cos(yaw), np.sin(yaw)
-        offset = forward * np.stack([cosine, sine], axis=1) + left * np.stack([-sine, cosine], axis=1)
-        lenses = self.lattice.points[position] + offset
-        seen = _shows(self.camera, lenses, yaw, centre, radius)
-        seen[seen] = ~self._behind_wall(lenses[seen], centre[:2], radius)
+        seen = np.zeros(len(poses), np.bool_)
+        _find_seen(poses, balls, self.lattice.points, self._ahead, self._lenses, self._cone, self._walls.sides, seen)
         return seen
 
-    def _behind_wall(self, lenses: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-        """Return from which lenses one wall covers the whole ball: it crosses both outermost lines of sight."""
-        away = centre - lenses
-        distance = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        ahead = away / distance
-        front = centre - radius * ahead
-        side = radius * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        hidden = (self._walls.crossed(lenses, front + side) & self._walls.crossed(lenses, front - side)).any(axis=1)
-        behind: NDArray[np.bool_] = hidden & (distance[:, 0] > 2 * radius)
-        return behind
+
+@compiled
+def _find_seen(poses, balls, points, ahead, lenses, cone, walls, seen):  # type: ignore[no-untyped-def]
+    """Set ``seen`` (n,): whether a pose may see something of one of the balls."""
+    for row in range(len(poses)):
+        place, heading = poses[row] // HEADINGS, poses[row] % HEADINGS
+        x, y = points[place, 0] + lenses[heading, 0], points[place, 1] + lenses[heading, 1]
+        for ball in balls:
+            right, up, radius = ball[0] - x, ball[1] - y, ball[3]
+            forward = ahead[heading, 0] * right + ahead[heading, 1] * up
+            left = ahead[heading, 0] * up - ahead[heading, 1] * right
+            if _shows(cone, forward, left, ball[2] - cone.height, radius) and not _is_behind_wall(
+                walls, x, y, right, up, radius
+            ):
+                seen[row] = True
+                break
 
 
-def _shows(camera: CameraMount, lenses: Points, yaw: Points, centre: Points, radius: float) -> NDArray[np.bool_]:
-    """Return from which lenses the ball touches a camera's cone of view and is not too far away to be visible."""
-    offset = centre[:2] - lenses
-    forward = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
-    left = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]
-    up, sine, cosine = centre[2] - camera.position[2], np.sin(camera.pitch), np.cos(camera.pitch)
-    depth = cosine * forward - sine * up
-    height = sine * forward + cosine * up
-    slope = np.tan(np.radians(camera.fov) / 2)
-    allowance = radius * np.hypot(1, slope)
-    inside = (depth > -radius) & (np.abs(left) <= depth * slope + allowance)
-    touches = inside & (np.abs(height) <= depth * slope + allowance)
-    beside = np.maximum(depth**2 - radius**2, 1e-9) * slope / (VISIBILITY_SIZE * radius * 1.01)
-    wide, high = ((np.abs(depth) + np.abs(off)) / beside for off in (left, height))  # pixels, of what is ahead
-    few = (np.floor(wide) + 1) * (np.floor(high) + 1) < VISIBLE_PIXELS
-    shows: NDArray[np.bool_] = touches & ~(few & (depth > radius))
-    return shows
+@compiled
+def _shows(cone, forward, left, up, radius):  # type: ignore[no-untyped-def]
+    """Return whether a ball touches the cone of view, and is not too far away to be visible."""
+    depth = cone.cosine * forward - cone.sine * up
+    height = cone.sine * forward + cone.cosine * up
+    most = depth * cone.slope + radius * np.hypot(1.0, cone.slope)
+    if depth <= -radius or abs(left) > most or abs(height) > most:
+        return False
+    if depth <= radius:
+        return True
+    beside = max(depth**2 - radius**2, 1e-9) * cone.slope / (VISIBILITY_SIZE * radius * 1.01)
+    wide, high = (depth + abs(left)) / beside, (depth + abs(height)) / beside  # pixels
+    return (np.floor(wide) + 1) * (np.floor(high) + 1) >= VISIBLE_PIXELS
+
+
+@compiled
+def _is_behind_wall(walls, x, y, right, up, radius):  # type: ignore[no-untyped-def]
+    """Return whether one wall covers a whole ball: it crosses both outermost lines of sight."""
+    distance = max(np.hypot(right, up), 1e-9)
+    if distance <= 2 * radius:
+        return False
+    right, up = right / distance, up / distance
+    front_x, front_y = x + right * (distance - radius), y + up * (distance - radius)
+    across, along = -up * radius, right * radius
+    for wall in range(len(walls.offsets)):
+        if crosses(walls, wall, x, y, front_x + across, front_y + along) and crosses(
+            walls, wall, x, y, front_x - across, front_y - along
+        ):
+            return True
+    return False

@@ -19,7 +19,7 @@ def test_what_is_seen_was_not_ruled_out(simulation: Simulation, tasks: list[Task
         robot.spawn(pose)
         seen = renderer.visible(robot.name)
         for item in world.objects:
-            may = oracle.outlook.may_see(np.array([pose]), oracle.centre(item), oracle.radius(item))[0]
+            may = oracle.outlook.may_see(np.array([pose]), oracle.ball(item)[None])[0]
             could = renderer.could_see(robot.name, item)
             assert item not in seen or (may and could)
             ruled_out += not could
