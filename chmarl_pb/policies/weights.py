@@ -98,9 +98,9 @@ def published(name: str, kind: str = POLICY) -> Weights | None:
 
 
 def published_encoders(name: str) -> list[Weights]:
-    """Return the encoders of a kind that come with the package: ``name`` itself, and earlier ones ``name-...``."""
+    """Return the encoders of one name that come with the package: ``name`` itself, and earlier ones ``name-...``."""
     rows = read_manifest(weights_folder()).values()
-    return [row for row in rows if row.kind == ENCODER and row.name.partition("-")[0] == name]
+    return [row for row in rows if row.kind == ENCODER and f"{row.name}-".startswith(f"{name}-")]
 
 
 def checked_file(row: Weights) -> Path:
