@@ -67,7 +67,7 @@ class TrueEyes:
         for number, robot in enumerate(self._robots):
             segmentation = renderer.picture(robot, VISIBILITY_SIZE).segmentation
             others = np.where(segmentation == renderer.names.index(robot), -1, segmentation)
-            shown = detections_of(others, classes_of(renderer.names, self._models), renderer.names)
+            shown = detections_of(others, classes_of(renderer.names, self._models), renderer.names)[: found.shape[1]]
             # Elsewhere the number in an object's name is not that of its colour, and nothing asks for colours.
             width = None if self._env.options.lookalikes else PLACE
             found[number, self._told, :width] = shown[self._told, :width].to(found.dtype)

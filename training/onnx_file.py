@@ -8,7 +8,6 @@ from torch import Tensor, nn
 from chmarl_pb import extras
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.colour_table import ColourTable, codes_of, levels_of
-from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.learning.networks.detector import Detector, read
 from chmarl_pb.learning.networks.frozen import read_weights
 from chmarl_pb.learning.networks.pyramid import CELL
@@ -33,7 +32,7 @@ class Exported(nn.Module):
         cells, table = self.detector.cells(self.detector.network(images)), self.detector.colours
         if len(table.codes):
             cells = cells + table.worth(_levels(table, images))
-        return torch.sigmoid(cells[:, : len(LABELS)].amax(dim=(2, 3))), cells
+        return torch.sigmoid(cells[:, : self.detector.classes].amax(dim=(2, 3))), cells
 
 
 def _levels(table: ColourTable, images: Tensor) -> Tensor:

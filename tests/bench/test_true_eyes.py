@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from benchmarks.true_eyes import TRUE, detections_of
-from chmarl_pb.learning.networks.colour_table import OUTPUTS
+from chmarl_pb import catalog
 from chmarl_pb.learning.networks.detections import LABELS, detections
 
 MUG, SOFA, ROBOT = (LABELS.index(name) for name in ("mug", "sofa", "humanoid"))
@@ -14,7 +14,7 @@ MUG, SOFA, ROBOT = (LABELS.index(name) for name in ("mug", "sofa", "humanoid"))
 def test_truth_is_what_a_sure_detector_finds() -> None:
     segmentation = np.full((128, 128), -1)
     segmentation[40:48, 80:96], segmentation[64:128, :], segmentation[0, :3] = 0, 1, 3  # the last has too few pixels
-    logits = torch.full((OUTPUTS, 32, 32), -20.0)
+    logits = torch.full((len(LABELS) + len(catalog.COLOURS), 32, 32), -20.0)
     logits[MUG, 10:12, 20:24], logits[SOFA, 16:32] = 20.0, 20.0
     names = ("mug_1", "bedroom/sofa_1", "bedroom/wall_1", "fork_1")
     found = detections_of(segmentation, ("mug", "sofa", "wall", "fork"), names)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chmarl_pb import catalog
-from chmarl_pb.learning.networks.colour_table import OUTPUTS, SHARES, ColourTable, codes_of, counted_colours
+from chmarl_pb.learning.networks.colour_table import SHARES, ColourTable, codes_of, counted_colours
 from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
 from chmarl_pb.learning.networks.detector import Detector, read
 from chmarl_pb.learning.networks.labelled_views import Views
@@ -69,7 +69,7 @@ def test_a_picture_has_the_same_evidence_whatever_it_is_seen_with() -> None:
     table = ColourTable(*counted_colours(views_of((BLUE, MUG, RED_NAME)), np.arange(4)), torch.rand(2, 256))
     images = torch.from_numpy(views_of((BLUE, MUG, 0), (BROWN, APPLE, 0), size=18).images)
     assert torch.equal(torch.cat([table(image[None]) for image in images]), table(images))
-    assert table(images).shape == (4, OUTPUTS, 5, 5)
+    assert table(images).shape == (4, len(LABELS) + len(catalog.COLOURS), 5, 5)
     assert not table(images)[:, OBJECTS : len(LABELS)].any()  # of receptacles it tells nothing
 
 

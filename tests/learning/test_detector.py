@@ -10,7 +10,7 @@ from chmarl_pb import catalog
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder, int8
-from chmarl_pb.learning.networks.colour_table import LEVELS, OUTPUTS, SHARES, ColourTable, codes_of
+from chmarl_pb.learning.networks.colour_table import LEVELS, SHARES, ColourTable, codes_of
 from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
 from chmarl_pb.learning.networks.detections import (
     LABELS,
@@ -33,6 +33,7 @@ from tests.helpers.frozen_weights import pictures
 from training.onnx_file import write_onnx
 
 NOTHING = len(LABELS)
+OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
 CLASSES = len(catalog.BENCHMARK.rows) + 1
 GRASPABLE, RECEPTACLE = LABELS.index("mug"), LABELS.index("sofa")
 
@@ -111,13 +112,18 @@ def test_half_a_confidence_halves_place_and_size() -> None:
     assert not sure[4:].any()  # receptacles have no colour by name
 
 
-def test_detectors_from_before_robots_were_told_see_none(weights: dict[str, torch.Tensor]) -> None:
+def test_detectors_from_before_robots_were_told_know_things_alone(weights: dict[str, torch.Tensor]) -> None:
     known = torch.cat([torch.arange(THINGS), torch.arange(NOTHING, OUTPUTS)])
     before = {name: part[known] if name.startswith("cells.") else part for name, part in weights.items()}
     images = pictures(3, 64)
-    found, now = build(before)(images), build(weights)(images)
-    assert not found[:, THINGS:].any() and now[:, THINGS:].any()
-    assert torch.equal(found[:, :THINGS], now[:, :THINGS])
+    found, now = FrozenEncoder("detector", before), FrozenEncoder("detector", weights)
+    assert (found.shape, now.shape) == ((THINGS, 6), SHAPE)
+    assert now(images)[:, THINGS:].any() and torch.equal(found(images), now(images)[:, :THINGS])
+    assert GroundedDetectionEncoder(classes=THINGS).locates < GroundedDetectionEncoder().locates  # no directions
+    with pytest.raises(RuntimeError, match="of 5 classes"):
+        build(
+            {name: part[: 5 + len(catalog.COLOURS)] if name == "cells.bias" else part for name, part in weights.items()}
+        )
 
 
 def test_whole_numbers_are_near_floats_and_the_same_by_either_way(monkeypatch: pytest.MonkeyPatch) -> None:

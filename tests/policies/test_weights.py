@@ -1,6 +1,7 @@
 """Weights that come with the package: found by name, checked by their hash."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,18 @@ def test_what_comes_with_the_package_is_what_the_manifest_says() -> None:
     for row in rows.values():
         assert file_hash(WEIGHTS_DIR / row.file) == row.sha256
         assert (ROOT / row.result).is_file() and row.trained_by.startswith(("python -m ", "chmarl-pb "))
+
+
+@pytest.mark.parametrize("name", [row.name for row in read_manifest(WEIGHTS_DIR).values() if row.kind == POLICY])
+def test_every_policy_that_comes_with_the_package_acts(name: str) -> None:
+    source = chmarl_pb.load_policy(name)
+    options = {**source.options, "split": "val-unseen"}
+    with closing(chmarl_pb.parallel_env(options.pop("observation"), **options)) as env:
+        observations, infos = env.reset(seed=0)
+        policy = source.make(env)
+        policy.reset(0)
+        actions = policy.act(observations, infos)
+        assert all(env.action_space(robot).contains(actions[robot]) for robot in actions) and actions
 
 
 def test_a_name_is_a_policy_with_its_rules(folder: Path) -> None:

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.colour_table import LEVELS
 from chmarl_pb.learning.networks.detection_losses import targets
-from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
+from chmarl_pb.learning.networks.detections import OBJECTS
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.detector import Detector
@@ -46,7 +46,7 @@ def fit_odds(detector: "Detector", views: "Views", rows: NDArray[np.integer]) ->
     shown = torch.from_numpy(views.present[rows, :OBJECTS]).float()
     _, colour = targets(torch.from_numpy(views.labels[rows]), torch.from_numpy(views.colours[rows]))
     known = colour > 0
-    hues, named = (part.permute(0, 2, 3, 1)[known] for part in (logits[:, len(LABELS) :], evidence[:, OBJECTS:]))
+    hues, named = (part.permute(0, 2, 3, 1)[known] for part in (logits[:, detector.classes :], evidence[:, OBJECTS:]))
     classes, objects = logits[:, :OBJECTS].flatten(2), evidence[:, :OBJECTS].flatten(2)
 
     def of_pictures(numbers: Tensor) -> Tensor:
@@ -62,7 +62,7 @@ def fit_odds(detector: "Detector", views: "Views", rows: NDArray[np.integer]) ->
     assert detector.cells.bias is not None
     for part in (detector.cells.weight, detector.cells.bias):
         part.data[:OBJECTS] *= scale
-        part.data[len(LABELS) :] *= hue_scale
+        part.data[detector.classes :] *= hue_scale
 
 
 def _fitted(loss: Callable[[Tensor], Tensor]) -> Tensor:

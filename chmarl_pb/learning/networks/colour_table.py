@@ -18,7 +18,6 @@ from chmarl_pb.learning.networks.pyramid import CELL
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
-OUTPUTS = len(LABELS) + len(catalog.COLOURS)  # logits of a cell
 SHARES = OBJECTS + len(catalog.COLOURS)  # columns of a table
 LEVELS = 256  # of evidence
 
@@ -39,7 +38,10 @@ class ColourTable(nn.Module):
     odds: Tensor
     rows: Tensor
 
-    def __init__(self, codes: Tensor | None = None, shares: Tensor | None = None, odds: Tensor | None = None) -> None:
+    def __init__(
+        self, codes: Tensor | None = None, shares: Tensor | None = None, odds: Tensor | None = None,
+        classes: int = len(LABELS),
+    ) -> None:  # fmt: skip
         """Take a table; without one there is no evidence.
 
         Args:
@@ -47,8 +49,10 @@ class ColourTable(nn.Module):
             shares: (K, SHARES) uint8 how large a part of a colour's pixels is of each object, in steps of 1 / 255, and
                 of those of objects whose colour has a name, of each name.
             odds: (2, LEVELS) what evidence adds to the logits of a class, and of a colour by name.
+            classes: number of the logits of a cell before those of colours.
         """
         super().__init__()
+        self._classes = classes
         self.register_buffer("codes", torch.empty(0, dtype=torch.int32) if codes is None else codes)
         self.register_buffer("shares", torch.empty(0, SHARES, dtype=torch.uint8) if shares is None else shares)
         self.register_buffer("odds", torch.zeros(2, LEVELS) if odds is None else odds)
@@ -72,14 +76,14 @@ class ColourTable(nn.Module):
         return levels_of(sums, pixels).view(count, rows, columns, SHARES)
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return what is added to the logits (B, OUTPUTS, rows, columns) of pictures (B, height, width, 3)."""
+        """Return what is added to the logits (B, classes + colours, rows, columns) of (B, height, width, 3) images."""
         return self.worth(self.levels(images))
 
     def worth(self, levels: Tensor) -> Tensor:
-        """Return what evidence (B, rows, columns, SHARES) adds to the logits (B, OUTPUTS, rows, columns)."""
-        logits = torch.zeros(*levels.shape[:3], OUTPUTS)
+        """Return what evidence (B, rows, columns, SHARES) adds to the logits (B, classes + colours, rows, columns)."""
+        logits = torch.zeros(*levels.shape[:3], self._classes + len(catalog.COLOURS))
         logits[..., :OBJECTS] = self.odds[0][levels[..., :OBJECTS]]
-        logits[..., len(LABELS) :] = self.odds[1][levels[..., OBJECTS:]]
+        logits[..., self._classes :] = self.odds[1][levels[..., OBJECTS:]]
         return logits.permute(0, 3, 1, 2)
 
 

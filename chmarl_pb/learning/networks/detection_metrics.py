@@ -62,7 +62,7 @@ def detection_metrics(found: np.ndarray, views: "Views") -> dict[str, Any]:
         fits = (pixels >= least) & (pixels < most)
         each = [
             average_precision(scores[rows, number], fits[rows, number])
-            for number in range(len(LABELS))
+            for number in range(scores.shape[1])
             if fits[:, number].sum() >= _FEWEST
             for rows in [fits[:, number] | ~views.present[:, number]]
         ]

@@ -27,6 +27,7 @@ LABELS = (*catalog.BENCHMARK.graspables, *catalog.BENCHMARK.receptacles, *catalo
 THINGS = len(LABELS) - len(catalog.BENCHMARK.robots)  # classes that are no robots; they come first
 PLACE = 4  # numbers of a class before those of its colour
 SHAPE = (len(LABELS), PLACE + 2)
+SHAPES = (SHAPE, (THINGS, PLACE + 2))  # the second: of detectors from before robots were told
 _IDS = tuple(catalog.BENCHMARK.class_ids[name] for name in LABELS)
 HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in each
 THING, VALUE = 64, 16  # features of a class that is seen, and those of them that are told of X and of Y
@@ -39,7 +40,7 @@ _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on 
 
 
 def detections(logits: Tensor) -> Tensor:
-    """Return (C, 6) from the logits (C + colours, rows, columns) of one picture.
+    """Return (C, 6) from the logits (C + colours, rows, columns) of one picture, of the first C of ``LABELS``.
 
     In a row: the confidence, that of the surest cell; the confidence times the mean column and the mean row of the
     cells that are at least half as sure, both in [-1, 1], and times the logarithm of their number, 1 for all; then, of
@@ -49,9 +50,9 @@ def detections(logits: Tensor) -> Tensor:
     Sums are those of whole numbers, and exact; all else is computed in float64 from few numbers.
     """
     rows, columns = logits.shape[1:]
-    flat = logits.flatten(1)
-    confidence = torch.sigmoid(flat[: len(LABELS)].amax(dim=1).double())
-    found = torch.zeros(SHAPE, dtype=torch.float64)
+    flat, classes = logits.flatten(1), len(logits) - len(catalog.COLOURS)
+    confidence = torch.sigmoid(flat[:classes].amax(dim=1).double())
+    found = torch.zeros(classes, PLACE + 2, dtype=torch.float64)
     seen = torch.nonzero(confidence >= _LEAST).squeeze(1)
     sure = confidence[seen].unsqueeze(1)
     cells = (flat[seen] >= torch.logit(sure / 2).float()).float()
@@ -60,7 +61,7 @@ def detections(logits: Tensor) -> Tensor:
     places = torch.stack([_centred(column / count, columns), _centred(row / count, rows), size], dim=1)
     found[seen, 0], found[seen, 1:PLACE] = sure.squeeze(1), places * sure
     objects = seen < OBJECTS
-    found[seen[objects], PLACE:] = _colours(flat[len(LABELS) :], cells[objects], count[objects])
+    found[seen[objects], PLACE:] = _colours(flat[classes:], cells[objects], count[objects])
     return found.float()
 
 
@@ -94,18 +95,19 @@ class DetectionEncoder(Part):
 
     asks = True
 
-    def __init__(self, meaning: nn.Linear | None = None):
+    def __init__(self, meaning: nn.Linear | None = None, classes: int = len(LABELS)):
         """Make the tables.
 
         Args:
             meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
+            classes: number of the first of ``LABELS`` that are detected.
         """
         super().__init__()
         self.size = EMBEDDING + HEADS * (PLACE + 1)
         if meaning is not None:
-            self.classes: Table = VectorTable(class_vectors()[list(_IDS)], SHAPE[0], meaning)
+            self.classes: Table = VectorTable(class_vectors()[list(_IDS[:classes])], classes, meaning)
         else:
-            self.classes = nn.Embedding(SHAPE[0], EMBEDDING)
+            self.classes = nn.Embedding(classes, EMBEDDING)
         self.key = nn.Linear(EMBEDDING, HEADS * KEY)
         self.query = nn.Linear(EMBEDDING, HEADS * KEY)
         self.colour = nn.Linear(EMBEDDING, len(catalog.COLOURS))
@@ -132,31 +134,33 @@ class GroundedDetectionEncoder(Part):
 
     asks = True
     matches = True
-    locates = TAKEN + BEARINGS
     takes: Tensor
     size = THING + ROLES * (PLACE + 1 + VALUE)
 
-    def __init__(self, meaning: nn.Linear | None = None, lookalikes: bool = False):
+    def __init__(self, meaning: nn.Linear | None = None, lookalikes: bool = False, classes: int = len(LABELS)):
         """Make the layers.
 
         Args:
             meaning: map of word vectors that the table of classes is made by; None: it is learned row by row.
             lookalikes: whether instructions name the colour of X.
+            classes: number of the first of ``LABELS`` that are detected; without robots there are no directions.
         """
         super().__init__()
+        self._ids, self._robots = list(_IDS[:classes]), classes > THINGS
+        self.locates = TAKEN + BEARINGS * self._robots
         self.classes = class_table(len(catalog.BENCHMARK.rows) + 1, meaning)
         self.colours: Table | None = colour_table(len(catalog.COLOURS) + 1, meaning) if lookalikes else None
         self.colour = None if lookalikes else nn.Linear(EMBEDDING, len(catalog.COLOURS))
         self.named, self.placed = nn.Linear(EMBEDDING, THING), nn.Linear(PLACE - 1, THING, bias=False)
         self.second, self.value = nn.Linear(THING, THING), nn.Linear(THING, VALUE)
-        self.register_buffer("takes", _takes(), persistent=False)
+        self.register_buffer("takes", _takes()[:, :classes], persistent=False)
 
     def forward(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return (B, size) from detections (B, C, 6) and what the instruction asks for."""
         detected = detected.float()
         sure = detected[..., :1]
         places = detected[..., 1:PLACE] / sure.clamp(min=_LEAST)
-        things = torch.relu(self.second(torch.relu(self.named(self.classes.weight[list(_IDS)]) + self.placed(places))))
+        things = torch.relu(self.second(torch.relu(self.named(self.classes.weight[self._ids]) + self.placed(places))))
         total = (sure * things).sum(dim=1) / sure.sum(dim=1).clamp(min=1)
         painted = _painted(detected, self._wanted_colours(asked)).unsqueeze(2)
         seen = torch.cat([detected[..., :PLACE], painted, sure * self.value(things)], dim=2)
@@ -173,14 +177,17 @@ class GroundedDetectionEncoder(Part):
         u, v, share = (1 + column) / 2, (1 + row) / 2, ((1.0 + _CELLS) ** size - 1) / _CELLS
         likely = self._likely(detected, asked)
         seen, others = likely * sure.unsqueeze(1), (1 - likely) * self.takes * sure.unsqueeze(1)
-        robots = (sure >= _ROBOT) & (torch.arange(len(LABELS), device=sure.device) >= THINGS)
+        in_cells = cells_of(seen, others, u, v, share)
+        if not self._robots:
+            return in_cells
+        robots = (sure >= _ROBOT) & ~self.takes.any(dim=0)
         one_room = torch.zeros_like(sure, dtype=torch.int64)
-        return torch.cat([cells_of(seen, others, u, v, share), bearings_of(seen, robots, one_room, u, v)], dim=1)
+        return torch.cat([in_cells, bearings_of(seen, robots, one_room, u, v)], dim=1)
 
     def _likely(self, detected: Tensor, asked: Asked) -> Tensor:
         """Return how likely each class is X, and Y, (B, ROLES, C): X less so in another colour than its own."""
         assert asked.wanted is not None
-        classes = asked.wanted.classes[..., list(_IDS)]
+        classes = asked.wanted.classes[..., self._ids]
         if self.colours is None:
             return classes
         other = detected[..., 5] * (1 - _of_seen(detected, self._wanted_colours(asked)))  # how surely it is another
@@ -215,6 +222,7 @@ def _of_seen(detected: Tensor, wanted: Tensor) -> Tensor:
     return wanted.gather(1, detected[..., 4].long())
 
 
-def reader(meaning: nn.Linear | None, grounded: bool, lookalikes: bool) -> Part:
+def reader(shape: tuple[int, ...], meaning: nn.Linear | None, grounded: bool, lookalikes: bool) -> Part:
     """Return what reads detections; ``grounded``, by how likely each class is X, and Y, perhaps among lookalikes."""
-    return GroundedDetectionEncoder(meaning, lookalikes) if grounded else DetectionEncoder(meaning)
+    classes = shape[0]
+    return GroundedDetectionEncoder(meaning, lookalikes, classes) if grounded else DetectionEncoder(meaning, classes)

@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from chmarl_pb import catalog
 from chmarl_pb.learning.networks.colour_odds import fit_odds
-from chmarl_pb.learning.networks.colour_table import OUTPUTS, ColourTable, counted_colours
+from chmarl_pb.learning.networks.colour_table import ColourTable, counted_colours
 from chmarl_pb.learning.networks.detection_losses import detection_loss
 from chmarl_pb.learning.networks.detection_metrics import detection_metrics
 from chmarl_pb.learning.networks.detections import LABELS, THINGS, detections
@@ -34,12 +35,15 @@ _COUNTED = 32_000  # most views whose colours are counted
 
 _RARE = 0.01  # share of the cells that show a class, as it is believed before training
 _COLOURS = "colours."  # before the names of the table's parts, in a file of weights
-_UNSEEN = {"cells.weight": 0.0, "cells.bias": -100.0}  # of classes that are never seen
 _HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
 
 class Detector(nn.Module):
-    """The pyramid, a linear layer for each cell, and the table of colours, which is counted after they have learned."""
+    """The pyramid, a linear layer for each cell, and the table of colours, which is counted after they have learned.
+
+    Attributes:
+        classes: number of the first of ``LABELS`` that it knows.
+    """
 
     learning_rate, batch = 3e-3, 64
     views, epochs = 96_000, 8  # to learn from, and passes over them
@@ -48,19 +52,20 @@ class Detector(nn.Module):
     #: Name of a measurement -> its views.
     checks = {"home_6": ("val-unseen", False), "generated_val": ("generated-val", True)}  # noqa: RUF012
 
-    def __init__(self) -> None:
-        """Make the layers."""
+    def __init__(self, classes: int = len(LABELS)) -> None:
+        """Make the layers; a detector learns all classes."""
         super().__init__()
+        self.classes = classes
         self.network = Pyramid()
-        self.cells = nn.Conv2d(FEATURES, OUTPUTS, 1)
+        self.cells = nn.Conv2d(FEATURES, classes + len(catalog.COLOURS), 1)
         assert self.cells.bias is not None
         nn.init.normal_(self.cells.weight, std=0.01)
         nn.init.zeros_(self.cells.bias)
-        nn.init.constant_(self.cells.bias[: len(LABELS)], float(np.log(_RARE / (1 - _RARE))))
-        self.colours = ColourTable()
+        nn.init.constant_(self.cells.bias[:classes], float(np.log(_RARE / (1 - _RARE))))
+        self.colours = ColourTable(classes=classes)
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return logits (B, OUTPUTS, rows, columns) of the cells of uint8 pictures (B, height, width, 3).
+        """Return logits (B, classes + colours, rows, columns) of the cells of uint8 pictures (B, height, width, 3).
 
         First come those of the classes, each for itself, then those of the colours, one of which an object has.
         """
@@ -86,7 +91,8 @@ class Detector(nn.Module):
 
         held = np.arange(len(views)) // LAYOUT_VIEWS % _HELD == _HELD - 1
         rows, others = np.flatnonzero(~held), np.flatnonzero(held)
-        self.colours = ColourTable(*counted_colours(views, rows[:: -(-len(rows) // _COUNTED)]))
+        counted = counted_colours(views, rows[:: -(-len(rows) // _COUNTED)])
+        self.colours = ColourTable(*counted, classes=self.classes)
         fit_odds(self.eval(), views, others if len(others) else rows)
 
     @torch.no_grad()
@@ -117,27 +123,23 @@ class Detector(nn.Module):
 def read(weights: dict[str, Tensor]) -> Detector:
     """Return the detector with kept weights, in floats; its normalisations are folded.
 
-    Those from before there was a table of colours have none, and of those from before robots were told none is seen.
+    Those from before there was a table of colours have none, and those from before robots were told know things alone.
 
     Raises:
         RuntimeError: the weights do not fit.
     """
-    detector = Detector().eval().requires_grad_(False)
+    classes = len(weights["cells.bias"]) - len(catalog.COLOURS)
+    if classes not in (THINGS, len(LABELS)):
+        raise RuntimeError(f"of {classes} classes")
+    detector = Detector(classes).eval().requires_grad_(False)
     detector.network.fold()
     table = {name.removeprefix(_COLOURS): value for name, value in weights.items() if name.startswith(_COLOURS)}
-    detector.colours = ColourTable(**table)
+    detector.colours = ColourTable(**table, classes=classes)
     rest = {name: value.float() for name, value in weights.items() if name != RANGES and not name.startswith(_COLOURS)}
-    if len(rest["cells.bias"]) == OUTPUTS - (len(LABELS) - THINGS):
-        rest |= {name: _without_robots(rest[name], value) for name, value in _UNSEEN.items()}
     detector.load_state_dict(rest | {_COLOURS + name: part for name, part in detector.colours.state_dict().items()})
     if RANGES not in weights:
         raise RuntimeError(f"no {RANGES}")
     return detector
-
-
-def _without_robots(part: Tensor, value: float) -> Tensor:
-    """Return a part of the last layer with rows of one value for robots."""
-    return torch.cat([part[:THINGS], part.new_full((len(LABELS) - THINGS, *part.shape[1:]), value), part[THINGS:]])
 
 
 def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:

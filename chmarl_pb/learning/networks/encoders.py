@@ -209,13 +209,14 @@ class _Maker:
     def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
         """Return what reads the features of a picture; those are known under our own key alone."""
         kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS)
-        if features.shape != kind.shape:
+        if features.shape not in kind.shapes:
             raise ValueError(
-                f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: {kind.shape}"
+                f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: "
+                + " or ".join(map(str, kind.shapes))
             )
         words = self._space.spaces.get(_instruction_beside(key))
         coloured = words is not None and id_count(words) >= vocabulary_size(attributes=True)
-        return kind.reader(self._meaning, self._pool is GroundedGraphEncoder, coloured)
+        return kind.reader(features.shape, self._meaning, self._pool is GroundedGraphEncoder, coloured)
 
 
 def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:

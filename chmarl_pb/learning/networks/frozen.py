@@ -23,6 +23,7 @@ from chmarl_pb.policies.weights import ENCODER, checked_file, published, publish
 
 IMAGENET = "imagenet"  # name of torchvision's weights
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
+_BLANK = torch.zeros(1, 32, 32, 3, dtype=torch.uint8)  # a picture
 _TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
 
 #: Named weights -> what computes the features of uint8 pictures (B, height, width, 3).
@@ -35,20 +36,22 @@ class Kind:
 
     Attributes:
         build: makes it from its weights.
-        shape: of the features of one picture.
-        reader: makes the part of an agent's network that reads the features; called with the map of word vectors, if
-            there is one, whether the pool is grounded, and whether instructions name colours.
+        shapes: that the features of one picture may have, by the weights; the first is that of present ones.
+        reader: makes the part of an agent's network that reads the features; called with their shape, the map of word
+            vectors, if there is one, whether the pool is grounded, and whether instructions name colours.
     """
 
     build: Build
-    shape: tuple[int, ...]
-    reader: Callable[[nn.Linear | None, bool, bool], Part]
+    shapes: tuple[tuple[int, ...], ...]
+    reader: Callable[[tuple[int, ...], nn.Linear | None, bool, bool], Part]
 
 
 FROZEN_ENCODERS: dict[str, Kind] = {
-    "resnet18": Kind(resnet.build, resnet.SHAPE, lambda *_: FeatureEncoder()),
-    "detector": Kind(detector.build, detections.SHAPE, detections.reader),
-    efficientnet.NAME: Kind(efficientnet.build, efficientnet.SHAPE, lambda *_: FeatureEncoder(efficientnet.FEATURES)),
+    "resnet18": Kind(resnet.build, (resnet.SHAPE,), lambda *_: FeatureEncoder()),
+    "detector": Kind(detector.build, detections.SHAPES, detections.reader),
+    efficientnet.NAME: Kind(
+        efficientnet.build, (efficientnet.SHAPE,), lambda *_: FeatureEncoder(efficientnet.FEATURES)
+    ),
 }
 
 
@@ -79,10 +82,11 @@ class FrozenEncoder:
         """
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
         kind = FROZEN_ENCODERS[name]
-        self.name, self.shape, self.fingerprint = name, kind.shape, fingerprint(weights)
+        self.name, self.fingerprint = name, fingerprint(weights)
         self.asked, self.computed = 0, 0
         self._kept, self._known = kept, OrderedDict[bytes, Tensor]()
         self._network = kind.build(weights)
+        self.shape = tuple(self._network(_BLANK)[0].shape)
 
     @torch.no_grad()
     def __call__(self, images: Tensor) -> Tensor:
