@@ -235,40 +235,42 @@ def _grounded(observation: str) -> tuple[Row, ...]:
     """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 150 without, and an episode has
-    up to 28; so 12,000 episodes are some 40 minutes of playing alone. PPO's 150,000 steps are some 6,000 episodes.
-    Pictures have fewer episodes than graphs in the last two rows. MAPPO goes on from the published weights of the
-    imitator, those of the row above with seed 0.
+    up to 28; so 12,000 episodes are some 40 minutes of playing alone. On pictures, which all rows see by the same
+    detector, each has 4,000 episodes, or as many steps. MAPPO goes on from the published weights of the imitator, those
+    of the row above with seed 0.
     """
-    imitated, after = {"scene_graph": ("6000", "8000"), "visual": ("4000", "4000")}[observation]
-    kind = {"scene_graph": "SceneGraph", "visual": "Visual"}[observation]
-    seeing = (*_GROUNDED, *(["--image-encoder", "detector"] if observation == "visual" else []))
-    pointing = ("--cells-past", "--history-past", *seeing)
-    features = ("--image-encoder", "resnet18") if observation == "visual" else ()
-    ppo = ("--algo", "ppo", "--env", f"CHMARL/Grounded{kind}Humanoid-v0", "--preset", "encoder", "--workers", "1")
-    ppo += ("--steps", "150000", *features)
+    graphs = observation == "scene_graph"
+
+    def episodes(of_graphs: int) -> tuple[str, str]:
+        return "--episodes", str(of_graphs if graphs else 4000)
+
+    seeing = () if graphs else ("--image-encoder", "detector")
+    pointing = ("--cells-past", "--history-past", *_GROUNDED, *seeing)
+    env = f"CHMARL/Grounded{'SceneGraph' if graphs else 'Visual'}Humanoid-v0"
+    ppo = ("--algo", "ppo", "--env", env, "--preset", "encoder", "--workers", "1")
+    ppo += ("--steps", "150000" if graphs else "100000", *seeing)
     start = f"results/weights/{_IMITATORS[observation]}.pt"
     rows = {
-        "QMIX": ("--algo", "qmix", "--episodes", "12000", *features),
-        "MAPPO": ("--algo", "mappo", "--episodes", "6000", *seeing),
+        "QMIX": ("--algo", "qmix", *episodes(12000), *seeing),
+        "MAPPO": ("--algo", "mappo", *episodes(6000), *_GROUNDED, *seeing),
         "Imitation of belief": (
-            "--algo", "imitation", "--expert", "belief", "--episodes", imitated, "--gradient-steps", "12",
+            "--algo", "imitation", "--expert", "belief", *episodes(6000), "--gradient-steps", "12",
             "--anneal", "0.5", *pointing
         ),
         "Imitation of belief, then MAPPO": (
-            "--algo", "mappo", "--start", start, "--episodes", after, "--envs", "16", "--buffer-size", "256",
+            "--algo", "mappo", "--start", start, *episodes(8000), "--envs", "16", "--buffer-size", "256",
             "--learning-rate", "3e-4", "--ent-coef", "0.003", *pointing,
         ),
     }  # fmt: skip
     learners = tuple(
         Row(
-            name, observation, options, messages=True, feedback=False, seeds=1, track=GROUNDED,
-            image_encoder="resnet18" if name == "QMIX" else "detector",
+            name, observation, options, messages=True, feedback=False, seeds=1, track=GROUNDED, image_encoder="detector"
         )
         for name, options in rows.items()
-    )  # fmt: skip
+    )
     alone = Row(
         "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
-        checkpoint="best.zip", seeds=1, track=GROUNDED,
+        checkpoint="best.zip", seeds=1, image_encoder="detector", track=GROUNDED,
     )  # fmt: skip
     return (*learners[:2], alone, *learners[2:])
 
