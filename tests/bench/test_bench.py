@@ -29,7 +29,7 @@ FEW: dict[str, tuple[object, ...]] = {
 }  # arguments that ask for little
 SLOW = (
     "URDF files", "first reset of a home, filled", "memory of one more environment, visual",
-    "vector environment,", "vector beside AsyncVectorEnv, two", "execution", "a new home",
+    "vector environment,", "vector beside AsyncVectorEnv,", "execution", "a new home",
 )  # fmt: skip
 
 

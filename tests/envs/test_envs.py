@@ -84,9 +84,10 @@ OPTIONS: list[dict[str, Any]] = [
     {"execution": "simulated", "split": "val-unseen", "max_steps": 4},
     {"track": "grounded", "split": "val-unseen"},
 ]
-#: Each id, and each option with the first two ids, which are of both robots; the other pairs are of the slow suite.
+#: Each option with the first two ids, which are of both robots; the other pairs are of the slow suite, and so are ids
+#: without options, as they are checked with rendering.
 PAIRS = [
-    pytest.param(env_id, options, marks=[pytest.mark.slow] if options and env_id not in ENV_IDS[:2] else ())
+    pytest.param(env_id, options, marks=() if options and env_id in ENV_IDS[:2] else [pytest.mark.slow])
     for env_id in ENV_IDS
     for options in OPTIONS
 ]

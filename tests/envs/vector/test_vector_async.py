@@ -88,7 +88,7 @@ def in_any_order(envs: HouseholdAsyncEnv, chosen: np.ndarray) -> list[list[Any]]
 
 
 @EVERYWHERE
-@pytest.mark.parametrize("batch_size", [1, 3, COUNT])
+@pytest.mark.parametrize("batch_size", [3, *(pytest.param(size, marks=pytest.mark.slow) for size in (1, COUNT))])
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_each_environment_answers_as_in_lockstep(
     make: Make, workers: int, batch_size: int, mode: AutoresetMode
