@@ -1,5 +1,6 @@
 """``python -m training.sb3.zoo``: write the preset ``goal`` as the YAML files that RL Baselines3 Zoo reads."""
 
+import argparse
 import json
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,7 @@ def _code(arguments: dict[str, Any]) -> str:
 
 def main() -> None:
     """Write all files."""
+    argparse.ArgumentParser(prog="python -m training.sb3.zoo", description=__doc__).parse_args()
     for algo, name in NAMES.items():
         write_atomically(FOLDER / f"{name}.yml", text_of(algo))
 

@@ -85,8 +85,8 @@ _LESSONS = (
         ),
     ),
     _lesson(
-        "**Without the board, with words to find out**: in the grounded track imitation of *belief* has {}, "
-        "and {} after MAPPO, where the best blind policy has next to nothing "
+        "**Without the board, with words to find out**: in the grounded track imitation of *belief* has {} on graphs "
+        "of generated-test, and {} after MAPPO, where the best blind policy has next to nothing "
         "([the audit](benchmark.md#the-grounded-track)).",
         "Imitation of belief", "Imitation of belief, then MAPPO", table="grounded", split=TEST_SPLITS["grounded"],
     ),
