@@ -43,8 +43,9 @@ over training seeds, whose number is in the column *seeds* ("1 of 3": two are st
 is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
 weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
 are a little too good (trainings in generated homes choose on tasks of generated-val); nothing was chosen on a test
-split, but for the {MAX_STEPS} steps of an episode, which keep the random policy below 3 % of test-unseen. The headline number is PLW on
-test-unseen. Its {TASKS[SPLITS[-1]]} tasks are a small sample: ± is the spread of trainings on the same tasks, and the intervals of the headlines (95 %, bootstrap over
+split, but for the {MAX_STEPS} steps of an episode, which keep the random policy below 3 % of test-unseen. The headline
+number is PLW on test-unseen. Its {TASKS[SPLITS[-1]]} tasks are a small sample: ± is the spread of trainings on the same
+tasks, and the intervals of the headlines (95 %, bootstrap over
 tasks, one for each seed) tell how far other tasks might lie. Budgets differ, see [the runs](#the-runs). Rows in
 *italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
 robots, or the humanoid beside a drone that follows *search* or *belief* (column *made with*). At the end stand
