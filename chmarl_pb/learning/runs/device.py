@@ -2,15 +2,17 @@
 
 import torch
 
+from chmarl_pb.errors import OptionError
+
 
 def find_device(name: str) -> torch.device:
     """Return a device that tensors can be put on.
 
     Raises:
-        ValueError: torch does not know it, or this machine has none.
+        OptionError: torch does not know it, or this machine has none.
     """
     try:
         return torch.empty(0, device=name).device
     except (RuntimeError, AssertionError, NotImplementedError) as error:
         reason = str(error).splitlines()[0].rstrip(".")
-        raise ValueError(f"device={name!r}: {reason}; use 'cpu', or 'cuda' where torch finds a GPU") from error
+        raise OptionError(f"device={name!r}: {reason}; use 'cpu', or 'cuda' where torch finds a GPU") from error
