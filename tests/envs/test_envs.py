@@ -84,10 +84,13 @@ OPTIONS: list[dict[str, Any]] = [
     {"execution": "simulated", "split": "val-unseen", "max_steps": 4},
     {"track": "grounded", "split": "val-unseen"},
 ]
-#: Each option with the first two ids, which are of both robots; the other pairs are of the slow suite, and so are ids
-#: without options, as they are checked with rendering.
+#: Each option with the first two ids, which are of both robots, and ids that are not checked with rendering below; the
+#: other pairs are of the slow suite.
+RENDERED = [param.values[0] for param in EACH_ID if not param.marks]
 PAIRS = [
-    pytest.param(env_id, options, marks=() if options and env_id in ENV_IDS[:2] else [pytest.mark.slow])
+    pytest.param(
+        env_id, options, marks=[pytest.mark.slow] * (env_id not in ENV_IDS[:2] if options else env_id in RENDERED)
+    )
     for env_id in ENV_IDS
     for options in OPTIONS
 ]

@@ -127,6 +127,15 @@ def test_learns_an_additive_game(algorithm: str) -> None:
     assert result.best_score == 6
 
 
+@pytest.mark.parametrize("scores", [[0.0, 0.0, 0.0], [0.1, 0.3, 0.3], [0.3, 0.2, 0.1]])
+def test_of_equal_validations_the_last_weights_are_kept(scores: list[float], tmp_path: Path) -> None:
+    stream = iter(scores)
+    config = replace(SMALL, episodes=12, envs=4, validation_interval=4)
+    train(UnevenEnv, "vdn", config, tmp_path, validate=lambda *_: {"score": next(stream)})
+    best = max(place for place, score in enumerate(scores) if score == max(scores))
+    assert load(tmp_path / "best.pt")["episodes"] == 4 * (best + 1)
+
+
 @pytest.mark.parametrize("algorithm", CONFIGS)
 def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = CONFIGS[algorithm]

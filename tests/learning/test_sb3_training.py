@@ -4,6 +4,7 @@ import json
 import sys
 import zipfile
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any, get_args
@@ -312,6 +313,28 @@ def test_validation_pays_plw_and_begins_again_at_a_seed() -> None:
     rewards = [env.step(np.array([9, 8]))[1] for _ in range(3)]
     assert rewards == [0, 0, 0]  # both stay
     env.close()
+
+
+@pytest.mark.parametrize(("env_id", "track"), [(JOINT, "paper"), ("CHMARL/GroundedSceneGraph-v0", "grounded")])
+def test_environments_side_by_side_share_the_validation_tasks(env_id: str, track: str) -> None:
+    """Also in generated homes, where the seeds of environments that train are far apart."""
+    tasks = validation_tasks(4, track=track)[:4]
+    make = partial(make_validation, env_id, tasks, 2, {"max_steps": 1})
+    env = chmarl_pb.sb3_vec_env(2, make, 0)
+    env.seed(0)
+    env.reset()
+    played = [info["humanoid"]["task_id"] for info in env.reset_infos]
+    env.step(np.stack([env.action_space.sample() for _ in range(2)]))
+    played += [info["humanoid"]["task_id"] for info in env.reset_infos]
+    env.close()
+    assert sorted(played) == sorted(task.id for task in tasks)
+
+
+@pytest.mark.parametrize("option", ["image_encoder", "graph_pool"])
+def test_unknown_parts_of_networks_are_refused(option: str) -> None:
+    given: dict[str, Any] = {option: "resnett"}
+    with pytest.raises(ValueError, match=f"{option}='resnett' is not known"):
+        Config("ppo", JOINT, **given)
 
 
 def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:

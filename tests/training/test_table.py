@@ -482,6 +482,15 @@ def test_damaged_result_is_named(tmp_path: Path, launch: Launch) -> None:
         read_records(run.results, TABLES)
 
 
+@pytest.mark.parametrize("name", ["qmix-seed1", "vdn-seed0"])
+def test_a_result_counts_for_its_own_row_and_seed_alone(tmp_path: Path, launch: Launch, name: str) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    run.result.rename(run.result.with_name(f"{name}.json"))
+    with pytest.raises(ResultError, match=rf"{name}\.json.*it is that of .*qmix-seed0"):
+        read_records(run.results, TABLES)
+
+
 @pytest.mark.parametrize("missing", ["seed", "evaluation", "checkpoint", "curve", "test-unseen"])
 def test_result_that_lacks_something_is_named(tmp_path: Path, launch: Launch, missing: str) -> None:
     run = run_of(tmp_path)

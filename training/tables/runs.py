@@ -226,6 +226,9 @@ def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], 
             if record["format"] != FORMAT:
                 raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
             _check_scores(record, splits_of(record["table"]))
+            named = f"{record['table']}/{record['row']}-seed{record['seed']}"
+            if path.relative_to(results).with_suffix("").as_posix() != named:
+                raise ValueError(f"it is that of {named}")
             for key in ("name", "seed", "observation", "seconds", "curve"):
                 record[key]
             found.setdefault((record["table"], record["row"]), []).append(record)

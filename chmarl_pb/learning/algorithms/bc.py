@@ -135,7 +135,7 @@ class _Run:
         if epoch % self.config.validation_interval == 0 or epoch == self.config.epochs:
             self.save()  # examining takes its time
             figures |= self.examiner.examine(self.actors, self._check)
-            if figures["score"] > self.best["score"]:
+            if figures["score"] >= self.best["score"]:  # of equals the last, which have learned for longer
                 self.best = figures
                 self._save_best()
         self.epoch = epoch

@@ -272,9 +272,9 @@ class Run:
         self._clock["updates"] += time.perf_counter() - start
 
     def _score(self) -> dict[str, float]:
-        """Validate, keep the weights if they are the best so far, and return the figures."""
+        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures."""
         figures = self._validate(self._collector, self.learner.agents)
-        if figures["score"] > self.best_score:
+        if figures["score"] >= self.best_score:
             self.best_score = figures["score"]
             if self.folder is not None:
                 content = self._settings() | {"agents": self.learner.agents.state_dict(), "episodes": self.episodes}

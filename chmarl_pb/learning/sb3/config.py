@@ -15,6 +15,10 @@ from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.learning.config import CATALOG, check, count, natural
+from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.networks.encoders import GRAPH_POOLS
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
+from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.observation_keys import GOAL, MESSAGES, SELF
 from chmarl_pb.learning.sb3.features import GoalFeatures, HouseholdFeatures
 from chmarl_pb.robots.registry import TEAM, listed
@@ -175,13 +179,15 @@ class Config:
     catalog_sha256: Hidden = ""
 
     def __post_init__(self) -> None:
-        """Refuse values outside the fields' limits, unknown presets, and actions that an algorithm cannot choose."""
+        """Refuse values outside the fields' limits, unknown names, and actions that an algorithm cannot choose."""
         check(self)
         options_of(self.env_id)
         if self.replays and self.track != PAPER:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
         if self.preset not in PRESETS:
             raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
+        look_up("graph_pool", self.graph_pool, GRAPH_POOLS)
+        look_up("image_encoder", self.image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
 
     @property
     def alone(self) -> bool:

@@ -60,6 +60,8 @@ class Validation(EvalCallback):
 
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
+        # EvalCallback keeps what is better; of equals the last weights are to be kept, which have learned for longer.
+        self.best_mean_reward = float(np.nextafter(self.best_mean_reward, -np.inf))
         torch.manual_seed(0)  # training begins its own stream anew after this
         file = Path(f"{self.log_path}.npz")
         try:

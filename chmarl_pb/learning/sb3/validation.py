@@ -19,7 +19,13 @@ SPLITS = {PAPER: ("val-seen", "val-unseen"), GROUNDED: ("generated-val",)}
 
 
 class PathWeighted(gymnasium.Wrapper):
-    """Plays tasks in turn, each with the seed that an evaluation gives it; pays an episode's PLW at its end."""
+    """Plays tasks in turn, each with the seed that an evaluation gives it; pays an episode's PLW at its end.
+
+    Attributes:
+        episodes_in_a_home: seeds of environments side by side are numbers of tasks here, also in generated homes.
+    """
+
+    episodes_in_a_home = 1
 
     def __init__(self, env: gymnasium.Env, tasks: Sequence[Task], stride: int):
         """Wrap an environment.
