@@ -17,7 +17,7 @@ from typing import Any
 
 import chmarl_pb
 from chmarl_pb.learning import Config, train
-from chmarl_pb.learning.runs.loop import Run
+from chmarl_pb.learning.runs.run import Run
 
 WARM_UP = 160  # episodes that are not counted
 

@@ -15,7 +15,7 @@ import pytest
 import chmarl_pb
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.learning import Config, train
-from chmarl_pb.learning.runs.loop import BEST
+from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.policies.policy import Factory, Policy
 
 torch = pytest.importorskip("torch")

@@ -8,7 +8,7 @@ import pytest
 import chmarl_pb
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.result import load_result
-from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables
+from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables, trained
 
 GOOD = SENT / "belief.json"
 ENTRY = Entry("paper", "mine", "visual", "", 0.5, 0.2, -10.0)
@@ -27,6 +27,14 @@ def test_trainings_of_a_row_are_averaged_and_the_best_comes_first() -> None:
         "| 2 | other | visual |  | 1 | 50.0 | 25.0 | -10.0 |",
     ]
     assert "## The grounded track, generated-test" in tables([replace(ENTRY, track="grounded", gain=None)])
+
+
+def test_trained_rows_say_what_they_are_given() -> None:
+    given = {(entry.track, entry.name, entry.observation): entry.given for entry in trained()}
+    assert given["paper", "PPO, humanoid only, goal observed", "scene_graph"] == "goal"
+    assert given["paper", "PPO, humanoid only", "visual"] == "the drone is told what is in view"
+    assert given["paper", "QMIX", "scene_graph"] == "no messages"
+    assert given["grounded", "Imitation of belief", "scene_graph"] == "", "its track has no feedback"
 
 
 def test_check_takes_a_good_result(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.slow
 from chmarl_pb import ray_cluster  # noqa: E402
 from chmarl_pb.ray_executor import RayExecutor  # noqa: E402
 from tests.helpers.toy_vectors import same  # noqa: E402
+from training.tables.on_ray import files_of  # noqa: E402
 from training.tables.schedule import on_ray  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
@@ -174,6 +175,15 @@ def test_what_is_shipped_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for wrong in (tmp_path / "my_policy.py", os.devnull, "missing.urdf"):
         with pytest.raises(OptionError, match="machines"), ray_cluster.shipped([wrong]):
             pass
+
+
+def test_folders_and_files_of_a_step_travel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run" / "deep").mkdir(parents=True)
+    for name in ("run/last.pt", "run/deep/a.json", "run/out.txt", "start.pt"):
+        (tmp_path / name).write_text(name)
+    found = files_of([Path("run"), Path("start.pt")])
+    assert found == {Path(name): name.encode() for name in ("run/last.pt", "run/deep/a.json", "start.pt")}
 
 
 def test_a_step_of_a_table_runs_on_a_node(cluster: Any, tmp_path: Path) -> None:

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
-from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS, TRACKS
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
@@ -23,7 +24,8 @@ from chmarl_pb.tasks.splits import load_tasks
 
 ROOT = Path(__file__).parents[1]
 PAGE, SENT = ROOT / "docs" / "leaderboard.md", ROOT / "results" / "leaderboard"
-TABLES = ("scene-graph", "visual")
+TABLES = {"scene-graph": PAPER, "visual": PAPER, "grounded": GROUNDED}  # -> their track
+ALONE = "humanoid only"  # rows in which a built-in policy flies the drone have this in their names
 BEGIN, END = "<!-- leaderboard -->", "<!-- end of leaderboard -->"
 HEAD = "| | policy | observation | is given | trainings | success % | PLW % | gain |\n|--:|---|---|---|--:|--:|--:|--:|"
 
@@ -67,6 +69,7 @@ def sent(path: Path) -> Entry:
     if fault:
         raise ResultError(f"{path}: {fault}")
     given = [*(f"no {name}" for name in report.without), *filter(None, [report.declared])]
+    given += ["goal"] if report.settings["options"].get("goal") else []
     observation = str(report.settings["observation"])
     return Entry(
         report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw, gain_of(report)
@@ -92,15 +95,20 @@ def _fault(report: Report) -> str:
 
 def trained() -> list[Entry]:
     """Return the entries of the learners' tables."""
-    entries = []
-    for path in sorted(path for table in TABLES for path in (ROOT / "results" / table).glob("*.json")):
-        run = json.loads(path.read_text(encoding="utf-8"))
-        split = TEST_SPLITS[PAPER]
-        summary = run["evaluation"]["splits"][split]["summary"]
-        success, plw = summary["success_rate"]["mean"], summary["plw"]["mean"]
-        lacks = ", ".join(f"no {name}" for name in ("messages", "feedback") if not run[name])
-        entries.append(Entry(PAPER, run["name"], run["observation"], lacks, success, plw, gain([plw], split)))
-    return entries
+    files = [(path, track) for table, track in TABLES.items() for path in (ROOT / "results" / table).glob("*.json")]
+    return [_of_training(json.loads(path.read_text(encoding="utf-8")), track) for path, track in sorted(files)]
+
+
+def _of_training(run: dict[str, Any], track: str) -> Entry:
+    split, options = TEST_SPLITS[track], run["evaluation"]["options"]
+    summary = run["evaluation"]["splits"][split]["summary"]
+    success, plw = summary["success_rate"]["mean"], summary["plw"]["mean"]
+    given = [f"no {name}" for name in ("messages", "feedback") if TRACKS[track][name] and not run[name]]
+    given += ["goal"] if options.get("goal") else []
+    if run["observation"] == "visual" and ALONE in run["name"]:
+        given.append("the drone is told what is in view")
+    gained = gain([plw], split, track)
+    return Entry(track, run["name"], run["observation"], ", ".join(given), success, plw, gained)
 
 
 def tables(entries: Iterable[Entry]) -> str:

@@ -3,13 +3,30 @@
 They need packages of their own: ``pip install mpe2 lbforaging``.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
+from chmarl_pb.errors import MissingExtraError
+
 LBF = "Foraging-8x8-2p-2f-coop-v3"
+
+
+@contextmanager
+def _installed() -> Iterator[None]:
+    """Import a game within.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(f"this game is not installed ({error}); run `pip install mpe2 lbforaging`") from error
 
 
 class Spread(ParallelEnv):  # type: ignore[misc]
@@ -23,7 +40,8 @@ class Spread(ParallelEnv):  # type: ignore[misc]
     metadata: ClassVar[dict[str, Any]] = {"name": "spread_v0", "render_modes": [], "is_parallelizable": True}
 
     def __init__(self) -> None:
-        from mpe2 import simple_spread_v3
+        with _installed():
+            from mpe2 import simple_spread_v3
 
         # without the wrappers of parallel_env, which check actions and take a third of the time of a step
         self._env: Any = simple_spread_v3.raw_env(N=3, local_ratio=0.5, max_cycles=25)
@@ -74,7 +92,9 @@ class Foraging(ParallelEnv):  # type: ignore[misc]
 
     def __init__(self) -> None:
         import gymnasium
-        import lbforaging  # noqa: F401  # registers its games
+
+        with _installed():
+            import lbforaging  # noqa: F401  # registers its games
 
         self._env: Any = gymnasium.make(LBF, disable_env_checker=True)
         players: Any = self._env.action_space

@@ -9,7 +9,7 @@ layout of a validation or test task of homes 1 to 5 is used.
 import argparse
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -80,21 +80,32 @@ def pretrain(
         Interrupted: a signal asked the training to end; it was saved.
         CheckpointError: there is no detector to start from, or the state is damaged.
     """
-    training = _Training(name, views, epochs, seed, out.with_suffix(".unfinished"), device)
-    model = _learned(training, bar).to(CPU) if start is None else read_detector(start)
+    facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
+    unfinished = out.with_suffix(".unfinished")
+    model = read_detector(start) if start else _learned(_Training(facts, views, unfinished, device), bar).to(CPU)
     model.eval().finish(views)
     weights = model.weights(ranged(views.images))
     with replacing(out) as temporary:
         torch.save(weights, temporary)
         seal(temporary)
     frozen = FrozenEncoder(name, weights)
-    figures = {**training.facts, "fingerprint": frozen.fingerprint}
+    figures = {**facts, "fingerprint": frozen.fingerprint}
     if start is not None:
         figures["start"] = fingerprint(read_weights(start, name))
-    for kind, others in checked.items():
-        figures[kind], exact = model.measure(frozen, others), model.measure(model.features, others)
+    figures |= measured(model, frozen, checked)
+    if start is None:
+        unfinished.unlink(missing_ok=True)
+    return figures
+
+
+def measured(
+    model: Classifier | Detector, frozen: FrozenEncoder, checked: Mapping[str, Views]
+) -> dict[str, dict[str, Any]]:
+    """Return the figures of a trained network on each of some views: as it is used, in whole numbers, and in floats."""
+    figures = {}
+    for kind, views in checked.items():
+        figures[kind], exact = model.measure(frozen, views), model.measure(model.features, views)
         figures[kind]["mean_average_precision_in_float32"] = exact["mean_average_precision"]
-    training.kept.unlink(missing_ok=True)
     return figures
 
 
@@ -123,19 +134,19 @@ class _Training:
         kept: file of its state.
     """
 
-    def __init__(self, name: str, views: Views, epochs: int, seed: int, kept: Path, device: torch.device):
+    def __init__(self, facts: dict[str, Any], views: Views, kept: Path, device: torch.device):
         """Begin."""
+        self.facts = facts
         with torch.random.fork_rng():
-            torch.manual_seed(seed)
-            model = NETWORKS[name]().to(device).to(memory_format=torch.channels_last)
+            torch.manual_seed(facts["seed"])
+            model = NETWORKS[facts["network"]]().to(device).to(memory_format=torch.channels_last)
         optimizer = torch.optim.AdamW(model.parameters(), model.learning_rate, weight_decay=WEIGHT_DECAY)
         self._per_epoch = len(views) // model.batch
-        self.done, self.total = 0, epochs * self._per_epoch
+        self.done, self.total = 0, facts["epochs"] * self._per_epoch
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, model.learning_rate, total_steps=self.total)
         self.model, self._optimizer, self._schedule = model, optimizer, schedule
         self._parts: dict[str, Any] = {"model": model, "optimizer": optimizer, "schedule": schedule}
         self._views, self.kept, self._saved, self._device = views, kept, time.monotonic(), device
-        self.facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
 
     def losses(self) -> Iterator[float]:
         """Learn from all batches that are left, and yield the loss of each."""
@@ -197,6 +208,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     parser.add_argument("--start", type=Path, help="a trained detector: only the colours of its table are counted anew")
+    parser.add_argument("--measure", action="store_true", help="measure the trained detector; nothing is trained")
     parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
     model = NETWORKS[chosen.network]
@@ -205,13 +217,13 @@ def main(arguments: list[str] | None = None) -> int:
     for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
-    for name in ("onnx", "start"):
+    for name in ("onnx", "start", "measure"):
         if getattr(chosen, name) and chosen.network != "detector":
             parser.error(f"--{name}: goes with --network detector")
     for name in ("out", "figures", "onnx"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
-    return run_command(partial(_export if chosen.onnx else _make, chosen))
+    return run_command(partial(_export if chosen.onnx else _measure if chosen.measure else _make, chosen))
 
 
 def _export(chosen: argparse.Namespace) -> int:
@@ -222,24 +234,48 @@ def _export(chosen: argparse.Namespace) -> int:
     return 0
 
 
+def _measure(chosen: argparse.Namespace) -> int:
+    """Draw the views that are checked, and print the figures of trained weights."""
+    source = chosen.out or weights_file("detector")
+    model, frozen = read_detector(source), FrozenEncoder("detector", read_weights(source, "detector"))
+    folder = open_folder(own_file("detector").parent) / "labelled_views"
+    with _bar() as bar:
+        figures = measured(model, frozen, _checked(chosen, partial(_drawn, bar, chosen.seed, folder, chosen.workers)))
+    return _tell({"network": "detector", "fingerprint": frozen.fingerprint, **figures}, source, chosen.figures)
+
+
 def _make(chosen: argparse.Namespace) -> int:
     """Draw the views, learn from them, and print the figures."""
     out, device = chosen.out or own_file(chosen.network), find_device(chosen.device)
+    if chosen.start:
+        read_detector(chosen.start)  # refused before all views are drawn
     folder = open_folder(out.parent) / "labelled_views"
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     start = time.perf_counter()
-    with Lock(out), Progress(*columns) as bar:
-        network, draw = NETWORKS[chosen.network], partial(_drawn, bar, chosen.seed, folder, chosen.workers)
-        files = [draw(round(share * chosen.views), *source) for source, share in network.sources.items()]
-        views = read_views([file for part in files for file in part])
-        few = min(CHECKED, chosen.views)
-        checked = {kind: read_views(draw(few, *source)) for kind, source in network.checks.items()}
+    with Lock(out), _bar() as bar:
+        draw = partial(_drawn, bar, chosen.seed, folder, chosen.workers)
+        sources = NETWORKS[chosen.network].sources.items()
+        files = [draw(round(share * chosen.views), *source) for source, share in sources]
+        views, checked = read_views([file for part in files for file in part]), _checked(chosen, draw)
         figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar, chosen.start, device)
-    figures["minutes"] = round((time.perf_counter() - start) / 60, 1)
+    return _tell({**figures, "minutes": round((time.perf_counter() - start) / 60, 1)}, out, chosen.figures)
+
+
+def _bar() -> Progress:
+    return Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+
+def _checked(chosen: argparse.Namespace, draw: Callable[..., list[Path]]) -> dict[str, Views]:
+    """Return the views that a network is measured on."""
+    few = min(CHECKED, chosen.views)
+    return {kind: read_views(draw(few, *source)) for kind, source in NETWORKS[chosen.network].checks.items()}
+
+
+def _tell(figures: dict[str, Any], weights: Path, file: Path | None) -> int:
+    """Print figures, and write them to a file if there is one."""
     text = json.dumps(figures, indent=2)
-    if chosen.figures:
-        write_atomically(chosen.figures, text + "\n")
-    print(text, f"weights: {out}", sep="\n")
+    if file:
+        write_atomically(file, text + "\n")
+    print(text, f"weights: {weights}", sep="\n")
     return 0
 
 

@@ -20,9 +20,9 @@ from chmarl_pb.files import file_hash, replacing, unsealed_or_plain
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.weights import MOST_BYTES, POLICY, Weights, read_manifest, write_manifest
+from training.score import SCORES
 
 CHECKPOINTS = ("best.pt", "best.zip")  # files of a run's folder
-SCORES = "scores.json"
 
 
 def publish(run: Path, name: str, result: Path | None = None, by: str = "", folder: Path = WEIGHTS_DIR) -> Weights:

@@ -49,6 +49,10 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
+#: What the table needs of a run.
+_FACTS = {"game", "algorithm", "steps", "seed", "best", "last"}
+
+
 @dataclass(frozen=True)
 class Game:
     """A game from elsewhere.
@@ -124,7 +128,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _main(options: argparse.Namespace) -> int:
-    runs: list[dict[str, Any]] = json.loads(options.json.read_text()) if options.json.exists() else []
+    for name in ("steps", "seeds", "validations"):
+        if (value := getattr(options, name)) < 1:
+            raise ValueError(f"--{name} {value}: use at least 1")
+    runs = _read(options.json)
     done = {(run["game"], run["algorithm"], run["steps"], run["seed"]) for run in runs}
     wanted = [
         (game, learner, options.steps, seed)
@@ -142,6 +149,27 @@ def _main(options: argparse.Namespace) -> int:
         write_atomically(options.json, json.dumps(runs, indent=1) + "\n")
         Console().print("\n".join(table(runs)), soft_wrap=True, markup=False, highlight=False)
     return 0
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    """Return the runs that a file holds; none if there is no file.
+
+    Raises:
+        ValueError: it holds something else.
+    """
+    if not path.exists():
+        return []
+    try:
+        runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        for run in runs:
+            if missing := _FACTS - set(run):
+                raise ValueError(f"a run without {', '.join(sorted(missing))}")
+            if run["game"] not in GAMES:
+                raise ValueError(f"a run of the game {run['game']!r}")
+        table(runs)
+        return runs
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{path}: not a file of runs ({error}); name another by --json") from error
 
 
 def table(runs: list[dict[str, Any]]) -> list[str]:

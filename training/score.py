@@ -102,7 +102,7 @@ def _observes_goal(checkpoint: Path) -> bool:
     """Return whether a checkpoint was trained with the goal among its observations."""
     if checkpoint.suffix != ".zip":
         return bool(load(checkpoint).get("setting", {}).get("goal"))
-    from chmarl_pb.learning.sb3.policy import read_model
+    from chmarl_pb.learning.sb3.checkpoint import read_model
 
     return "goal" in read_model(checkpoint)[0].env_options
 
@@ -110,7 +110,7 @@ def _observes_goal(checkpoint: Path) -> bool:
 def _facts(checkpoint: Path) -> dict[str, Any]:
     """Return what a checkpoint of this package tells of its training."""
     if checkpoint.suffix == ".zip":
-        from chmarl_pb.learning.sb3.policy import read_model
+        from chmarl_pb.learning.sb3.checkpoint import read_model
 
         config = asdict(read_model(checkpoint)[0])
         return {"kind": "sb3", "config": config, FROZEN: config["frozen"]}

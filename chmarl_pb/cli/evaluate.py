@@ -20,6 +20,7 @@ from chmarl_pb.cli.arguments import (
     rules_of,
 )
 from chmarl_pb.cli.output import STDOUT, add_json, say, tell
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
@@ -107,10 +108,14 @@ def _show(report: Report, beside: str) -> None:
 
 
 def _published(source: Source, report: Report) -> str:
-    """Return what is published of a policy for the tasks that it has played; nothing if that is not known."""
-    split = report.settings["split"]
-    figures = source.weights.published.get(split) if source.weights else None
-    if figures is None:
+    """Return what is published of a policy for what it has played, by the same rules; nothing if that is not known."""
+    weights, split = source.weights, report.settings["split"]
+    figures = weights.published.get(split) if weights else None
+    if weights is None or figures is None or "env" in report.settings:
+        return ""
+    rules = Options(weights.observation, split, **weights.rules).recorded()
+    played = {**report.settings["options"], "split": split, "observation": report.settings["observation"]}
+    if played != rules:
         return ""
     return f"published: {100 * figures['success_rate']:.1f} / {100 * figures['plw']:.1f} (success / PLW on {split})"
 

@@ -20,7 +20,8 @@ from chmarl_pb.learning.benchmark_env import rules_of as rules_of_run
 from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
-from chmarl_pb.learning.runs.loop import BEST, train
+from chmarl_pb.learning.runs.loop import train
+from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import Validate, by_home, by_tasks
 from chmarl_pb.policies.registry import make_expert
 from chmarl_pb.robots.registry import TEAM, listed
@@ -118,6 +119,13 @@ class Play:
         _play(self.algo, self.config, self.env, self.place, folder)
 
 
+#: Settings that both trainings of dagger-mappo have from the second.
+_SAME = (
+    "seed", "horizon", "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors",
+    "numbers_past", "cells_past", "history_past", "grounding_coef",
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class DaggerMappo(Play):
     """Imitate a search, then learn by MAPPO from there on.
@@ -132,14 +140,18 @@ class DaggerMappo(Play):
     config: Annotated[MappoConfig, Flat]
     imitation: DAggerConfig = field(default_factory=DAggerConfig)
 
+    def __post_init__(self) -> None:
+        """Refuse settings that the run would not use."""
+        usual = DAggerConfig()
+        if own := [name for name in _SAME if getattr(self.imitation, name) != getattr(usual, name)]:
+            name = own[0].replace("_", "-")
+            raise ValueError(f"--imitation.{name}: both trainings have the same; give --{name}")
+        if self.config.start:
+            raise ValueError("--start: dagger-mappo begins with its own imitator; use --algo mappo")
+
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
-        network = (
-            "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors",
-            "numbers_past", "cells_past", "history_past", "grounding_coef",
-        )  # fmt: skip
-        same = ("seed", "horizon", *network)
-        imitation = replace(self.imitation, **{key: getattr(self.config, key) for key in same})
+        imitation = replace(self.imitation, **{name: getattr(self.config, name) for name in _SAME})
         _play("imitation", imitation, self.env, self.place, folder / IMITATION)
         mappo = replace(self.config, start=str(folder / IMITATION / BEST))
         _play("mappo", mappo, self.env, self.place, folder)

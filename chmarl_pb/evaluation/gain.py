@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from statistics import fmean
 
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.evaluation.audit_file import Audit, Line, published_audit
 from chmarl_pb.evaluation.result import Report
 
@@ -10,15 +11,15 @@ from chmarl_pb.evaluation.result import Report
 _FREE = ("messages", "feedback", "image_size")
 
 
-def best_blind(split: str) -> Line | None:
-    """Return the best blind policy of the audit of the paper's track that comes with the package; None without one."""
-    found = published_audit(split)
+def best_blind(split: str, track: str = PAPER) -> Line | None:
+    """Return the best blind policy of the audit that comes with the package; None without one."""
+    found = published_audit(split, track)
     return found.best_blind if found else None
 
 
-def gain(plws: Sequence[float], split: str) -> float | None:
+def gain(plws: Sequence[float], split: str, track: str = PAPER) -> float | None:
     """Return the mean of PLWs, 0 to 1, minus that of the best blind policy, in points; None if one is missing."""
-    best = best_blind(split)
+    best = best_blind(split, track)
     return None if best is None or not plws else 100 * (fmean(plws) - (best.plw.mean or 0.0))
 
 

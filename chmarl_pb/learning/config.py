@@ -1,8 +1,8 @@
 """The settings that all training runs share, and how a field of settings says what values it takes.
 
 An algorithm adds its own settings in a dataclass beside its learner, e.g. :mod:`chmarl_pb.learning.algorithms.mappo`.
-A field is made by :func:`count`, :func:`natural`, :func:`amount` or :func:`share`, which carry its limits; its
-description stands in the docstring. The command line is made from both.
+A field is made by :func:`count`, :func:`natural`, :func:`amount`, :func:`share` or :func:`seed_number`, which carry its
+limits; its description stands in the docstring. The command line is made from both.
 """
 
 import math
@@ -23,6 +23,11 @@ def count(default: int) -> Any:
 def natural(default: int) -> Any:
     """Return a field for a whole number that may be 0."""
     return field(default=default, metadata={"limits": (0, math.inf)})
+
+
+def seed_number(default: int) -> Any:
+    """Return a field for the seed of all random streams, a whole number of 32 bits."""
+    return field(default=default, metadata={"limits": (0, 2**32 - 1)})
 
 
 def amount(default: float) -> Any:
@@ -47,7 +52,7 @@ def check(settings: Any) -> None:
         value, (least, most) = getattr(settings, one.name), one.metadata["limits"]
         whole = type(one.default) is not int or value == int(value)
         if not (least <= value <= most and value < math.inf and whole):
-            bounds = f"at least {least}" if most == math.inf else f"from {least} to {most}"
+            bounds = f"at least {least}, and finite" if most == math.inf else f"from {least} to {most}"
             raise ValueError(f"{one.name}={value}: must be {bounds}")
 
 
@@ -93,7 +98,7 @@ class RunConfig:
         log_interval: episodes between two rows of metrics.
     """
 
-    seed: int = natural(0)
+    seed: int = seed_number(0)
     episodes: int = count(6_000)
     envs: int = count(8)
     horizon: int = count(28)

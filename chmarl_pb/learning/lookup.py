@@ -1,10 +1,13 @@
 """Registries of what a user can add: looked up by name, or imported from ``module:name``."""
 
+import inspect
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TypeVar
+from typing import Any, TypeVar
+
+from torch import nn
 
 T = TypeVar("T")
 
@@ -31,3 +34,32 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
         return found
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"{option}={name!r}: {error}; name a module that can be imported from here") from error
+
+
+def make_network(
+    option: str, name: str, registry: Mapping[str, Callable[..., nn.Module]], *arguments: Any, **named: Any
+) -> nn.Module:
+    """Return the network that what is looked up makes of arguments.
+
+    Args:
+        option: that gives the name, for the error.
+        name: see :func:`look_up`.
+        registry: name -> what makes a network.
+        *arguments: that it is called with.
+        **named: the same.
+
+    Raises:
+        ValueError: there is nothing of this name, or it makes no network of these arguments.
+    """
+    make = look_up(option, name, registry)
+    if not callable(make):
+        raise ValueError(f"{option}={name!r}: is no function; name one that makes a torch.nn.Module")
+    try:
+        inspect.signature(make).bind(*arguments, **named)
+    except TypeError as error:
+        given = ", ".join([*(type(one).__name__ for one in arguments), *named])
+        raise ValueError(f"{option}={name!r}: {error}; it is called with ({given})") from error
+    network = make(*arguments, **named)
+    if not isinstance(network, nn.Module):
+        raise ValueError(f"{option}={name!r}: makes a {type(network).__name__}, not a torch.nn.Module")
+    return network

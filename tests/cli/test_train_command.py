@@ -85,6 +85,11 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         (["--algo", "vdn", "--mixer", "magic"], "mixer='magic' is not known"),
         (["--algo", "vdn", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
         (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),
+        (["--algo", "dagger-mappo", "--imitation.numbers-past"], "--imitation.numbers-past: both trainings have"),
+        (["--algo", "dagger-mappo", "--start", "a.pt"], "--start: dagger-mappo begins with its own imitator"),
+        (["--algo", "qmix", "--seed", "4294967296"], "seed=4294967296: must be from 0 to 4294967295"),
+        (["--algo", "qmix", "--learning-rate", "inf"], "learning_rate=inf: must be at least 0, and finite"),
+        (["--algo", "qmix", "--device", "meta"], "device='meta': it keeps no numbers"),
     ],
 )
 def test_bad_values_give_one_sentence(

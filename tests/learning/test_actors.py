@@ -23,7 +23,7 @@ from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from chmarl_pb.learning.runs.loop import BEST
+from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
@@ -271,6 +271,23 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     train(UnevenEnv, "iql", SMALL, tmp_path / "values")
     with pytest.raises(CheckpointError, match="iql learns no policy"):
         make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
+
+
+def test_a_run_goes_on_without_the_weights_that_it_began_with(tmp_path: Path) -> None:
+    """They may be gone by then, or lie elsewhere; others are refused."""
+    first = replace(IMITATION, graph_pool=MAPPO.graph_pool)
+    train(UnevenEnv, "imitation", first, tmp_path / "first", expert=EXPERT)
+    train(UnevenEnv, "imitation", replace(first, seed=5), tmp_path / "other", expert=EXPERT)
+    begun, moved = tmp_path / "first" / BEST, tmp_path / "moved.pt"
+    config = replace(MAPPO, start=str(begun))
+    whole = train(UnevenEnv, "mappo", config, tmp_path / "run").agents.state_dict()
+    begun.rename(moved)
+    for start in (begun, moved):
+        again = train(UnevenEnv, "mappo", replace(config, start=str(start)), tmp_path / "run").agents.state_dict()
+        assert all(torch.equal(value, again[name]) for name, value in whole.items())
+    for start in (tmp_path / "other" / BEST, tmp_path / "missing.pt"):
+        with pytest.raises(CheckpointError, match="other settings: start="):
+            train(UnevenEnv, "mappo", replace(config, start=str(start)), tmp_path / "run")
 
 
 def test_wrong_algorithms_and_settings_are_refused() -> None:

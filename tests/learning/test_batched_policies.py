@@ -21,7 +21,7 @@ from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.runs import checkpoint
-from chmarl_pb.learning.runs.loop import BEST
+from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import load_tasks
 

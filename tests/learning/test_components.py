@@ -18,8 +18,8 @@ from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.components import NEVER, as_action, as_row, counts_in, mask_of
 from chmarl_pb.learning.networks.agents import NO_ACTION, Agent
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector, epsilon_greedy
-from chmarl_pb.learning.runs.loop import BEST
 from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from tests.helpers.small_runs import CONFIGS, IMITATION, MAPPO, PQN, SMALL

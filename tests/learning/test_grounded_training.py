@@ -22,7 +22,7 @@ from chmarl_pb.learning.benchmark_env import benchmark, rules_of
 from chmarl_pb.learning.networks.agents import Agent
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import Collector
-from chmarl_pb.learning.runs.loop import BEST, LAST
+from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.sources import find_policy

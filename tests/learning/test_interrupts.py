@@ -16,7 +16,7 @@ from chmarl_pb.learning import train
 from chmarl_pb.learning.runs.checkpoint import load
 from chmarl_pb.learning.runs.interrupts import Signals, run_command
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from chmarl_pb.learning.runs.loop import BEST, LAST, Run
+from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.runs.validation import by_return
 from chmarl_pb.signals import Interrupted

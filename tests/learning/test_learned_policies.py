@@ -20,7 +20,7 @@ from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.policies.learned import ValuePolicy
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
-from chmarl_pb.learning.runs.loop import BEST, LAST
+from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.policies.sources import find_policy, register_loader
 from training.score import score
 

@@ -1,5 +1,7 @@
 """Mixers and losses: what each class can represent, and which steps count how much."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -60,6 +62,27 @@ def test_a_mixer_is_chosen_by_name() -> None:
     for wrong in ("magic", "tests.no_such_module:Mixer", "chmarl_pb.learning.algorithms.mixers:NoMixer"):
         with pytest.raises(ValueError, match=f"mixer='{wrong}'"):
             make_learner("vdn", interface_of(TwoStepGame()), Config(mixer=wrong))
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [
+        ("mixer", "os:getcwd", "it is called with"), ("mixer", "os:sep", "is no function"),
+        ("mixer", "builtins:print", "makes a NoneType, not a torch.nn.Module"),
+        ("encoder", "os:getcwd", "it is called with"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_network_is_refused(option: str, name: str, words: str) -> None:
+    given: dict[str, Any] = {option: name}
+    with pytest.raises(ValueError, match=f"{option}='{name}'.*{words}"):
+        make_learner("vdn", interface_of(TwoStepGame()), Config(**given))
+
+
+def test_settings_that_a_learner_would_not_use_are_refused() -> None:
+    with pytest.raises(ValueError, match="qtran learns a joint value"):
+        make_learner("qtran", interface_of(TwoStepGame()), Config(mixer="vdn"))
+    with pytest.raises(ValueError, match="at least 2"):
+        make_learner("qmix", interface_of(TwoStepGame()), Config(mixer="qmix-deep", embedding=1))
 
 
 @given(st.lists(NUMBERS, min_size=9, max_size=9))

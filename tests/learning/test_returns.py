@@ -12,7 +12,7 @@ from torch import nn
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.gradient import DivergedError, descend
-from chmarl_pb.learning.algorithms.losses import lambda_returns
+from chmarl_pb.learning.algorithms.losses import Aim, lambda_returns
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
@@ -142,6 +142,15 @@ def test_qmix_learns_of_values_far_below_zero_once_they_are_normal() -> None:
     )  # fmt: skip
     agents = train(game, "qmix", config).agents
     assert play_greedily(Collector(game, 1), agents, [0])[0].episode_return == -194
+
+
+def test_agents_that_are_cut_off_go_on_at_their_own_rate() -> None:
+    reward = torch.tensor([1.0, -3.0]).expand(4, 5, 2)
+    mask = torch.ones_like(reward, dtype=torch.bool)
+    aim = Aim(0.9, 0.0, Normalizer(2))
+    aim.take_in(reward, mask, mask)
+    assert aim.scale is not None
+    torch.testing.assert_close(aim.scale.mean, torch.tensor([10.0, -30.0]))
 
 
 def test_the_scale_of_values_does_not_follow_itself() -> None:

@@ -17,6 +17,8 @@ from gymnasium import spaces
 pytest.importorskip("stable_baselines3")
 pytest.importorskip("sb3_contrib")
 import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 import chmarl_pb
@@ -33,9 +35,10 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.seal import LENGTH
 from chmarl_pb.learning.sb3 import GoalFeatures, load_policy, policy_of
+from chmarl_pb.learning.sb3.bar import Bar
+from chmarl_pb.learning.sb3.checkpoint import read_model
 from chmarl_pb.learning.sb3.config import PRESETS, AlgorithmName, Config, EnvId, PresetName
 from chmarl_pb.learning.sb3.features import HouseholdFeatures
-from chmarl_pb.learning.sb3.policy import read_model
 from chmarl_pb.learning.sb3.run import Log
 from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
@@ -230,8 +233,19 @@ def test_killed_run_ends_with_the_same_numbers(
     results = [json.loads((tmp_path / name / RESULT).read_text()) for name in ("whole", "killed")]
     assert results[0]["validations"] == results[1]["validations"]
     run(config, tmp_path / "killed", workers=0)  # a finished run is not played again
-    with pytest.raises(CheckpointError, match="differ"):
+    with pytest.raises(CheckpointError, match="other settings: seed=0, not 1;"):
         run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
+
+
+def test_a_run_that_is_killed_after_a_validation_logs_it_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = Config("recurrent-ppo", HUMANOID, steps=16, interval=8, **TINY)
+    with monkeypatch.context() as patch:
+        patch.setattr(Bar, "say", killed_at_call(2))  # after the title
+        with pytest.raises(KeyboardInterrupt):
+            run(config, tmp_path, workers=0)
+    assert [row["steps"] for row in read_rows(tmp_path / METRICS) if "eval/mean_reward" in row] == [8]
+    run(config, tmp_path, workers=0)
+    assert [row["steps"] for row in read_rows(tmp_path / METRICS) if "eval/mean_reward" in row] == [8, 16]
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
@@ -255,6 +269,17 @@ def test_a_run_that_is_asked_to_end_goes_on_from_where_it_was(
         for folder in ("whole", "pieces")
     ]
     assert rows[0] == rows[1] and len(rows[0]) >= 6
+
+
+def killed_at_call(number: int) -> Any:
+    """Return a method that does nothing, and dies when it is called for the so many-th time."""
+    calls = count(1)
+
+    def call(*arguments: Any) -> None:
+        if next(calls) == number:
+            raise KeyboardInterrupt
+
+    return call
 
 
 def killed_at_row(number: int) -> Any:
@@ -326,6 +351,23 @@ def test_environments_side_by_side_share_the_validation_tasks(env_id: str, track
     played = [info["humanoid"]["task_id"] for info in env.reset_infos]
     env.step(np.stack([env.action_space.sample() for _ in range(2)]))
     played += [info["humanoid"]["task_id"] for info in env.reset_infos]
+    env.close()
+    assert sorted(played) == sorted(task.id for task in tasks)
+
+
+@pytest.mark.parametrize("number", [1, 4, 5])
+def test_every_validation_task_counts_once(number: int) -> None:
+    """SB3 lets the first of two environments play fewer episodes of an odd number."""
+    tasks, played = validation_tasks(3)[:number], []
+
+    def note(found: dict[str, Any], _: dict[str, Any]) -> None:
+        if found["done"]:
+            played.append(found["info"]["humanoid"]["task_id"])
+
+    env = chmarl_pb.sb3_vec_env(2, partial(make_validation, JOINT, tasks, 2, {"max_steps": 1}), 0)
+    model = PPO("MultiInputPolicy", env, n_steps=2, batch_size=2)
+    env.seed(0)
+    evaluate_policy(model, env, number, callback=note, warn=False)
     env.close()
     assert sorted(played) == sorted(task.id for task in tasks)
 
@@ -404,7 +446,7 @@ def test_command_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
     assert "CHMARL/SceneGraph-v0" in capsys.readouterr().err
     for wrong in (["--interval", "0"], ["--steps", "0"], ["--seed", "-1"]):
         assert main(["--algo", "ppo", *wrong]) == 2
-        assert f"{wrong[0].strip('-')}={wrong[1]}: must be at least" in capsys.readouterr().err
+        assert f"{wrong[0].strip('-')}={wrong[1]}: must be " in capsys.readouterr().err
     for other in (["--humanoid-only"], ["--observation", "visual"]):
         with pytest.raises(SystemExit):
             main(["--algo", "ppo", "--env", JOINT, *other])

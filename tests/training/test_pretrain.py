@@ -57,6 +57,12 @@ def test_average_precision_is_that_of_the_order() -> None:
     assert average_precision(np.array([4.0, 1.0, 3.0, 2.0]), present) == 1
 
 
+def test_average_precision_of_equal_scores_does_not_depend_on_the_order_of_views() -> None:
+    scores = np.array([0.0, 2.0, 0.0, 0.0, 2.0])
+    for present in ([True, True, False, False, False], [False, False, False, True, True]):
+        assert average_precision(scores, np.array(present)) == pytest.approx((1 / 2 + 2 / 5) / 2)
+
+
 @pytest.mark.parametrize("split", ["generated", "val-unseen"])
 def test_views_among_lookalikes_know_their_colours(split: str) -> None:
     views = layout_views(Job(split, 3, 3, lookalikes=True))
@@ -157,6 +163,15 @@ def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
         lambda: pretrain("resnet18", tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(99)), 2, monkeypatch
     )
     assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
+
+
+def test_counting_colours_anew_leaves_an_unfinished_training_alone(tmp_path: Path, views: Views) -> None:
+    pretrain("detector", tmp_path / "first.pt", views, {}, 3, 0, Bar(99))
+    with pytest.raises(Stopped):
+        pretrain("detector", tmp_path / "cut.pt", views, {}, 3, 0, Bar(5))
+    kept = (tmp_path / "cut.unfinished").read_bytes()
+    pretrain("detector", tmp_path / "cut.pt", views, {}, 3, 0, Bar(99), start=tmp_path / "first.pt")
+    assert (tmp_path / "cut.unfinished").read_bytes() == kept
 
 
 def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:

@@ -55,6 +55,9 @@ def test_a_published_run_is_played_by_its_name(
     figures = {name: round(again["summary"][name]["mean"], 6) for name in ("success_rate", "plw")}
     assert figures == row.published["val-unseen"] and again["settings"]["options"]["feedback"] is False
     assert "published: " in capsys.readouterr().out
+    assert chmarl_main(["evaluate", "--policy", "tiny-graphs", "--split", "val-unseen", "--workers", "1",
+                        "--max-steps", "3"]) == 0  # fmt: skip
+    assert "published: " not in capsys.readouterr().out, "it was measured by other rules"
     with pytest.raises(OptionError, match="tiny-graphs"):
         chmarl_pb.load_policy("tiny")
 

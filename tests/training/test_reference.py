@@ -73,6 +73,19 @@ def test_the_command_keeps_runs_and_makes_those_that_are_missing(
     assert both[0] == kept[0] and both[1]["seed"] == 1
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [("{", "not a file of runs"), ('[{"game": "chess"}]', "a run without"), ('{"a": 1}', "not a file of runs")],
+)
+def test_foreign_files_of_runs_are_refused(
+    content: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "runs.json"
+    path.write_text(content)
+    assert main(["--json", str(path)]) == 2 and words in capsys.readouterr().err
+    assert path.read_text() == content
+
+
 def test_the_table_in_the_documentation_is_that_of_the_runs() -> None:
     runs = json.loads(Path("results/reference.json").read_text())
     page = Path("docs/training.md").read_text()

@@ -1,7 +1,7 @@
 """A step of a run on a Ray cluster: ``python -m training.tables.on_ray ADDRESS MODULE [OPTION ...] --out FOLDER``.
 
-The run's folder, and the data sets that it clones from, travel to a node; there the same command runs; what it has
-written comes back. A step whose node is lost begins again from what this machine has.
+The run's folder, the data sets that it clones from and the weights that it starts from travel to a node; there the same
+command runs; what it has written comes back. A step whose node is lost begins again from what this machine has.
 """
 
 import os
@@ -16,7 +16,7 @@ from chmarl_pb.ray_executor import RayExecutor
 from training.tables.runs import python
 
 _NEEDS = ("training",)  # of the checkout, which the package does not bring
-_TO_SEND = ("--out", "--data")  # options that name folders of files
+_TO_SEND = ("--out", "--data", "--start")  # options that name folders of files, or a file
 
 Files = dict[Path, bytes]
 Job = tuple[list[str], Files]
@@ -28,7 +28,7 @@ def main() -> int:
     try:
         folders = [Path(value) for name, value in pairwise(command) if name in _TO_SEND]
         with RayExecutor(address, _NEEDS) as executor:
-            ((code, printed, files),) = executor.map(_do, [(command, _read(folders))])
+            ((code, printed, files),) = executor.map(_do, [(command, files_of(folders))])
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -39,8 +39,8 @@ def main() -> int:
     return code
 
 
-def _read(folders: list[Path]) -> Files:
-    """Return the files of folders below this one, but not those of locks and logs.
+def files_of(folders: list[Path]) -> Files:
+    """Return the files of folders below this one, but not those of locks and logs; a file stands for itself.
 
     Raises:
         OptionError: a folder lies elsewhere.
@@ -48,7 +48,7 @@ def _read(folders: list[Path]) -> Files:
     for folder in folders:
         if folder.is_absolute() or ".." in folder.parts:
             raise OptionError(f"{folder}: on other machines it is another folder; name one below the checkout")
-    found = (path for folder in folders for path in folder.rglob("*"))
+    found = (path for folder in folders for path in (folder, *folder.rglob("*")))
     return {path: path.read_bytes() for path in found if path.is_file() and path.suffix not in (".lock", ".txt")}
 
 
@@ -61,7 +61,7 @@ def _do(job: Job) -> tuple[int, bytes, Files]:
     ended = subprocess.run(
         python(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env={**os.environ, "OMP_NUM_THREADS": "1"}
     )
-    made = _read([Path(command[command.index("--out") + 1])])
+    made = files_of([Path(command[command.index("--out") + 1])])
     return ended.returncode, ended.stdout, {path: data for path, data in made.items() if files.get(path) != data}
 
 

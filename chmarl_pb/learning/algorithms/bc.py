@@ -116,9 +116,7 @@ class _Run:
         self._begin_epoch()
 
     def _begin_epoch(self) -> None:
-        """Dropout is the same in every process and after every interruption."""
         self.batch, self._total = 0, torch.zeros(len(self.examiner.robots))
-        self._stream = torch.Generator().manual_seed(self.config.seed * 100_003 + self.epoch).get_state()
 
     def next_epoch(self, logger: Logger) -> None:
         """Go through the data once, or through what is left of it, and do what is due after it.
@@ -146,10 +144,12 @@ class _Run:
 
     def _learn(self) -> Tensor:
         self.actors.train()
-        with torch.random.fork_rng(devices=[]):
-            torch.set_rng_state(self._stream)
+        devices = [self._device] if self._device.type == "cuda" else []
+        with torch.random.fork_rng(devices):
             for batch in self.data.batches(self.config.batch_size, (self.config.seed, self.epoch), self.batch):
                 self._check()
+                place = np.random.SeedSequence([self.config.seed, self.epoch, self.batch])
+                torch.manual_seed(int(place.generate_state(1)[0]))  # dropout is the same after every interruption
                 losses = loss_of(self.actors, self.config, batch.to(self._device), self.examiner.robots)
                 self.optimizer.zero_grad()
                 (losses.sum() + grounding_of(self.actors, self.config, batch.to(self._device))).backward()
@@ -157,7 +157,7 @@ class _Run:
                 self.optimizer.step()
                 self.schedule.step()
                 self._total += losses.detach().cpu() * batch.mask.sum()
-                self.batch, self._stream = self.batch + 1, torch.get_rng_state()
+                self.batch += 1
                 if time.monotonic() > self._saved + interrupts.EVERY:
                     self.save()
         return self._total / self.data.lengths.sum()
@@ -170,7 +170,7 @@ class _Run:
         """Write the checkpoint that a run goes on from."""
         parts = {"actors": self.actors, "optimizer": self.optimizer, "schedule": self.schedule}
         state = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
-        place = {"epoch": self.epoch, "batch": self.batch, "total": self._total, "stream": self._stream}
+        place = {"epoch": self.epoch, "batch": self.batch, "total": self._total}
         checkpoint.save(self.folder / LAST, UNFINISHED, {**self._settings(), **place, "best": self.best, **state})
         self._saved = time.monotonic()
 
@@ -189,11 +189,8 @@ class _Run:
             "grounding_coef": 0.0, "split": "train",
         }  # fmt: skip
         content["config"] = before | content["config"]
-        for name, own in self._settings().items():
-            if content.get(name) != own:
-                raise checkpoint.CheckpointError(
-                    f"{path}: a run with other settings ({name}); use another folder, or remove it"
-                )
+        theirs, own = ({**one, **one["config"], "config": None} for one in (content, self._settings()))
+        checkpoint.check_same(theirs, own, path)
         with checkpoint.reading(path):
             checkpoint.fill(self.actors, content["actors"], path)
             self.optimizer.load_state_dict(content["optimizer"])
@@ -201,7 +198,7 @@ class _Run:
             self.epoch, self.best = content["epoch"], content["best"]
             self._begin_epoch()
             if "batch" in content:  # older checkpoints were written between two epochs alone
-                self.batch, self._total, self._stream = content["batch"], content["total"], content["stream"]
+                self.batch, self._total = content["batch"], content["total"]
 
 
 def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch, robots: Sequence[str]) -> Tensor:

@@ -165,7 +165,8 @@ class Aim:
         follow itself. On simple_spread its deviation grew by a tenth with each gradient step, until it was no number.
         """
         if self.scale is not None:
-            onward = mean(reward, mask) / (1 - self.gamma) if self.gamma < 1 else reward.new_zeros(())
+            each = (reward * mask).sum(dim=(0, 1)) / mask.sum(dim=(0, 1)).clamp(min=1)  # (M)
+            onward = each / (1 - self.gamma) if self.gamma < 1 else torch.zeros_like(each)
             had = lambda_returns(reward, not_done, onward.expand_as(reward), mask, self.gamma, 1.0)
             self.scale.update(had, mask)
 

@@ -104,8 +104,14 @@ class DeepQMixer(Mixer):
     """
 
     def __init__(self, agents: int, state_size: int, units: int = 32):
-        """Make the hypernetworks."""
+        """Make the hypernetworks.
+
+        Raises:
+            ValueError: there is but one unit, which cannot be both convex and concave.
+        """
         super().__init__()
+        if units < 2:
+            raise ValueError(f"embedding={units}: qmix-deep needs at least 2, as half of its units are concave")
         self.agents, self.units = agents, units
         sizes = (agents * units, units * units, units)
         self.weights = nn.ModuleList(nn.Linear(state_size, size) for size in sizes)

@@ -21,7 +21,7 @@ from chmarl_pb.learning.algorithms.losses import Aim, Batch, q_loss, td_targets,
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
-from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import Choose, epsilon_after, epsilon_greedy
@@ -102,8 +102,8 @@ class Pqn:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
             self.agents = make_agents(interface.observations, interface.actions, config)
-            make = look_up("mixer", config.mixer, MIXERS)
-            self.mixer = make(len(interface.agents), interface.state_size, config.embedding)
+            given = (len(interface.agents), interface.state_size, config.embedding)
+            self.mixer: Any = make_network("mixer", config.mixer, MIXERS, *given)
         self._networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
         self._weights = [weight for weight in self._networks.parameters() if weight.requires_grad]
         self._optimizer = torch.optim.RAdam(self._weights, lr=config.learning_rate)

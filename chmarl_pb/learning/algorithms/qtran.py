@@ -60,7 +60,13 @@ class Qtran(ValueLearner):
     """Value factorisation with the networks and the loss of QTRAN in the place of a mixer."""
 
     def make_mixer(self, interface: Interface) -> nn.Module:
-        """Return the joint networks."""
+        """Return the joint networks.
+
+        Raises:
+            ValueError: the settings name a mixer.
+        """
+        if self.config.mixer:
+            raise ValueError(f"mixer={self.config.mixer!r}: qtran learns a joint value in its place; use qmix or vdn")
         return QtranNetworks(interface, self.config.hidden, self.config.joint_units)
 
     def td_loss(

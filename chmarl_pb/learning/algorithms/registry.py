@@ -57,8 +57,14 @@ def find_algorithm(name: str) -> Algorithm:
     return ALGORITHMS[name]
 
 
-def make_learner(algorithm: str, interface: Interface, config: RunConfig) -> Learner:
+def make_learner(algorithm: str, interface: Interface, config: RunConfig, resumed: bool = False) -> Learner:
     """Return the learner of an algorithm, with the weights that its settings say to begin with.
+
+    Args:
+        algorithm: one of ``ALGORITHMS``.
+        interface: of the environment.
+        config: its settings.
+        resumed: whether it is restored after this, so that the weights to begin with need not be there any more.
 
     Raises:
         ValueError: there is no such algorithm, or the settings are those of another.
@@ -68,7 +74,7 @@ def make_learner(algorithm: str, interface: Interface, config: RunConfig) -> Lea
     if type(config) is not row.config:
         raise ValueError(f"{algorithm} takes a {row.config.__name__}, not a {type(config).__name__}")
     learner = row.learner(algorithm, interface, config)
-    if config.first_weights:
+    if config.first_weights and not resumed:
         path = Path(config.first_weights)
         fill(learner.agents, _policies(path), path)
     return learner

@@ -20,7 +20,7 @@ from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, 
 from chmarl_pb.learning.algorithms.mixers import MIXERS
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
-from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
 from chmarl_pb.learning.runs.collect import Choose, epsilon_after, epsilon_greedy
@@ -107,8 +107,8 @@ class ValueLearner:
 
     def make_mixer(self, interface: Interface) -> nn.Module:
         """Return what joins the agents' values."""
-        make = look_up("mixer", self.config.mixer or self.algorithm, MIXERS)
-        return make(len(interface.agents), interface.state_size, self.config.embedding)
+        given = (len(interface.agents), interface.state_size, self.config.embedding)
+        return make_network("mixer", self.config.mixer or self.algorithm, MIXERS, *given)
 
     def to(self, device: torch.device) -> None:
         """Move the networks to a device, before the first gradient step."""

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
-from chmarl_pb.learning.lookup import look_up
+from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.encoders import ENCODERS
 from chmarl_pb.learning.spaces import Tree, tree_map
 
@@ -35,8 +35,8 @@ class Agent(nn.Module):
         """Make the layers for an observation space and a number of actions, or of the values of their components."""
         super().__init__()
         self.actions, self._hidden = actions, config.hidden
-        make = look_up("encoder", config.encoder, ENCODERS)
-        self.encoder = make(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config))
+        given = (space, config.features, config.image_encoder, config.graph_pool)
+        self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, **asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
         self._history = self.past + outputs if config.history_past else 0

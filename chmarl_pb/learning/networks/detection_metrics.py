@@ -88,6 +88,7 @@ def _colours(ids: np.ndarray, views: "Views") -> tuple[int, int]:
 
 def average_precision(scores: np.ndarray, present: np.ndarray) -> float:
     """Return the mean, over all views that show a class, of the precision among those that score at least as much."""
-    hits = present[np.argsort(-scores, kind="stable")]
-    precision = np.cumsum(hits) / np.arange(1, len(hits) + 1)
-    return float(precision[hits].mean())
+    order = np.argsort(-scores, kind="stable")
+    hits, sorted_scores = present[order], scores[order]
+    ends = np.searchsorted(-sorted_scores, -sorted_scores, side="right")  # views that score at least as much
+    return float((np.cumsum(hits)[ends - 1] / ends)[hits].mean())

@@ -30,6 +30,12 @@ def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> Non
         )
 
 
+def image_size_of(setting: Mapping[str, Any]) -> dict[str, int]:
+    """Return the option ``image_size`` of a training, if it is not the usual one."""
+    size = setting.get("image_size", Options().image_size)
+    return {} if size == Options().image_size else {"image_size": size}
+
+
 def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
     """Check that the classes of things are those of the training; ids and words would mean others.
 

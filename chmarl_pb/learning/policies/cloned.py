@@ -10,14 +10,15 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning.config import FROZEN, amount, check, count, natural, share
+from chmarl_pb.learning.components import one_hot
+from chmarl_pb.learning.config import FROZEN, amount, check, count, seed_number, share
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, device_of
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_size
+from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size
 from chmarl_pb.learning.runs import checkpoint
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.spaces import stack, tensors
@@ -68,7 +69,7 @@ class CloningConfig:
     feedback: bool = True
     split: Literal["train", "train-limited"] = "train"
     noise: float = share(0.0)
-    seed: int = natural(0)
+    seed: int = seed_number(0)
     epochs: int = count(10)
     batch_size: int = count(16)
     learning_rate: float = amount(2e-3)
@@ -136,9 +137,7 @@ class BCActor(nn.Module):
         features = self.dropout(self.encoder(observation)).unflatten(0, last.shape[:2])
         numbers = features[..., features.shape[-1] - self.encoder.past :]
         if self.past_actions:
-            # A row of its own for NO_ACTION, which is then left out.
-            acted = [nn.functional.one_hot(last[..., i] + 1, n + 1)[..., 1:] for i, n in enumerate(self.actions)]
-            features = torch.cat([features, *(one_hot.to(features.dtype) for one_hot in acted)], dim=-1)
+            features = torch.cat([features, one_hot(last, self.actions).to(features.dtype)], dim=-1)
         histories, hidden = self.memory(features, hidden)
         histories = torch.cat([self.dropout(histories), numbers], dim=-1)
         return [head(histories) for head in self.heads], hidden
@@ -243,6 +242,8 @@ class BCPolicies:
 
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, {"image_size": IMAGE_SIZE}, self.path)
+        check_catalog(env, {}, self.path)  # data sets are of the paper's rules and things
+        check_rules(env, {}, self.path)
         if self.config.uses_features:
             trained_with(self.config.image_encoder, content[FROZEN], self.path)
         actors = make_actors(env, self.config)

@@ -14,7 +14,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, silenced
+from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.runs.collect import Explorer, greedy
 from chmarl_pb.learning.runs.threads import threads
@@ -68,7 +68,8 @@ class ValuePolicies:
         """
         self.path = path
         with reading(path):
-            self.rules: dict[str, Any] = dict(load(path, "value")["setting"].get(RULES, {}))
+            setting = load(path, "value")["setting"]
+            self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting)}
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

@@ -5,7 +5,7 @@ The reasons are our own words: torch's advise to load a file that it refuses in 
 
 import pickle
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -115,6 +115,24 @@ def tensors_of(source: Path | IO[bytes], path: Path) -> Any:
     except Exception:  # torch raises nearly anything on files that it has not written
         reason = "it is not as torch writes it"
     raise CheckpointError(f"{path}: not a whole checkpoint: {reason}; copy or train it again")
+
+
+def check_same(theirs: Mapping[str, Any], own: Mapping[str, Any], path: Path) -> None:
+    """Check that a run goes on with the settings that it was begun with.
+
+    Args:
+        theirs: of the checkpoint; more than ``own`` may be among them.
+        own: of the run that is to go on.
+        path: of the checkpoint, for the error.
+
+    Raises:
+        CheckpointError: some differ.
+    """
+    differ = [f"{name}={theirs.get(name)!r}, not {value!r}" for name, value in own.items() if theirs.get(name) != value]
+    if differ:
+        raise CheckpointError(
+            f"{path}: is of a run with other settings: {'; '.join(differ)}; go on with its own, or use another folder"
+        )
 
 
 @contextmanager

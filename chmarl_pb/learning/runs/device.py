@@ -12,7 +12,10 @@ def find_device(name: str) -> torch.device:
         OptionError: torch does not know it, or this machine has none.
     """
     try:
-        return torch.empty(0, device=name).device
+        device = torch.zeros(1, device=name).device
+        if device.type == "meta":
+            raise NotImplementedError("it keeps no numbers")
+        return device
     except (RuntimeError, AssertionError, NotImplementedError) as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise OptionError(f"device={name!r}: {reason}; use 'cpu', or 'cuda' where torch finds a GPU") from error

@@ -82,7 +82,7 @@ class ReplayBuffer:
         self.capacity = min(capacity, int(memory_gib * GIB / self.episode_bytes))
         if self.capacity < 1:
             raise ValueError(
-                f"memory_gib={memory_gib}: one episode takes {self.episode_bytes / GIB:.3f} GiB; give more"
+                f"memory_gib={memory_gib}: one episode takes {self.episode_bytes / GIB:.2g} GiB; give more"
             )
         self._kept = self._arrays(self.capacity)
         self.added = 0

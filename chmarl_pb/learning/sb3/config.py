@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import PAPER, TRACKS
-from chmarl_pb.learning.config import CATALOG, check, count, natural
+from chmarl_pb.learning.config import CATALOG, check, count, seed_number
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.encoders import GRAPH_POOLS
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
@@ -159,7 +159,7 @@ class Config:
     env_id: Hidden = "CHMARL/SceneGraph-v0"
     preset: PresetName = "goal"
     steps: int = count(600_000)
-    seed: int = natural(0)
+    seed: int = seed_number(0)
     envs: int = count(16)
     messages: bool = True
     feedback: bool = True

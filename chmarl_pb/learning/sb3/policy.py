@@ -1,12 +1,7 @@
-"""``best.zip`` of a run: a model of Stable-Baselines3 with our settings beside it, and the policy made from it."""
+"""Models of Stable-Baselines3 as policies of the benchmark."""
 
-import json
-import math
-import zipfile
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,89 +10,20 @@ from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.preprocessing import is_image_space
-from stable_baselines3.common.vec_env import VecTransposeImage
 
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import OptionError
-from chmarl_pb.files import replacing
-from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder, trained_with
-from chmarl_pb.learning.networks.kept_features import feature_space
+from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import GOAL, IMAGE, named
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, silenced
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
-from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
-from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
 from chmarl_pb.policies.registry import make_policy
 
-_SETTINGS = "chmarl_pb.json"  # member of the zip
 _COMMON = {"instruction", "feedback", "messages", "self", "node_class", "rgb", GOAL}  # keys of one robot
-
-
-def save_model(model: BaseAlgorithm, config: Config, path: Path) -> None:
-    """Write a model, whole or not at all, so that SB3 and :func:`load_policy` can read it."""
-    with replacing(path) as temporary:
-        with temporary.open("wb") as file:
-            model.save(file)
-        with zipfile.ZipFile(temporary, "a") as archive:
-            archive.writestr(_SETTINGS, json.dumps(asdict(config)))
-        seal(temporary)
-
-
-def load_policy(path: Path) -> "Sb3Policies":
-    """Return what makes the policy of a ``best.zip``; entry point ``chmarl_pb.checkpoints``.
-
-    Only the settings (JSON) and the weights (``weights_only=True``) are read, so no code of the file is run.
-    SB3's own ``load`` unpickles the rest of the zip, which can run any code: use it on files that you trust only.
-
-    Raises:
-        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
-    """
-    return Sb3Policies(path)
-
-
-class Sb3Policies:
-    """Makes the policies of a model; can be sent to other processes."""
-
-    def __init__(self, path: Path):
-        """Remember the path of a model."""
-        self.path = path
-        config = read_model(path)[0]
-        # As `evaluate` asks; where pictures are observed, the others are told what is in view, as in training.
-        self.deterministic, self.centralized = not config.sampled, not config.alone
-        self.privileged = config.alone and config.observation == "visual"
-        self.rules: dict[str, Any] = {"track": config.track} if config.track != PAPER else {}
-        if self.rules and not config.messages:
-            self.rules["messages"] = False
-
-    def __call__(self, env: HouseholdEnv) -> Policy:
-        """Return the policy for an environment.
-
-        Raises:
-            CheckpointError: the model was trained with other observations, actions or frozen weights.
-        """
-        config, weights = read_model(self.path)
-        check_size(env, asdict(config), self.path)
-        check_catalog(env, asdict(config), self.path)
-        check_rules(env, self.rules, self.path)
-        if PRESETS[config.preset].goal and not env.options.goal:
-            raise CheckpointError(
-                f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
-            )
-        network = _network(config, env)
-        fill(network, weights, self.path)
-        network.set_training_mode(False)
-        encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
-        network.requires_grad_(False)
-        silent = silenced(asdict(config))
-        return BatchOfOne(Sb3Policy(network, env, config.sampled, silent, encoder, config.partner))
 
 
 def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicies":
@@ -148,7 +74,7 @@ class ModelPolicies:
             OptionError: the environment does not give all that the model observes.
         """
         parts = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}
-        given = parts[_learner(env)] | joined(parts)
+        given = parts[learner_of(env)] | joined(parts)
         if missing := [key for key in _keys_of(self._network) if key not in given]:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
         self._network.set_training_mode(False)
@@ -186,7 +112,7 @@ class Sb3Policy:
         self._counts = {name: flat_counts(env.action_space(name)) for name in env.possible_agents}
         self._keys, self._others = _keys_of(network), list[Policy]()
         prefixes = tuple(f"{name}_" for name in self._counts)
-        self._alone = None if any(key.startswith(prefixes) for key in self._keys) else _learner(env)
+        self._alone = None if any(key.startswith(prefixes) for key in self._keys) else learner_of(env)
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
@@ -276,52 +202,6 @@ def joined(robots: dict[str, Any]) -> dict[str, Any]:
     return {f"{name}_{key}": value for name, own in robots.items() for key, value in own.items()}
 
 
-def _learner(env: HouseholdEnv) -> str:
+def learner_of(env: HouseholdEnv) -> str:
     """Return the robot that learns if one does alone: the first that grasps."""
     return next(name for name, actions in env.action_names.items() if grasps(actions))
-
-
-def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
-    """Return the network with new weights."""
-    parts, learner = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}, _learner(env)
-    seen = parts[learner] if config.alone else joined(parts)
-    # What the network was not trained with, as the goal, is left out.
-    read = config.keys or tuple(name for name in parts[learner] if name != GOAL or PRESETS[config.preset].goal)
-    space = spaces.Dict({key: seen[key] for key in named(seen, *read)})
-    if config.frozen:
-        space = feature_space(space, frozen_encoder(config.image_encoder))
-    for key, part in space.items():
-        if isinstance(part, spaces.Box) and is_image_space(part):
-            space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
-    counts = [count for name in env.possible_agents for count in flat_counts(env.action_space(name))]
-    actions: spaces.Space[Any] = spaces.MultiDiscrete(counts)
-    if config.alone:
-        actions = env.action_space(learner)
-    elif config.env_options.get("flat_actions"):
-        actions = spaces.Discrete(math.prod(counts))
-    algorithm = ALGORITHMS[config.algo]
-    make = algorithm.model.policy_aliases[algorithm.policy]
-    return make(space, actions, lambda _: 0.0, **config.policy_kwargs)
-
-
-def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
-    """Return settings and weights.
-
-    Raises:
-        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
-    """
-    check_whole(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if _SETTINGS not in archive.namelist():
-                raise CheckpointError(
-                    f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
-                    "they are loaded; to evaluate one that you trust, load it in a module:callable and return "
-                    "chmarl_pb.learning.sb3.policy_of(model)(env)"
-                )
-            with reading(path):
-                config = Config(**{**BEFORE_PRESETS, **json.loads(archive.read(_SETTINGS))})
-                with archive.open("policy.pth") as file:
-                    return config, tensors_of(file, path)
-    except (OSError, zipfile.BadZipFile) as error:
-        raise CheckpointError(f"{path}: not a whole checkpoint ({error}); copy or train it again") from error

@@ -15,12 +15,13 @@ from stable_baselines3.common.vec_env import VecEnv
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
 from chmarl_pb.learning.runs import interrupts
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading, save
+from chmarl_pb.learning.runs.checkpoint import check_same, load, reading, save
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
 from chmarl_pb.learning.sb3.config import BEFORE_PRESETS
 from chmarl_pb.learning.sb3.journal import Journal, buffer_content, counters, fill_buffer, go_back, moment
 
 KIND = "sb3"
+_VALIDATED = "eval/mean_reward"  # what SB3 calls a figure that a validation alone has
 _HISTORY = ("evaluations_timesteps", "evaluations_results", "evaluations_length", "evaluations_successes")
 
 
@@ -139,11 +140,7 @@ class Milestones(BaseCallback):
             self._restore(model, load(self.path, KIND))
 
     def _restore(self, model: BaseAlgorithm, content: dict[str, Any]) -> None:
-        settings = {**BEFORE_PRESETS, **content["settings"]}
-        if settings != self.settings:
-            raise CheckpointError(
-                f"{self.path}: its settings {settings} differ from {self.settings}; use another folder"
-            )
+        check_same({**BEFORE_PRESETS, **content["settings"]}, self.settings, self.path)
         model.set_parameters(content["parameters"])
         kept = content.get("moment")
         for name, value in (kept or content)["counters"].items():
@@ -243,11 +240,11 @@ class Milestones(BaseCallback):
 class Log(KVWriter):
     """Appends rows to ``metrics.jsonl``; those of an interrupted run after its last checkpoint are dropped."""
 
-    def __init__(self, folder: Path, steps: int):
-        """Open the log of a run that goes on from a number of steps."""
+    def __init__(self, folder: Path, steps: int, validated: int = 0):
+        """Open the log of a run that goes on from a number of steps, the last of which were validated at some."""
         self._path = folder / METRICS
-        rows = read_rows(self._path)
-        write_atomically(self._path, "".join(f"{sealed(row)}\n" for row in rows if row["steps"] <= steps))
+        rows = [row for row in read_rows(self._path) if row["steps"] <= (validated if _VALIDATED in row else steps)]
+        write_atomically(self._path, "".join(f"{sealed(row)}\n" for row in rows))
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
         """Append a row."""
@@ -284,6 +281,6 @@ class Events(KVWriter):
                 self._board.close()
 
 
-def make_logger(folder: Path, steps: int) -> Logger:
-    """Return a logger to ``metrics.jsonl``, and to TensorBoard if it is installed."""
-    return Logger(str(folder), [Log(folder, steps), Events(folder)])
+def make_logger(folder: Path, steps: int, validated: int) -> Logger:
+    """Return a logger to ``metrics.jsonl``, and to TensorBoard if it is installed; see :class:`Log`."""
+    return Logger(str(folder), [Log(folder, steps, validated), Events(folder)])

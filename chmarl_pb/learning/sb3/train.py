@@ -24,9 +24,9 @@ from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.sb3.bar import Bar
+from chmarl_pb.learning.sb3.checkpoint import save_model
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
 from chmarl_pb.learning.sb3.journal import Journal
-from chmarl_pb.learning.sb3.policy import save_model
 from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
@@ -115,7 +115,8 @@ def _learn(
     )
     milestones.resume(model)
     first = model.num_timesteps
-    model.set_logger(make_logger(folder, first))
+    rows = validation.rows()
+    model.set_logger(make_logger(folder, first, int(rows[-1]["steps"]) if rows else 0))
     if not milestones.finished:
         every: Any = None if own_log else _log_interval(config)
         bar.prepare()
@@ -128,7 +129,7 @@ def _learn(
                 milestones.save()
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
     rows = validation.rows()
-    best = max(rows, key=lambda row: row["plw"])
+    best = max(reversed(rows), key=lambda row: row["plw"])  # of equals the last, whose weights are kept
     splits = (config.home,) if config.home else SPLITS[config.track]
     result = {
         "config": asdict(config), "splits": splits, "best": best, "validations": rows, "steps": model.num_timesteps,

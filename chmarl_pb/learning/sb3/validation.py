@@ -41,7 +41,7 @@ class PathWeighted(gymnasium.Wrapper):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start the next task; a seed says which is the first."""
         self._next = self._next if seed is None else seed
-        self._task = self._tasks[self._next % len(self._tasks)]
+        self._task = self._tasks[min(self._next, len(self._tasks) - 1)]  # of an odd number the last one is left over
         self._next, self._steps = self._next + self._stride, 0
         return self.env.reset(seed=episode_seed(self._task, 0), options={"task": self._task})
 

@@ -1,0 +1,244 @@
+"""A training run, from rollout to rollout: play some episodes, learn from the replay buffer, validate, log, save."""
+
+import json
+import time
+from collections import defaultdict
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from chmarl_pb.files import file_hash
+from chmarl_pb.learning.algorithms.registry import make_learner
+from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.runs import interrupts
+from chmarl_pb.learning.runs.checkpoint import check_same, save
+from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.runs.interrupts import Asked
+from chmarl_pb.learning.runs.logger import Logger
+from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
+from chmarl_pb.learning.runs.validation import Validate
+from chmarl_pb.learning.spaces import Interface
+
+LAST, BEST = "last.pt", "best.pt"
+
+
+class Run:
+    """A training run; all of it can be saved between two rollouts, and in one before its validation.
+
+    Attributes:
+        learner: networks and optimizer.
+        episodes: number of played episodes.
+        rows: number of written rows of metrics.
+        best_score: of the best validation so far.
+    """
+
+    def __init__(
+        self,
+        collector: Collector,
+        algorithm: str,
+        config: RunConfig,
+        folder: Path | None,
+        validate: Validate,
+        setting: dict[str, Any],
+        device: torch.device | None = None,
+        resumed: bool = False,
+    ):
+        """Begin a run; a resumed one is to be restored, and reads no weights to begin with."""
+        self.config, self.folder, self.setting = config, folder, setting
+        self._collector, self._validate = collector, validate
+        self.learner = make_learner(algorithm, collector.interface, config, resumed)
+        self._start = file_hash(Path(config.first_weights)) if config.first_weights and not resumed else ""
+        self.learner.to(device or torch.device("cpu"))
+        self.replay = _make_buffer(collector.interface, algorithm, config, device)
+        streams = np.random.SeedSequence(config.seed).spawn(3)
+        self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
+        self.episodes, self.rows, self.best_score = 0, 0, -np.inf
+        self._unreported: int | None = None  # episodes before a rollout that is learned from, until its row is written
+        self._saved = time.monotonic()
+        self._window: dict[str, list[float]] = defaultdict(list)
+        self._clock = {"rollout": 0.0, "updates": 0.0, "steps": 0, "transitions": 0, "gradients": 0}
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all episodes are played, learned from and reported."""
+        return self.episodes >= self.config.episodes and self._unreported is None
+
+    def advance(self, logger: Logger) -> None:
+        """Play a rollout, learn from it, and do what is due after it; what was left of the last rollout comes first.
+
+        Raises:
+            Asked: the run is to end; its state is that of before the rollout, or of before its validation.
+        """
+        if self._unreported is None:
+            before = self.episodes
+            self._play()
+            if self.episodes >= min(self.config.learning_starts, self.config.episodes):
+                self._learn()
+            self._unreported = before
+        self._report(self._unreported, logger)
+
+    def _report(self, before: int, logger: Logger) -> None:
+        """Validate, log and save, as it is due after a rollout that began after some episodes."""
+        row: dict[str, Any] = {}
+        if self._due(before, self.config.validation_interval):
+            self.save()  # validation takes its time
+            row["validation"] = self._score()
+        if self._due(before, self.config.log_interval):
+            row = self._figures() | row
+        if row:
+            logger.write({"episodes": self.episodes, **row})
+            self.rows = logger.rows
+        logger.advance(self.episodes)
+        self._unreported = None
+        if self._due(before, self.config.checkpoint_interval) or time.monotonic() > self._saved + interrupts.EVERY:
+            self.save()
+
+    def save(self) -> None:
+        """Write the checkpoint that a run goes on from, if there is a folder."""
+        if self.folder is not None:
+            save(self.folder / LAST, "run", self.state())
+            self._saved = time.monotonic()
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the run needs to go on; a finished one needs no replay buffer."""
+        replay = self.replay.state() if self.episodes < self.config.episodes else None
+        streams = {name: json.dumps(stream.bit_generator.state) for name, stream in self._streams.items()}
+        return {
+            **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
+            "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
+            "unreported": self._unreported, "start_sha256": self._start,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Go on from a state.
+
+        Args:
+            state: made by ``state``.
+            path: of the file that it comes from, for errors.
+
+        Raises:
+            CheckpointError: it is of other settings.
+        """
+        theirs, own = dict(state), self._settings()
+        self._start = state.get("start_sha256", "")
+        if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
+            first = self.config.first_weights
+            if first and self._start and Path(first).is_file() and file_hash(Path(first)) == self._start:
+                theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
+            theirs |= asdict(type(self.config)(**theirs["config"]))
+            own |= asdict(self.config)
+        check_same({**theirs, "config": None}, {**own, "config": None}, path)
+        self.learner.restore(state["learner"], path)
+        if state["replay"] is not None:
+            self.replay.restore(state["replay"])
+        for name, stream in self._streams.items():
+            stream.bit_generator.state = json.loads(state["streams"][name])
+        self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
+        self._window = defaultdict(list, state["window"])
+        self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
+
+    def _play(self) -> None:
+        config, steps, start = self.config, self._collector.steps, time.perf_counter()
+        before = {name: stream.bit_generator.state for name, stream in self._streams.items()}
+        seeds = self._seeds()
+        choose = self.learner.choose(self.episodes)
+        try:
+            played = self._collector.play(
+                self.learner.agents, choose, self._streams["actions"], seeds, ask_experts=True
+            )
+        except Asked:
+            for name, state in before.items():  # the rollout is played again
+                self._streams[name].bit_generator.state = state
+            raise
+        for episode in played:
+            self._window["return"].append(episode.episode_return)
+            self.replay.add(_scaled(episode, config.reward_scale))
+            self._window["length"].append(len(episode))
+            self._window["success"] += _success(episode)
+        self.episodes += len(played)
+        self._clock["rollout"] += time.perf_counter() - start
+        self._clock["steps"] += self._collector.steps - steps
+
+    def _seeds(self) -> list[int]:
+        """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""
+        envs, apart = self.config.envs, self._collector.episodes_in_a_home
+        seeds = self._streams["tasks"].integers(2**31, size=envs)
+        if apart > 1:
+            rollouts, stay = self.episodes // envs, min(apart, self.config.home_rollouts)
+            homes = np.random.default_rng([self.config.seed, rollouts // stay]).integers(2**31 // apart, size=envs)
+            seeds = homes * apart + rollouts % stay
+        return [int(seed) for seed in seeds]
+
+    def _learn(self) -> None:
+        start = time.perf_counter()
+        for batch, figures in self.learner.learn(self.replay, self._streams["batches"]):
+            for name, value in figures.items():
+                self._window[name].append(value)
+            self._clock["transitions"] += int(batch.acted.any(dim=-1).sum())
+            self._clock["gradients"] += 1
+        self._clock["updates"] += time.perf_counter() - start
+
+    def _score(self) -> dict[str, float]:
+        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures."""
+        figures = self._validate(self._collector, self.learner.agents)
+        if figures["score"] >= self.best_score:
+            self.best_score = figures["score"]
+            if self.folder is not None:
+                content = self._settings() | {"agents": self.learner.agents.state_dict(), "episodes": self.episodes}
+                save(self.folder / BEST, "value", content | {"validation": figures})
+        return figures
+
+    def _figures(self) -> dict[str, Any]:
+        """Return the means since the last row, and how fast all went."""
+        means = {name: float(np.mean(values)) for name, values in self._window.items() if values}
+        clock = self._clock
+        speed = {
+            "rollout_steps_per_s": clock["steps"] / max(clock["rollout"], 1e-9),
+            "updates_per_s": clock["gradients"] / max(clock["updates"], 1e-9),
+            "learned_steps_per_s": clock["transitions"] / max(clock["updates"], 1e-9),
+            "rollout_share": clock["rollout"] / max(clock["rollout"] + clock["updates"], 1e-9),
+        }
+        self._window.clear()
+        self._clock = dict.fromkeys(clock, 0)
+        return {"updates": self.learner.updates, "train": means, "speed": speed}
+
+    def _settings(self) -> dict[str, Any]:
+        """Return what fixes the run's numbers, in plain types."""
+        interface = self._collector.interface
+        spaces = {name: str(space) for name, space in interface.observations.items()}
+        return {
+            "algorithm": self.learner.algorithm, "config": asdict(self.config), "setting": self.setting,
+            "observations": spaces, "actions": interface.actions,
+        }  # fmt: skip
+
+    def _due(self, before: int, interval: int) -> bool:
+        return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
+
+
+def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:
+    """Return a run's replay buffer.
+
+    Raises:
+        ValueError: memory does not hold what has to be learned from at once.
+    """
+    replay = ReplayBuffer(interface, config.horizon, config.kept, config.memory_gib, device)
+    if config.on_policy and replay.capacity < config.kept:
+        raise ValueError(
+            f"memory_gib={config.memory_gib}: holds {replay.capacity} of the {config.kept} episodes that "
+            f"{algorithm} learns from at once; give more memory, or a smaller buffer_size, learning_starts or envs"
+        )
+    return replay
+
+
+def _scaled(episode: Episode, scale: float) -> Episode:
+    episode.rewards = [reward * np.float32(scale) for reward in episode.rewards]
+    return episode
+
+
+def _success(episode: Episode) -> list[float]:
+    """Return whether the episode succeeded, if the environment says so."""
+    found = [info["success"] for info in episode.info.values() if "success" in info]
+    return [float(all(found))] if found else []
