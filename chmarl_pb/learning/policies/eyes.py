@@ -10,7 +10,7 @@ from chmarl_pb.learning.networks.pyramid import CELL
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.policies.eyes import Sight
 
-SURE = 0.05  # confidence from which on a class counts as seen, chosen on validation tasks by benchmarks.eyes
+SURE = 0.02  # confidence from which on a class counts as seen, chosen on validation tasks by benchmarks.eyes
 
 
 class DetectorEyes:
