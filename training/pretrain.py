@@ -220,6 +220,8 @@ def main(arguments: list[str] | None = None) -> int:
     for name in ("onnx", "start", "measure"):
         if getattr(chosen, name) and chosen.network != "detector":
             parser.error(f"--{name}: goes with --network detector")
+    if sum(map(bool, (chosen.onnx, chosen.start, chosen.measure))) > 1:
+        parser.error("--onnx, --start and --measure exclude each other")
     for name in ("out", "figures", "onnx"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
@@ -234,6 +236,7 @@ def _export(chosen: argparse.Namespace) -> int:
     return 0
 
 
+@threads(1)
 def _measure(chosen: argparse.Namespace) -> int:
     """Draw the views that are checked, and print the figures of trained weights."""
     source = chosen.out or weights_file("detector")

@@ -161,6 +161,8 @@ def _read(path: Path) -> list[dict[str, Any]]:
         return []
     try:
         runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(runs, list):
+            raise ValueError("no list of runs")
         for run in runs:
             if missing := _FACTS - set(run):
                 raise ValueError(f"a run without {', '.join(sorted(missing))}")

@@ -56,7 +56,7 @@ def make_network(
         raise ValueError(f"{option}={name!r}: is no function; name one that makes a torch.nn.Module")
     try:
         inspect.signature(make).bind(*arguments, **named)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:  # the second of builtins
         given = ", ".join([*(type(one).__name__ for one in arguments), *named])
         raise ValueError(f"{option}={name!r}: {error}; it is called with ({given})") from error
     network = make(*arguments, **named)

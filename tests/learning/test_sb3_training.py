@@ -175,7 +175,9 @@ def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
     assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
-    assert find_policy(str(tmp_path / BEST)).rules == {"track": "grounded"}, "nobody has to say so again"
+    assert find_policy(str(tmp_path / BEST)).rules == {"track": "grounded", "max_steps": 4, "image_size": 32}, (
+        "nobody has to say so again"
+    )
     options: dict[str, Any] = {"goal": True, "max_steps": 4}
     for plays in (None, play_side_by_side):
         tasks = load_tasks("generated-val")[:2]

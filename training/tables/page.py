@@ -80,9 +80,8 @@ GROUNDED_NOTE = f"""Other rules ([environments.md](environments.md#tracks)): Pic
 stand about, the robots have words of their own, nobody corrects them, and homes are generated. All of {GROUNDED_SPLIT}
 is played; the weights are those with the best PLW on every tenth task of generated-val. Nothing here has a counterpart
 in the paper. What policies score that learn nothing: [benchmark.md](benchmark.md#the-grounded-track). *Picks*: in how
-many of the steps with X in view, *places*: in how many with X held and Y in view. QMIX, MAPPO from scratch and PPO have
-a PLW of 0 in all validations and kept their first weights, see [the runs](#the-runs); they are to be run again
-([training.md](training.md#the-grounded-track)).
+many of the steps with X in view, *places*: in how many with X held and Y in view. What learners
+from scratch come to, and which of them is to be run again: [training.md](training.md#the-grounded-track).
 """
 
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here

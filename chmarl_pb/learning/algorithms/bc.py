@@ -22,7 +22,7 @@ from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
-from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.config import CATALOG, FROZEN
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
 from chmarl_pb.learning.runs import checkpoint, interrupts
@@ -164,6 +164,7 @@ class _Run:
 
     def _save_best(self) -> None:
         facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
+        facts[CATALOG] = self.examiner.env.catalog.content
         checkpoint.save(self.folder / BEST, KIND, {**facts, "actors": self.actors.state_dict()})
 
     def save(self) -> None:

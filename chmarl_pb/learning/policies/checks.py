@@ -59,7 +59,7 @@ def check_rules(env: HouseholdEnv, rules: Mapping[str, Any], path: Path) -> None
         for one in (wanted, env.options)
     )
     if theirs != own:
-        told = ", ".join(f"{name}={value!r}" for name, value in rules.items()) or f"track={PAPER!r}"
+        told = ", ".join(f"{name}={value!r}" for name, value in {"track": PAPER, **rules}.items())
         differ = ", ".join(name for name in own if own[name] != theirs[name])
         raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
 

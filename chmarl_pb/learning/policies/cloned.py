@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.components import one_hot
-from chmarl_pb.learning.config import FROZEN, amount, check, count, seed_number, share
+from chmarl_pb.learning.config import CATALOG, FROZEN, amount, check, count, seed_number, share
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, device_of
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
@@ -242,8 +242,9 @@ class BCPolicies:
 
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, {"image_size": IMAGE_SIZE}, self.path)
-        check_catalog(env, {}, self.path)  # data sets are of the paper's rules and things
-        check_rules(env, {}, self.path)
+        if CATALOG in content:  # older ones do not say
+            check_catalog(env, content, self.path)
+        check_rules(env, {}, self.path)  # data sets are of the paper's rules
         if self.config.uses_features:
             trained_with(self.config.image_encoder, content[FROZEN], self.path)
         actors = make_actors(env, self.config)

@@ -16,6 +16,6 @@ def find_device(name: str) -> torch.device:
         if device.type == "meta":
             raise NotImplementedError("it keeps no numbers")
         return device
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
+    except (RuntimeError, AssertionError, NotImplementedError, ImportError) as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise OptionError(f"device={name!r}: {reason}; use 'cpu', or 'cuda' where torch finds a GPU") from error

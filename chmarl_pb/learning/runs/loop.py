@@ -92,13 +92,13 @@ def train(
     config = config or row.config()
     where, signals = find_device(device), Signals()
     last = None if folder is None else folder / LAST
+    if last is None or not last.exists():
+        check_first_weights(config, setting or {})
     with (
         torch_threads(threads), run_lock(folder),
         closing(Collector(env_fn, config.envs, expert, config.horizon, signals.check)) as collector,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
-        if not resumed:
-            check_first_weights(config, setting or {})
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {}, where, resumed)
         if last is not None and resumed:
             with reading(last):

@@ -14,9 +14,8 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecTransposeImage
 
-from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.tracks import PAPER
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
@@ -68,7 +67,7 @@ class Sb3Policies:
         if self.rules and not config.messages:
             self.rules["messages"] = False
         self.rules |= image_size_of(asdict(config))
-        if config.max_steps != Options().max_steps:
+        if config.max_steps != TRACKS[config.track]["max_steps"]:
             self.rules["max_steps"] = config.max_steps
 
     def __call__(self, env: HouseholdEnv) -> Policy:
