@@ -46,8 +46,8 @@ _LESSONS = (
     ),
     _lesson(
         "**Words**: PPO for the humanoid alone has {}; told the class ids of what it is asked for, with a network of "
-        "few numbers, bolder settings, five times the steps and the drone of *belief*, {}. So a reward of this kind can "
-        "be learned from; what each of the five changes brings was not measured apart.",
+        "few numbers, bolder settings, five times the steps and the drone of *belief*, {}. So a reward of this kind "
+        "can be learned from; what each of the five changes brings was not measured apart.",
         "PPO, humanoid only", "PPO, humanoid only, goal observed",
     ),
     _lesson(
