@@ -18,6 +18,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.learning.algorithms import bc as cloning
 from chmarl_pb.learning.algorithms.bc import clone
 from chmarl_pb.learning.algorithms.demonstrations import read_demonstrations
+from chmarl_pb.learning.config import CATALOG
 from chmarl_pb.learning.networks.agents import NO_ACTION
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import BCPolicy, CloningConfig, make_actors
@@ -173,6 +174,12 @@ def test_a_checkpoint_of_something_else_is_refused(data: Path, tmp_path: Path) -
     env = HouseholdEnv(observation="visual")
     with pytest.raises((CheckpointError, KeyError)):
         load_policy(tmp_path / "best.pt")(env)
+    env.close()
+    save(tmp_path / "other.pt", "bc", load(tmp_path / "best.pt") | {CATALOG: "of another catalogue"})
+    env = HouseholdEnv()
+    load_policy(tmp_path / "best.pt")(env)
+    with pytest.raises(CheckpointError, match="other classes of things"):
+        load_policy(tmp_path / "other.pt")(env)
     env.close()
     env = HouseholdEnv(lookalikes=True)
     with pytest.raises(CheckpointError, match="other rules"):
