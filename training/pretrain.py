@@ -204,14 +204,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--epochs", type=int, help="passes over the views (default 6, detector 8)")
     parser.add_argument("--seed", type=int, default=0, help="of views, weights and order (default 0)")
     parser.add_argument("--workers", type=int, default=2, help="processes that draw views (default 2)")
-    parser.add_argument("--device", default="cpu", help="of torch, e.g. cuda (default cpu)")
+    parser.add_argument("--device", help="of torch, e.g. cuda (default cpu)")
     parser.add_argument("--out", type=Path, help="file of the weights (default: where yours are looked for)")
     parser.add_argument("--figures", type=Path, help="JSON file for the figures")
     parser.add_argument("--start", type=Path, help="a trained detector: only the colours of its table are counted anew")
     parser.add_argument("--measure", action="store_true", help="measure the trained detector; nothing is trained")
     parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
-    model = NETWORKS[chosen.network]
+    trains, model = not (chosen.onnx or chosen.start or chosen.measure), NETWORKS[chosen.network]
+    for name in ("epochs", "device"):
+        if not trains and getattr(chosen, name) is not None:
+            parser.error(f"--{name}: nothing is trained; leave it out")
+    chosen.device = chosen.device or "cpu"
     chosen.views = model.views if chosen.views is None else chosen.views
     chosen.epochs = model.epochs if chosen.epochs is None else chosen.epochs
     for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):

@@ -23,6 +23,7 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.runs.interrupts import run_command
+from chmarl_pb.learning.runs.run import origin
 from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
@@ -117,21 +118,15 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
     with reading(checkpoint):
         content = load(checkpoint)
         setting, start = content.get("setting", {}), Path(content["config"].get("start") or ".")
+        begun = content.get("begun_with") or (origin(start) if start.is_file() else {})  # the last of older ones
     return {
         "kind": content["kind"],
         "config": content["config"],
         "validation": content.get("validation") or content.get("figures"),
         "episodes": content.get("episodes"),
         FROZEN: content.get(FROZEN) or setting.get(FROZEN) or "",
-        **({"begun_with": first_step(start)} if start.is_file() else {}),
+        **({"begun_with": begun} if begun else {}),
     }
-
-
-def first_step(checkpoint: Path) -> dict[str, Any]:
-    """Return what is kept of the learner whose weights another one began with."""
-    content = load(checkpoint, "value")
-    kept = {key: content.get(key) for key in ("algorithm", "config", "episodes", "validation")}
-    return {"sha256": file_hash(checkpoint), **kept}
 
 
 def _kept(reports: dict[str, Report]) -> dict[str, Any]:

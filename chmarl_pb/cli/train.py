@@ -3,10 +3,10 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, Union, get_type_hints
 
 from chmarl_pb.cli.arguments import add_rules, rules_of
 from chmarl_pb.envs.options import Options
@@ -126,6 +126,20 @@ _SAME = (
 )  # fmt: skip
 
 
+def _settings_of_imitation() -> Any:
+    """Return the class of those settings that the first training of dagger-mappo has by itself."""
+    kinds = get_type_hints(DAggerConfig)
+    own = [
+        (one.name, kinds[one.name], field(default=one.default, metadata=one.metadata))
+        for one in fields(DAggerConfig)
+        if one.name not in _SAME
+    ]
+    return make_dataclass("Imitation", own, frozen=True, namespace={"__doc__": DAggerConfig.__doc__})
+
+
+Imitation = _settings_of_imitation()
+
+
 @dataclass(frozen=True)
 class DaggerMappo(Play):
     """Imitate a search, then learn by MAPPO from there on.
@@ -134,24 +148,20 @@ class DaggerMappo(Play):
     which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by the reward.
 
     Attributes:
-        imitation: settings of the first training; it has the same seed and the same kind of networks as the second.
+        imitation: settings of the first training, where they differ from those of the second.
     """
 
     config: Annotated[MappoConfig, Flat]
-    imitation: DAggerConfig = field(default_factory=DAggerConfig)
+    imitation: Annotated[Any, tyro.conf.arg(constructor=Imitation)] = field(default_factory=Imitation)
 
     def __post_init__(self) -> None:
-        """Refuse settings that the run would not use."""
-        usual = DAggerConfig()
-        if own := [name for name in _SAME if getattr(self.imitation, name) != getattr(usual, name)]:
-            name = own[0].replace("_", "-")
-            raise ValueError(f"--imitation.{name}: both trainings have the same; give --{name}")
+        """Refuse a setting that the run would not use."""
         if self.config.start:
             raise ValueError("--start: dagger-mappo begins with its own imitator; use --algo mappo")
 
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
-        imitation = replace(self.imitation, **{name: getattr(self.config, name) for name in _SAME})
+        imitation = DAggerConfig(**asdict(self.imitation), **{name: getattr(self.config, name) for name in _SAME})
         _play("imitation", imitation, self.env, self.place, folder / IMITATION)
         mappo = replace(self.config, start=str(folder / IMITATION / BEST))
         _play("mappo", mappo, self.env, self.place, folder)

@@ -37,7 +37,12 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
 
 
 def make_network(
-    option: str, name: str, registry: Mapping[str, Callable[..., nn.Module]], *arguments: Any, **named: Any
+    option: str,
+    name: str,
+    registry: Mapping[str, Callable[..., nn.Module]],
+    *arguments: Any,
+    named: Mapping[str, Any] | None = None,
+    kind: type[nn.Module] = nn.Module,
 ) -> nn.Module:
     """Return the network that what is looked up makes of arguments.
 
@@ -46,20 +51,21 @@ def make_network(
         name: see :func:`look_up`.
         registry: name -> what makes a network.
         *arguments: that it is called with.
-        **named: the same.
+        named: the same, by name.
+        kind: of network that it has to make.
 
     Raises:
         ValueError: there is nothing of this name, or it makes no network of these arguments.
     """
-    make = look_up(option, name, registry)
+    make, named = look_up(option, name, registry), named or {}
     if not callable(make):
-        raise ValueError(f"{option}={name!r}: is no function; name one that makes a torch.nn.Module")
+        raise ValueError(f"{option}={name!r}: is no function; name one that makes a {kind.__name__}")
     try:
         inspect.signature(make).bind(*arguments, **named)
     except (TypeError, ValueError) as error:  # the second of builtins
         given = ", ".join([*(type(one).__name__ for one in arguments), *named])
         raise ValueError(f"{option}={name!r}: {error}; it is called with ({given})") from error
     network = make(*arguments, **named)
-    if not isinstance(network, nn.Module):
-        raise ValueError(f"{option}={name!r}: makes a {type(network).__name__}, not a torch.nn.Module")
+    if not isinstance(network, kind):
+        raise ValueError(f"{option}={name!r}: makes a {type(network).__name__}, not a {kind.__name__}")
     return network

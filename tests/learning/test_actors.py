@@ -13,6 +13,7 @@ from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chmarl_pb.files import file_hash
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, imitation_loss, mixed
 from chmarl_pb.learning.algorithms.losses import Batch
@@ -281,6 +282,8 @@ def test_a_run_goes_on_without_the_weights_that_it_began_with(tmp_path: Path) ->
     begun, moved = tmp_path / "first" / BEST, tmp_path / "moved.pt"
     config = replace(MAPPO, start=str(begun))
     whole = train(UnevenEnv, "mappo", config, tmp_path / "run").agents.state_dict()
+    kept = load(tmp_path / "run" / BEST)["begun_with"]
+    assert kept["sha256"] == file_hash(begun) and kept["algorithm"] == "imitation"
     begun.rename(moved)
     for start in (begun, moved):
         again = train(UnevenEnv, "mappo", replace(config, start=str(start)), tmp_path / "run").agents.state_dict()

@@ -232,6 +232,8 @@ def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:
         train(UnevenEnv, "iql", SMALL, tmp_path)
     with pytest.raises(CheckpointError, match=r"gamma=0\.97, not 0\.5"):
         train(UnevenEnv, "vdn", replace(SMALL, gamma=0.5), tmp_path)
+    with pytest.raises(CheckpointError, match="settings: messages=None, not True; go on"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path, setting={"messages": True})
 
 
 def test_finished_run_is_loaded_and_keeps_no_replay(tmp_path: Path) -> None:

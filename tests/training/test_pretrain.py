@@ -1,5 +1,6 @@
 """Pretraining of ResNet-18: labels, figures, and the same weights after an interruption."""
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from chmarl_pb.learning.runs.seal import is_sealed
 from chmarl_pb.tasks.generated_homes import numbered_homes
 from tests.helpers.damage import flipped
 from tests.helpers.stopping import in_pieces
+from training import pretrain as command
 from training.pretrain import NETWORKS, pretrain
 
 COUNT = 16
@@ -172,6 +174,33 @@ def test_counting_colours_anew_leaves_an_unfinished_training_alone(tmp_path: Pat
     kept = (tmp_path / "cut.unfinished").read_bytes()
     pretrain("detector", tmp_path / "cut.pt", views, {}, 3, 0, Bar(99), start=tmp_path / "first.pt")
     assert (tmp_path / "cut.unfinished").read_bytes() == kept
+
+
+def test_measuring_trained_weights_gives_the_figures_of_their_training(
+    tmp_path: Path, views: Views, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "_checked", lambda *_: {"home_6": views})
+    trained = pretrain("detector", tmp_path / "detector.pt", views, {"home_6": views}, 3, 0, Bar(99))
+    figures = tmp_path / "figures.json"
+    words = ["--network", "detector", "--measure", "--out", str(tmp_path / "detector.pt"), "--figures", str(figures)]
+    assert command.main(words) == 0
+    found, name = json.loads(figures.read_text()), "mean_average_precision"
+    assert found["fingerprint"] == trained["fingerprint"] and found["home_6"][name] == trained["home_6"][name]
+    with pytest.raises(SystemExit):
+        command.main([*words, "--epochs", "3"])
+    assert "--epochs: nothing is trained" in capsys.readouterr().err
+
+
+def test_a_bad_start_is_refused_before_views_are_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(command, "_drawn", lambda *given: drawn.append(given))
+    bad = tmp_path / "bad.pt"
+    bad.write_bytes(b"nothing")
+    out = tmp_path / "out.pt"
+    assert command.main(["--network", "detector", "--start", str(bad), "--out", str(out)]) == 2
+    assert "bad.pt" in capsys.readouterr().err and not drawn and not out.exists()
 
 
 def test_damaged_views_are_named(tmp_path: Path, views: Views) -> None:

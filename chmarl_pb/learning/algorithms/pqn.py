@@ -18,7 +18,7 @@ from torch import nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Aim, Batch, q_loss, td_targets, unroll
-from chmarl_pb.learning.algorithms.mixers import MIXERS
+from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.lookup import make_network
@@ -103,7 +103,7 @@ class Pqn:
             torch.manual_seed(config.seed)
             self.agents = make_agents(interface.observations, interface.actions, config)
             given = (len(interface.agents), interface.state_size, config.embedding)
-            self.mixer: Any = make_network("mixer", config.mixer, MIXERS, *given)
+            self.mixer: Any = make_network("mixer", config.mixer, MIXERS, *given, kind=Mixer)
         self._networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
         self._weights = [weight for weight in self._networks.parameters() if weight.requires_grad]
         self._optimizer = torch.optim.RAdam(self._weights, lr=config.learning_rate)

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
-from chmarl_pb.learning.algorithms.mixers import MIXERS
+from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
 from chmarl_pb.learning.lookup import make_network
@@ -108,7 +108,7 @@ class ValueLearner:
     def make_mixer(self, interface: Interface) -> nn.Module:
         """Return what joins the agents' values."""
         given = (len(interface.agents), interface.state_size, self.config.embedding)
-        return make_network("mixer", self.config.mixer or self.algorithm, MIXERS, *given)
+        return make_network("mixer", self.config.mixer or self.algorithm, MIXERS, *given, kind=Mixer)
 
     def to(self, device: torch.device) -> None:
         """Move the networks to a device, before the first gradient step."""

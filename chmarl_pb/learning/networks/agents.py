@@ -36,7 +36,7 @@ class Agent(nn.Module):
         super().__init__()
         self.actions, self._hidden = actions, config.hidden
         given = (space, config.features, config.image_encoder, config.graph_pool)
-        self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, **asked_of_encoder(config))
+        self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, named=asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
         self._history = self.past + outputs if config.history_past else 0

@@ -128,11 +128,21 @@ def check_same(theirs: Mapping[str, Any], own: Mapping[str, Any], path: Path) ->
     Raises:
         CheckpointError: some differ.
     """
-    differ = [f"{name}={theirs.get(name)!r}, not {value!r}" for name, value in own.items() if theirs.get(name) != value]
+    differ = [f"{name}={was}, not {now}" for name, was, now in _differing(theirs, own)]
     if differ:
         raise CheckpointError(
             f"{path}: is of a run with other settings: {'; '.join(differ)}; go on with its own, or use another folder"
         )
+
+
+def _differing(theirs: Mapping[str, Any], own: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Yield the name of each setting that differs, and both values; of settings in settings the innermost ones."""
+    for name, value in own.items():
+        was = theirs.get(name)
+        if isinstance(value, Mapping) and isinstance(was, Mapping):
+            yield from _differing({**dict.fromkeys(value), **was}, {**dict.fromkeys(was), **value})
+        elif was != value:
+            yield name, repr(was), repr(value)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from chmarl_pb.files import file_hash
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs import interrupts
-from chmarl_pb.learning.runs.checkpoint import check_same, save
+from chmarl_pb.learning.runs.checkpoint import check_same, load, save
 from chmarl_pb.learning.runs.collect import Collector
 from chmarl_pb.learning.runs.interrupts import Asked
 from chmarl_pb.learning.runs.logger import Logger
@@ -50,7 +50,7 @@ class Run:
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
-        self._start = file_hash(Path(config.first_weights)) if config.first_weights and not resumed else ""
+        self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
         self.learner.to(device or torch.device("cpu"))
         self.replay = _make_buffer(collector.interface, algorithm, config, device)
         streams = np.random.SeedSequence(config.seed).spawn(3)
@@ -109,7 +109,7 @@ class Run:
         return {
             **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
             "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
-            "unreported": self._unreported, "start_sha256": self._start,
+            "unreported": self._unreported, "begun_with": self._begun_with,
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
@@ -123,10 +123,10 @@ class Run:
             CheckpointError: it is of other settings.
         """
         theirs, own = dict(state), self._settings()
-        self._start = state.get("start_sha256", "")
+        self._begun_with = state.get("begun_with", {})  # nothing in older ones
         if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
             first = self.config.first_weights
-            if first and self._start and Path(first).is_file() and file_hash(Path(first)) == self._start:
+            if first and Path(first).is_file() and file_hash(Path(first)) == self._begun_with.get("sha256"):
                 theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
             theirs |= asdict(type(self.config)(**theirs["config"]))
             own |= asdict(self.config)
@@ -188,6 +188,7 @@ class Run:
             self.best_score = figures["score"]
             if self.folder is not None:
                 content = self._settings() | {"agents": self.learner.agents.state_dict(), "episodes": self.episodes}
+                content |= {"begun_with": self._begun_with} if self._begun_with else {}
                 save(self.folder / BEST, "value", content | {"validation": figures})
         return figures
 
@@ -216,6 +217,17 @@ class Run:
 
     def _due(self, before: int, interval: int) -> bool:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
+
+
+def origin(weights: Path) -> dict[str, Any]:
+    """Return what is kept of the learner whose weights a run begins with.
+
+    Raises:
+        CheckpointError: the file is damaged or holds no such learner.
+    """
+    content = load(weights, "value")
+    kept = {key: content.get(key) for key in ("algorithm", "config", "episodes", "validation")}
+    return {"sha256": file_hash(weights), **kept}
 
 
 def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:
