@@ -2,11 +2,13 @@
 
 import importlib.util
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from chmarl_pb.errors import MissingExtraError
 from training.reference import GAMES, SETTINGS, config_of, main, table
 
 HERE = all(importlib.util.find_spec(name) for name in ("mpe2", "lbforaging"))
@@ -18,6 +20,14 @@ needs_games = pytest.mark.skipif(not HERE, reason="pip install mpe2 lbforaging")
 def test_every_learner_has_settings_for_every_game(game: str, algorithm: str) -> None:
     config = config_of(algorithm, game, 50_000, 3)
     assert config.seed == 3 and config.episodes * GAMES[game].horizon <= 50_000
+
+
+@pytest.mark.parametrize("game", GAMES)
+def test_a_game_that_is_not_installed_is_named(game: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("mpe2", "lbforaging"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(MissingExtraError, match="run `pip install mpe2 lbforaging`"):
+        GAMES[game].make()
 
 
 @needs_games
