@@ -118,7 +118,9 @@ def _facts(checkpoint: Path) -> dict[str, Any]:
     with reading(checkpoint):
         content = load(checkpoint)
         setting, start = content.get("setting", {}), Path(content["config"].get("start") or ".")
-        begun = content.get("begun_with") or (origin(start) if start.is_file() else {})  # the last of older ones
+        begun = content.get("begun_with", {})
+        if not begun and start.is_file():  # older weights name the file alone
+            begun = origin(start)
     return {
         "kind": content["kind"],
         "config": content["config"],

@@ -148,7 +148,7 @@ class DaggerMappo(Play):
     which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by the reward.
 
     Attributes:
-        imitation: settings of the first training, where they differ from those of the second.
+        imitation: settings that the first training has by itself; seed and networks are those of the second.
     """
 
     config: Annotated[MappoConfig, Flat]

@@ -515,6 +515,24 @@ def test_damaged_scores_and_states_are_named(tmp_path: Path, launch: Launch) -> 
         work([other], launch)
 
 
+@pytest.mark.parametrize(
+    ("checkpoint", "after"),
+    [({"episodes": 20}, "20"), ({"validation": {"epoch": 10}}, "10"), ({}, "30")],
+)  # what the weights tell; of equal validations the last
+def test_page_tells_after_what_the_kept_weights_were_had(
+    checkpoint: dict[str, Any], after: str, tmp_path: Path, launch: Launch
+) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    kept = {name: value for name, value in record["checkpoint"].items() if name not in ("episodes", "validation")}
+    record["checkpoint"] = kept | checkpoint
+    record["curve"]["validation"] = [[10, 0.0], [20, 0.0], [30, 0.0]]
+    run.result.write_text(json.dumps(record))
+    write_page(run.results, tmp_path / "results.md")
+    assert f"| {after} |" in (tmp_path / "results.md").read_text().split("## The runs")[1]
+
+
 def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)

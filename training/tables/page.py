@@ -235,13 +235,20 @@ def _runs(records: Records) -> list[str]:
     return ["## The runs", text, "\n".join(lines)]
 
 
+def _best_after(record: Record) -> int | None:
+    """Return the episodes, epochs or steps after which a run had the weights that it kept, if it was validated."""
+    checkpoint, points = record["checkpoint"], record["curve"]["validation"]
+    told: int | None = checkpoint.get("episodes") or (checkpoint.get("validation") or {}).get("epoch")
+    last = max(reversed(points), key=lambda point: point[1], default=(None,))[0]  # of equals, as SB3's runs keep it
+    return told or last
+
+
 def _run_line(record: Record) -> str:
-    checkpoint, curve = record["checkpoint"], record["curve"]
-    best = max(curve["validation"], key=lambda point: point[1], default=None)
+    checkpoint, best = record["checkpoint"], _best_after(record)
     minutes = ", ".join(f"{seconds / 60:.0f}" for seconds in record["seconds"].values())
     cells = (
         f"{record['table']}/{record['row']}", record["seed"], encoder_of(record),
-        budget(record), f"{best[0]:,}" if best else "", minutes,
+        budget(record), f"{best:,}" if best else "", minutes,
         " ".join(sha[:8] for sha in (record["evaluation"]["source_sha256"], checkpoint.get("learners_sha256", ""))),
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"
