@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.rendering.placing import lens_of
-from chmarl_pb.rendering.triangles import Lens, Light
+from chmarl_pb.rendering.shading import Light
+from chmarl_pb.rendering.triangles import Lens
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import Pose, Vector
 from chmarl_pb.world.bullet import pybullet

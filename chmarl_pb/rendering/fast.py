@@ -26,6 +26,7 @@ from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
 _STATES = 8192  # of robots, 0.7 kB each
+_IMAGES = 64  # of one world, 49 kB each at 128 pixels: about those of an episode
 
 #: A robot, its pose, the number of its posture: positions of joints are slow to compare.
 Stand = tuple[str, int, int]
@@ -33,8 +34,8 @@ _postures = count()
 #: Robot, its pose, the robots that could be in view -> what it sees.
 Seen = dict[tuple[str, int, tuple[Stand, ...]], tuple[str, ...]]
 _seen: OrderedDict[tuple[int, Team], tuple[Objects, Seen]] = OrderedDict()
-#: Robot, its pose, another robot (or itself: its arm) -> whether something of that could be in view.
-InView = dict[tuple[str, int, Stand], bool]
+#: Robot, its pose, another robot (or itself: its arm), size of the picture -> whether that could be in view.
+InView = dict[tuple[str, int, Stand, int], bool]
 _in_view: WeakKeyDictionary[HomeViews, dict[Team, InView]] = WeakKeyDictionary()  # shared by all who play in a home
 #: A robot, positions of its joints -> whether its camera shows its own body.
 _themselves: WeakKeyDictionary[Movables, dict[tuple[str, Joints], bool]] = WeakKeyDictionary()
@@ -58,6 +59,7 @@ class FastRenderer:
         self._objects: Objects | None = None  # those that the bodies and what follows are of
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
+        self._images: dict[tuple[str, int, int, tuple[Stand, ...]], NDArray[np.uint8]] = {}  # of these very objects
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
         self._canvas = canvas(VISIBILITY_SIZE).words
         self._stands: dict[int, tuple[RobotState, Stand, bool]] = {}  # by the identity of the state
@@ -68,20 +70,30 @@ class FastRenderer:
 
     def image(self, robot: str, size: int) -> NDArray[np.uint8]:
         """Return the colours of what a robot's camera shows."""
-        return image_over(self._empty(robot, size, colours=True), self._bodies, self._present(robot))
+        self._update_objects()
+        pose = self._world.state.robots[robot].pose
+        others = self._in_sight(robot, pose, size, colours=True)
+        key = (robot, pose, size, tuple(others))
+        image = self._images.get(key)
+        if image is None:
+            if len(self._images) == _IMAGES:
+                self._images.clear()
+            home = self._empty(robot, size, colours=True)
+            image = self._images[key] = image_over(home, self._bodies, self._with(others))
+        return image.copy()
 
     def visible(self, robot: str) -> tuple[str, ...]:
         """Return the names of the things that a robot sees."""
         self._update_objects()
         pose = self._world.state.robots[robot].pose
-        others = [stand for stand in self._others(robot) if self._may_show(robot, pose, stand)]
+        others = self._in_sight(robot, pose, VISIBILITY_SIZE)
         key = (robot, pose, tuple(others))
         seen = self._seen.get(key)
         if seen is None:
             if len(self._seen) == _KEPT:
                 self._seen.clear()
             home = self._empty(robot, VISIBILITY_SIZE)
-            seen = self._seen[key] = self._names(robot, home, self._with(others) if others else self._numbers)
+            seen = self._seen[key] = self._names(robot, home, self._with(others))
         return seen
 
     def could_see(self, robot: str, item: str) -> bool:
@@ -141,9 +153,13 @@ class FastRenderer:
             themselves[key] = _sees_itself(self._movables, self._models[name], *key)
         return state, (name, state.pose, _posture(state.joints)), themselves[key]
 
-    def _may_show(self, robot: str, pose: int, other: Stand) -> bool:
+    def _in_sight(self, robot: str, pose: int, size: int, colours: bool = False) -> list[Stand]:
+        """Return the robots of which something might be seen in a picture of a size."""
+        return [stand for stand in self._others(robot) if self._may_show(robot, pose, stand, size, colours)]
+
+    def _may_show(self, robot: str, pose: int, other: Stand, size: int, colours: bool) -> bool:
         """Return whether something of another robot might be seen: it is not out of view or behind the home."""
-        key = (robot, pose, other)
+        key = (robot, pose, other, size)
         shows = self._in_view.get(key)
         if shows is None:
             if len(self._in_view) == _KEPT:
@@ -152,13 +168,15 @@ class FastRenderer:
             state = self._world.state.robots[name]
             x, y, z = state.base[0]
             height, radius = self._movables.ball(name, state.joints)
-            home = self._empty(robot, VISIBILITY_SIZE)
+            sight = self._empty(robot, size, colours).sight
             ball = np.array((x, y, z + height, radius))
-            shows = self._in_view[key] = bool(bounds.may_show(ball, home.sight.lens, home.sight.tiles, VISIBILITY_SIZE))
+            shows = self._in_view[key] = bool(bounds.may_show(ball, sight.lens, sight.tiles, size))
         return shows
 
     def _with(self, robots: Sequence[Stand]) -> NDArray[np.int32]:
         """Put robots where they are, and return the numbers of the objects and of these robots."""
+        if not robots:
+            return self._numbers
         present = np.empty(len(self._numbers) + len(robots), np.int32)
         present[: len(self._numbers)] = self._numbers
         for place, (name, _, _) in enumerate(robots, start=len(self._numbers)):
@@ -180,6 +198,7 @@ class FastRenderer:
             if self._objects is None or objects.poses.keys() != self._objects.poses.keys():
                 self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
             self._seen = _seen_of(objects, self._team)
+            self._images.clear()
             self._objects = objects
 
 

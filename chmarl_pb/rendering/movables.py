@@ -7,7 +7,9 @@ holds where the bodies of one world are, ready to be drawn; only what has moved 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from functools import lru_cache
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -202,7 +204,6 @@ def draw_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32], first:
 def image_over(home: HomeView, bodies: Bodies, present: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Return the colours (size, size, 3) of what :func:`draw_over` draws."""
     size = len(home.picture.depth)
-    rgb = np.empty((size, size, 3), np.uint8)
-    raster.copy_rgb(home.picture.colour.view(np.uint8).reshape(size, size, 4), rgb)
+    rgb: NDArray[Any] = cv2.cvtColor(home.picture.colour.view(np.uint8).reshape(size, size, 4), cv2.COLOR_RGBA2RGB)
     raster.paint(present, bodies.stage.words, home.sight.words, light(), canvas(size).words, rgb)
     return rgb

@@ -10,21 +10,23 @@ from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent, sight_of
 from chmarl_pb.rendering.canvas import canvas_of, wipe
 from chmarl_pb.rendering.placing import multiply, stage_of
+from chmarl_pb.rendering.shading import brightness, normal_at, weights_at
 from chmarl_pb.rendering.triangles import (
+    CLOSE,
     ONE,
+    SURELY,
     TWO,
     ZERO,
-    brightness,
     corner_of,
     cover,
     cover_clipped,
     depth_of,
     dot4,
     screen,
-    weights_at,
 )
 
 SAFE = np.float32(1e-3)  # metres: far more than rounding can matter
+ROUNDING = 2e-6  # of depths in [0, 1]: far more than it can be
 
 
 @compiled
@@ -73,11 +75,15 @@ def draw_part(part, enough, models, sides, lens, home, canvas, scratch):  # type
             across = _spans_pixel(scratch[i, 0], scratch[j, 0], scratch[k, 0], last)
             if across and _spans_pixel(scratch[i, 1], scratch[j, 1], scratch[k, 1], last):
                 a, b, c = corner_of(scratch[i]), corner_of(scratch[j]), corner_of(scratch[k])
-                clean += cover(a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.nearness, canvas.face)
+                clean += cover(
+                    a, b, c, behind > 0, face, near, far, home, canvas.raw, canvas.nearness, canvas.face,
+                    canvas.depths, canvas.nears,
+                )  # fmt: skip
         elif behind < 3 and not outside(scratch[i], scratch[j], scratch[k]):
             clean += cover_clipped(
-                _rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.nearness, canvas.face
-            )
+                _rows_of(scratch, i, j, k), face, near, far, home, canvas.raw, canvas.nearness, canvas.face,
+                canvas.depths, canvas.nears,
+            )  # fmt: skip
         if clean >= enough:
             break
     return clean
@@ -137,8 +143,35 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
             continue
         for part in range(models.first_part[body], models.first_part[body + 1]):
             project(part, models, placed.frames[models.frame[part]], lens, np.float32(size) / TWO, scratch)
-            draw_part(part, size * size + 1, models, placed.sides, lens, home, canvas, scratch)
+            corners = scratch[models.first_vertex[part] : models.first_vertex[part + 1]]
+            if not _is_hidden(corners, lens, home, canvas.nearness):
+                draw_part(part, size * size + 1, models, placed.sides, lens, home, canvas, scratch)
     return boxes
+
+
+@compiled
+def _is_hidden(corners, lens, home, nearness):  # type: ignore[no-untyped-def]
+    """Return whether the home, and what is drawn already, surely hide a part with such projected corners (n, 6).
+
+    So they do if it is not in view. A part that reaches close to the camera is not looked at.
+    """
+    size = len(home)
+    low_x, low_y, high_x, high_y, least, near_z = np.inf, np.inf, -np.inf, -np.inf, np.inf, np.inf
+    for row in corners:
+        least, near_z = min(least, np.float64(row[3])), min(near_z, np.float64(row[2]))
+        low_x, low_y = min(low_x, np.float64(row[0])), min(low_y, np.float64(row[1]))
+        high_x, high_y = max(high_x, np.float64(row[0])), max(high_y, np.float64(row[1]))
+    if least < CLOSE:
+        return False
+    left, right = int(max(0.0, np.ceil(low_x))), int(min(size - 1.0, np.floor(high_x)))
+    top, bottom = int(max(0.0, size - 1 - np.floor(high_y))), int(min(size - 1.0, size - 1 - np.ceil(low_y)))
+    nearest = SURELY / least
+    depth = depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1]) - ROUNDING
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            if nearness[row, column] <= nearest and home[row, column] > depth:
+                return False
+    return True
 
 
 @compiled
@@ -168,7 +201,7 @@ def paint(bodies, stage, sight, light, canvas, colour):  # type: ignore[no-untyp
         bodies: (n,) numbers of the bodies, in the order in which TinyRenderer draws them.
         stage: the words of the :class:`chmarl_pb.rendering.placing.Stage` that they are on.
         sight: the words of the camera's :class:`chmarl_pb.rendering.bounds.Sight` of the empty home.
-        light: the :class:`chmarl_pb.rendering.triangles.Light`.
+        light: the :class:`chmarl_pb.rendering.shading.Light`.
         canvas: the words of a clean canvas; it is clean again afterwards.
         colour: the picture.
     """
@@ -207,6 +240,7 @@ def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignor
     """Set the colours of the pixels in which triangles are seen."""
     rows, normals = np.empty((3, 6), np.float32), np.empty((3, 3), np.float32)
     known, last = -1, colour.shape[0] - 1
+    normal, reflected, ambient = (ZERO, ZERO, ZERO), ZERO, light.coefficients[0]
     left, right, top, bottom = _union(boxes)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
@@ -218,7 +252,9 @@ def _shade(boxes, models, placed, light, faces, scratch, colour):  # type: ignor
                 known, rows = face, _rows_of(scratch, corners[0], corners[1], corners[2])
                 _turn_normals(corners, models.normals, placed.inverses[models.frame[part]], normals)
             b0, b1, b2 = weights_at(rows, np.float64(column), np.float64(last - row))
-            ambient, reflected = brightness(normals, b0, b1, b2, light)
+            new = normal_at(normals, b0, b1, b2)
+            if new != normal:  # on level faces most neighbours have the same
+                normal, reflected = new, brightness(new[0], new[1], new[2], light)
             for i in range(3):
                 own = np.float32(models.colour[part, i])
                 colour[row, column, i] = min(int(ambient * own + reflected * own), 255)
@@ -243,15 +279,6 @@ def _wipe_all(boxes, canvas):  # type: ignore[no-untyped-def]
         for column in range(left, right + 1):
             if canvas.face[row, column] >= 0:
                 wipe(canvas, row, column)
-
-
-@compiled
-def copy_rgb(colour, out):  # type: ignore[no-untyped-def]
-    """Copy red, green and blue of a picture (size, size, 4) to another (size, size, 3)."""
-    for row in range(colour.shape[0]):
-        for column in range(colour.shape[1]):
-            for i in range(3):
-                out[row, column, i] = colour[row, column, i]
 
 
 @compiled

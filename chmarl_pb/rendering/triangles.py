@@ -14,8 +14,9 @@ from chmarl_pb.compiled import compiled
 
 Floats = NDArray[np.float32]
 
-_SURELY = 1.001  # times as near: far more than rounding can matter
-_LARGE, _CLOSE = 1e4, 0.05  # pixels and metres beyond which rounding may matter more
+SURELY = 1.001  # times as near: far more than rounding can matter
+_MANY = 6  # pixels of a row from which on it pays to work out all of them at once
+_LARGE, CLOSE = 1e4, 0.05  # pixels and metres beyond which rounding may matter more
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
@@ -35,18 +36,6 @@ class Lens(NamedTuple):
     planes: Floats
 
 
-class Light(NamedTuple):
-    """Where light comes from and how it is reflected.
-
-    Attributes:
-        direction: (3,) unit vector towards the light.
-        coefficients: (4,) ambient, diffuse, specular, and the exponent of the specular term.
-    """
-
-    direction: Floats
-    coefficients: Floats
-
-
 @compiled
 def dot4(a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """Return a product of two vectors, summed from the last entry on."""
@@ -60,17 +49,46 @@ def screen(x, w, half):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _barycentric(ax, ay, bx, by, cx, cy, uz, px, py):  # type: ignore[no-untyped-def]
-    """Return a pixel's barycentric coordinates in a triangle of twice the area ``uz``; -1 first if it lies outside."""
+def _barycentric(a, b, c, area, px, py):  # type: ignore[no-untyped-def]
+    """Return a pixel's barycentric coordinates in a triangle of twice the area, and whether it lies outside."""
+    ax, ay, bx, by, cx, cy = doubles(a[0], a[1], b[0], b[1], c[0], c[1])
     uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
     ux = (bx - ax) * (ay - py) - (ax - px) * (by - ay)
-    if (uy != 0 and (uy < 0) != (uz < 0)) or (ux != 0 and (ux < 0) != (uz < 0)):
-        return -1.0, 0.0, 0.0
-    return 1.0 - (ux + uy) / uz, uy / uz, ux / uz
+    s0 = 1.0 - (ux + uy) / area
+    outside = (uy != 0 and (uy < 0) != (area < 0)) or (ux != 0 and (ux < 0) != (area < 0)) or s0 < 0
+    return s0, uy / area, ux / area, outside
 
 
 @compiled
-def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # type: ignore[no-untyped-def]
+def _interpolate(a, b, c, s0, s1, s2):  # type: ignore[no-untyped-def]
+    """Return TinyRenderer's depth, and the nearness, at barycentric coordinates in a triangle."""
+    b0, b1, b2 = s0 / a[3], s1 / b[3], s2 / c[3]  # corrected for perspective
+    total = (b0 + b1) + b2
+    return -((c[2] * (b2 / total) + b[2] * (b1 / total)) + a[2] * (b0 / total)), total
+
+
+@compiled
+def _depth_at(a, b, c, area, px, py):  # type: ignore[no-untyped-def]
+    """Return depth and nearness of a triangle at a pixel; nearness is -1 if it lies outside."""
+    s0, s1, s2, outside = _barycentric(a, b, c, area, px, py)
+    return (0.0, -1.0) if outside else _interpolate(a, b, c, s0, s1, s2)
+
+
+@compiled
+def _fill(a, b, c, area, first, last, py, depths, nears):  # type: ignore[no-untyped-def]
+    """Set depth and nearness of a triangle at some pixels of a row; nearness is -1 where they lie outside.
+
+    Those are worked out like all others, so that the processor takes eight at once: it would not, were ``depths`` and
+    ``nears`` rows of one array.
+    """
+    for px in range(first, last + 1):
+        s0, s1, s2, outside = _barycentric(a, b, c, area, np.float64(np.int32(px)), py)
+        depths[px], total = _interpolate(a, b, c, s0, s1, s2)
+        nears[px] = -1.0 if outside else total
+
+
+@compiled
+def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces, depths, nears):  # type: ignore[no-untyped-def]
     """Take the pixels where a triangle is nearer than the empty home and than what is drawn already.
 
     Few arrays are passed, one by one: Numba counts a reference to each at every call.
@@ -87,6 +105,8 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
         raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
         nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
         faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        depths: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nears: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.
@@ -95,7 +115,7 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
     last = np.float32(size - 1)
     left, right = np.ceil(max(ZERO, min(a[0], b[0], c[0]))), min(last, max(a[0], b[0], c[0]))
     low, high = np.ceil(max(ZERO, min(a[1], b[1], c[1]))), min(last, max(a[1], b[1], c[1]))
-    x0, y0, x1, y1, x2, y2 = _doubles(a[0], a[1], b[0], b[1], c[0], c[1])
+    x0, y0, x1, y1, x2, y2 = doubles(a[0], a[1], b[0], b[1], c[0], c[1])
     area = (x2 - x0) * (y1 - y0) - (x1 - x0) * (y2 - y0)
     if not (left <= right and low <= high and abs(area) > 1e-2):  # TinyRenderer leaves out slivers
         return 0
@@ -112,16 +132,18 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
         least, greatest = _meet(x1, y1, y2, slope1, float(py), least, greatest)
         least, greatest = _meet(x2, y2, y0, slope2, float(py), least, greatest)
         first, final = max(np.float64(left), np.ceil(least - margin)), min(np.float64(right), greatest + margin)
-        for px in range(int(first), int(final) + 1):
-            if home[row, px] <= nearest or start + across * px + upwards * py < nearness[row, px]:
-                continue
-            s0, s1, s2 = _barycentric(x0, y0, x1, y1, x2, y2, area, np.float64(px), np.float64(py))
-            if s0 < 0:
-                continue
-            b0, b1, b2 = s0 / a[3], s1 / b[3], s2 / c[3]  # corrected for perspective
-            total = (b0 + b1) + b2
-            own = -((c[2] * (b2 / total) + b[2] * (b1 / total)) + a[2] * (b0 / total))
-            if _is_hidden(own, face, raw[row, px], faces[row, px]):
+        level = start + upwards * py
+        begin, end = int(first), int(final)
+        while begin <= end and (home[row, begin] <= nearest or level + across * begin < nearness[row, begin]):
+            begin += 1
+        while begin <= end and (home[row, end] <= nearest or level + across * end < nearness[row, end]):
+            end -= 1
+        many = end - begin >= _MANY
+        if many:
+            _fill(a, b, c, area, begin, end, float(py), depths, nears)
+        for px in range(begin, end + 1):
+            own, total = (depths[px], nears[px]) if many else _depth_at(a, b, c, area, np.float64(px), float(py))
+            if total < 0 or (faces[row, px] >= 0 and _is_hidden(own, face, raw[row, px], faces[row, px])):
                 continue
             if not (clipped or within) and (own < -far or own > near):
                 continue
@@ -136,18 +158,18 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces):  # typ
 def _plane(a, b, c, area, clipped):  # type: ignore[no-untyped-def]
     """Return a plane over the picture that surely is not below the nearness of a triangle: at pixel (0, 0), and slopes.
 
-    Nearness is linear in the picture. What is nearer than the plane by ``_SURELY`` hides the triangle, however sums are
+    Nearness is linear in the picture. What is nearer than the plane by ``SURELY`` hides the triangle, however sums are
     rounded. Triangles whose sums are of large terms, and those that reach behind the camera, have a plane of infinity.
     """
     large = max(abs(a[0]), abs(b[0]), abs(c[0]), abs(a[1]), abs(b[1]), abs(c[1])) > _LARGE
-    if clipped or large or abs(area) < 1 or min(a[3], b[3], c[3]) < _CLOSE:
+    if clipped or large or abs(area) < 1 or min(a[3], b[3], c[3]) < CLOSE:
         return np.inf, 0.0, 0.0
-    x0, y0, x1, y1, x2, y2 = _doubles(a[0], a[1], b[0], b[1], c[0], c[1])
+    x0, y0, x1, y1, x2, y2 = doubles(a[0], a[1], b[0], b[1], c[0], c[1])
     own = 1.0 / np.float64(a[3])
     second, third = (1.0 / np.float64(b[3]) - own) / area, (1.0 / np.float64(c[3]) - own) / area
     across, upwards = third * (y1 - y0) - second * (y2 - y0), second * (x2 - x0) - third * (x1 - x0)
     start = own - across * x0 - upwards * y0
-    return start * _SURELY, across * _SURELY, upwards * _SURELY
+    return start * SURELY, across * SURELY, upwards * SURELY
 
 
 @compiled
@@ -182,7 +204,8 @@ def _meet(ax, ay, by, slope, py, least, greatest):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _doubles(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
+def doubles(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
+    """Return six numbers in double precision."""
     return np.float64(a), np.float64(b), np.float64(c), np.float64(d), np.float64(e), np.float64(f)
 
 
@@ -201,7 +224,7 @@ def corner_of(row):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def cover_clipped(rows, face, near, far, home, raw, nearness, faces):  # type: ignore[no-untyped-def]
+def cover_clipped(rows, face, near, far, home, raw, nearness, faces, depths, nears):  # type: ignore[no-untyped-def]
     """Take the pixels of what is left of a triangle that reaches behind the camera; see :func:`cover`.
 
     Args:
@@ -213,6 +236,8 @@ def cover_clipped(rows, face, near, far, home, raw, nearness, faces):  # type: i
         raw: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
         nearness: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
         faces: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        depths: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
+        nears: as in :class:`chmarl_pb.rendering.canvas.Canvas`.
 
     Returns:
         How many of the pixels were clean.
@@ -224,7 +249,7 @@ def cover_clipped(rows, face, near, far, home, raw, nearness, faces):  # type: i
         points[i, 0], points[i, 1] = screen(points[i, 0], points[i, 3], half), screen(points[i, 1], points[i, 3], half)
     for i in range(1, count - 1):
         a, b, c = corner_of(points[0]), corner_of(points[i]), corner_of(points[i + 1])
-        clean += cover(a, b, c, count > 0, face, near, far, home, raw, nearness, faces)
+        clean += cover(a, b, c, count > 0, face, near, far, home, raw, nearness, faces, depths, nears)
     return clean
 
 
@@ -247,44 +272,3 @@ def _clip(x, y, z, w, out):  # type: ignore[no-untyped-def]
                 out[cut, i] = (v[a] * db - v[b] * da) * factor
         count += 2
     return count
-
-
-@compiled
-def weights_at(rows, px, py):  # type: ignore[no-untyped-def]
-    """Return the weights of a triangle's corners, rows of the scratch (3, 6), at a pixel."""
-    ax, ay, bx, by, cx, cy = _doubles(rows[0, 0], rows[0, 1], rows[1, 0], rows[1, 1], rows[2, 0], rows[2, 1])
-    ux = (bx - ax) * (ay - py) - (ax - px) * (by - ay)
-    uy = (ax - px) * (cy - ay) - (cx - ax) * (ay - py)
-    uz = (cx - ax) * (by - ay) - (bx - ax) * (cy - ay)
-    s0, s1, s2 = np.float64(-1), np.float64(1), np.float64(1)
-    if abs(uz) > 1e-2:
-        s0, s1, s2 = 1.0 - (ux + uy) / uz, uy / uz, ux / uz
-    b0, b1, b2 = s0 / rows[0, 3], s1 / rows[1, 3], s2 / rows[2, 3]
-    total = (b0 + b1) + b2
-    return np.float32(b0 / total), np.float32(b1 / total), np.float32(b2 / total)
-
-
-@compiled
-def brightness(normals, b0, b1, b2, light):  # type: ignore[no-untyped-def]
-    """Return the shares of its colour that a pixel shows by ambient and by reflected light.
-
-    Args:
-        normals: (3, 3) at the corners, in the world.
-        b0: weight of the first corner.
-        b1: weight of the second.
-        b2: weight of the third.
-        light: the light.
-    """
-    x = (normals[2, 0] * b2 + normals[1, 0] * b1) + normals[0, 0] * b0
-    y = (normals[2, 1] * b2 + normals[1, 1] * b1) + normals[0, 1] * b0
-    z = (normals[2, 2] * b2 + normals[1, 2] * b1) + normals[0, 2] * b0
-    scale = ONE / np.sqrt((x * x + y * y) + z * z)
-    x, y, z = x * scale, y * scale, z * scale
-    lx, ly, lz = light.direction[0], light.direction[1], light.direction[2]
-    towards = (z * lz + y * ly) + x * lx
-    twice = towards * TWO
-    rx, ry, rz = x * twice - lx, y * twice - ly, z * twice - lz
-    mirrored = rz * (ONE / np.sqrt((rx * rx + ry * ry) + rz * rz))
-    diffuse, specular, exponent = light.coefficients[1], light.coefficients[2], light.coefficients[3]
-    shine = mirrored**exponent if mirrored > ZERO else ZERO
-    return light.coefficients[0], diffuse * max(ZERO, towards) + specular * shine

@@ -13,10 +13,8 @@ from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent, sight_of
 from chmarl_pb.rendering.canvas import canvas_of, wipe
 from chmarl_pb.rendering.placing import stage_of
-from chmarl_pb.rendering.raster import SAFE, draw_part, project
+from chmarl_pb.rendering.raster import ROUNDING, SAFE, draw_part, project
 from chmarl_pb.rendering.triangles import TWO, depth_of
-
-_ROUNDING = 2e-6  # of depths in [0, 1]: far more than it can be
 
 
 def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
@@ -158,7 +156,7 @@ def _tighten(body, models, lens, size, scratch, box):  # type: ignore[no-untyped
         return -np.inf
     box[0], box[1] = int(max(box[0], np.ceil(low_x))), int(min(box[1], np.floor(high_x)))
     box[2], box[3] = int(max(box[2], size - 1 - np.floor(high_y))), int(min(box[3], size - 1 - np.ceil(low_y)))
-    return np.float64(depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1])) - _ROUNDING
+    return np.float64(depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1])) - ROUNDING
 
 
 @compiled

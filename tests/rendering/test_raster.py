@@ -15,7 +15,8 @@ from chmarl_pb.rendering.bounds import TILE, Sight, extent, farthest, may_show
 from chmarl_pb.rendering.canvas import Canvas, clean_canvas, pack
 from chmarl_pb.rendering.placing import Models, Stage, lens_of, put
 from chmarl_pb.rendering.raster import draw, paint
-from chmarl_pb.rendering.triangles import Lens, Light, depth_of
+from chmarl_pb.rendering.shading import Light
+from chmarl_pb.rendering.triangles import Lens, depth_of
 from chmarl_pb.rendering.visible_pixels import count, count_pixels
 
 SIZE, NEAR, FAR = 32, 0.1, 10.0

@@ -209,6 +209,31 @@ def test_a_home_of_more_links_than_pybullet_tells_of_is_drawn_by_tinyrenderer(
     simulation.close()
 
 
+@pytest.mark.parametrize("size", [32, 128, 224])
+def test_a_picture_is_the_callers_own_and_drawn_again_when_what_it_shows_has_moved(
+    simulation: Simulation, tasks: list[Task], size: int
+) -> None:
+    """Pictures of the present objects are kept."""
+    rng = np.random.default_rng(size)
+    begin(simulation, tasks)
+    meet(simulation, rng)
+    humanoid, drone = simulation.oracle.robot, simulation.robots["drone"]
+    stand, above, far = humanoid.pose, drone.pose, (drone.pose + drone.lattice.count // 2) % drone.lattice.count
+    shown = []
+    for number, pose in enumerate((above, far, above, above)):
+        if number == 3:
+            begin(simulation, tasks, 1)
+        humanoid.spawn(stand)
+        drone.spawn(pose)
+        for robot in ROBOTS:
+            for _ in range(2):
+                image = simulation.renderer.image(robot, size)
+                np.testing.assert_array_equal(image, plain_of(simulation).image(robot, size))
+                shown.append(image.copy())
+                image[:] = rng.integers(256)
+    assert not np.array_equal(shown[2], shown[6])
+
+
 def test_episodes_are_the_same_with_both_renderers() -> None:
     ends = []
     for renderer in RENDERERS:
