@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.learning.networks import build_encoder, int8
-from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, frozen_encoder
-from chmarl_pb.learning.networks.int8 import RANGES
+from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, fingerprint, frozen_encoder
+from chmarl_pb.learning.networks.int8 import RANGES, compact
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures, random_weights
@@ -61,6 +61,22 @@ def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenEncoder, size
     wanted, found = plain()(images), frozen(images).float()
     assert torch.cosine_similarity(found, wanted).min() > 0.999
     assert frozen.fingerprint != fingerprint(EXACT)
+
+
+def test_compact_weights_give_the_same_features_under_the_same_fingerprint(frozen: FrozenEncoder) -> None:
+    kept = compact(folded(plain()))
+    before = torch.tensor(list(bytes.fromhex(frozen.fingerprint)), dtype=torch.uint8)
+    small = FrozenEncoder("resnet18", {**kept, RANGES: WHOLE[RANGES], BEFORE: before})
+    images = pictures(6, 96, seed=2)
+    assert torch.equal(small(images), frozen(images)) and small.fingerprint == frozen.fingerprint
+    assert sum(value.nbytes for value in kept.values()) < 0.26 * sum(value.nbytes for value in EXACT.values())
+
+
+def test_a_fingerprint_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "odd.pt"
+    torch.save({**WHOLE, BEFORE: torch.zeros(5, dtype=torch.uint8)}, path)
+    with pytest.raises(CheckpointError, match=r"odd\.pt: .*fingerprint"):
+        frozen_encoder("resnet18", str(path))
 
 
 FORGETFUL = FrozenEncoder("resnet18", WHOLE, kept=0)

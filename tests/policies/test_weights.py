@@ -117,7 +117,23 @@ def test_files_outside_the_folder_are_refused(folder: Path) -> None:
         chmarl_pb.load_policy("ours")
 
 
-# The detector
+# Encoders
+
+
+def test_the_published_resnet_is_the_one_that_the_rows_on_pictures_see_by(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch")
+    from chmarl_pb.learning.networks.frozen import frozen_encoder, weights_file
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("CHMARL_RESNET18", raising=False)
+    row = published("resnet18", ENCODER)
+    assert row is not None and weights_file("resnet18") == checked_file(row)
+    fingerprint = frozen_encoder("resnet18", str(checked_file(row))).fingerprint
+    assert fingerprint == json.loads((ROOT / row.result).read_text())["fingerprint"]
+    seen = json.loads((ROOT / "results" / "visual" / "qmix-messages-seed0.json").read_text())
+    assert fingerprint in json.dumps(seen)
 
 
 def test_the_published_detector_is_the_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +149,6 @@ def test_the_published_detector_is_the_default(tmp_path: Path, monkeypatch: pyte
     facts = json.loads((ROOT / row.result).read_text())
     published_detector = frozen_encoder("detector", str(checked_file(row)))
     assert published_detector.fingerprint == facts["fingerprint"]
-    assert weights_file("resnet18") == tmp_path / "chmarl_pb" / "resnet18.pt"
     own = tmp_path / "chmarl_pb" / "detector.pt"
     own.parent.mkdir()
     own.write_bytes(b"mine")

@@ -10,7 +10,8 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
 from chmarl_pb.learning.networks.detections import THINGS
-from chmarl_pb.learning.networks.int8 import RANGES, ranges_of
+from chmarl_pb.learning.networks.frozen import BEFORE, fingerprint
+from chmarl_pb.learning.networks.int8 import RANGES, compact, ranges_of
 from chmarl_pb.learning.networks.labelled_views import Views
 from chmarl_pb.learning.networks.residual import FEATURES, ResNet18, folded
 
@@ -69,13 +70,15 @@ class Classifier(nn.Module):
 
     @torch.no_grad()
     def weights(self, images: np.ndarray) -> dict[str, Tensor]:
-        """Return what is kept of it, with the ranges of the network on some pictures.
+        """Return what is kept: weights in whole numbers, the ranges of the network, and the fingerprint of both before.
 
         Args:
-            images: uint8 (B, height, width, 3).
+            images: uint8 (B, height, width, 3), of which the ranges are.
         """
-        weights = {name: value.clone().contiguous() for name, value in self.network.state_dict().items()}
-        return weights | {RANGES: ranges_of(folded(deepcopy(self.network).eval()), torch.from_numpy(images))}
+        network = folded(deepcopy(self.network).eval())
+        ranges = {RANGES: ranges_of(network, torch.from_numpy(images))}
+        before = fingerprint({**self.network.state_dict(), **ranges})
+        return {**compact(network), **ranges, BEFORE: torch.tensor(list(bytes.fromhex(before)), dtype=torch.uint8)}
 
     def features(self, images: Tensor) -> Tensor:
         """Return what the frozen network gives, in float32."""

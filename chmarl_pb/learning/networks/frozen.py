@@ -22,6 +22,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, ten
 from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
 IMAGENET = "imagenet"  # name of torchvision's weights
+BEFORE = "fingerprint"  # key, in a file of rounded weights, of the bytes of their fingerprint before
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
 _BLANK = torch.zeros(1, 32, 32, 3, dtype=torch.uint8)  # a picture
 _TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
@@ -64,7 +65,7 @@ class FrozenEncoder:
     Attributes:
         name: one of ``FROZEN_ENCODERS``.
         shape: of the features of one picture.
-        fingerprint: sha256 of the weights.
+        fingerprint: of the weights, see :func:`fingerprint`.
         asked: number of pictures whose features were wanted.
         computed: number of those that were not remembered.
     """
@@ -83,6 +84,7 @@ class FrozenEncoder:
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
         kind = FROZEN_ENCODERS[name]
         self.name, self.fingerprint = name, fingerprint(weights)
+        weights.pop(BEFORE, None)
         self.asked, self.computed = 0, 0
         self._kept, self._known = kept, OrderedDict[bytes, Tensor]()
         self._network = kind.build(weights)
@@ -168,7 +170,16 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
 
 
 def fingerprint(weights: dict[str, Tensor]) -> str:
-    """Return the sha256 of named tensors."""
+    """Return the sha256 of named tensors; of weights that were rounded later, as nothing but their file changed by it.
+
+    Raises:
+        RuntimeError: what a file tells of them before is none.
+    """
+    if BEFORE in weights:
+        before = weights[BEFORE]
+        if before.dtype != torch.uint8 or before.shape != (hashlib.sha256().digest_size,):
+            raise RuntimeError(f"{BEFORE!r} is not a sha256")
+        return bytes(before.tolist()).hex()
     digest = hashlib.sha256()
     for name, value in sorted(weights.items()):
         digest.update(name.encode() + value.contiguous().numpy().tobytes())

@@ -5,7 +5,7 @@ the features of a picture are the same, to the last bit, whatever other pictures
 scales of the results come from the network's ranges on views of our homes (:func:`ranges_of`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -18,6 +18,7 @@ from chmarl_pb.learning.networks.residual import Block, ResNet18
 LEVELS = 63
 
 RANGES = "ranges"  # key, in a file of weights, of what :func:`ranges_of` returns
+LARGEST = ".largest"  # end of the key of the largest weight of each output, beside weights in whole numbers
 
 _ONE = [1, 1]
 
@@ -214,9 +215,38 @@ def _of(layer: nn.Module, inputs: Quantization) -> Convolution:
 
 def rounded(weight: Tensor, bias: Tensor, stride: int, padding: int, unit: float) -> Convolution:
     """Return a convolution in whole numbers; its attributes are those of :class:`Convolution`."""
-    scales = weight.abs().amax(dim=(1, 2, 3)).clamp(min=1e-12) / LEVELS
-    whole = (weight / scales.view(-1, 1, 1, 1)).round().to(torch.int8)
-    return Convolution(whole.contiguous(), scales, bias.clone(), stride, padding, unit)
+    whole, largest = _whole(weight)
+    return Convolution(whole, largest / LEVELS, bias.clone(), stride, padding, unit)
+
+
+def _whole(weight: Tensor) -> tuple[Tensor, Tensor]:
+    """Return weights in whole numbers, int8, and the largest of each output (outputs), which ``LEVELS`` stands for."""
+    largest = weight.abs().amax(dim=(1, 2, 3)).clamp(min=1e-12)
+    return (weight / (largest / LEVELS).view(-1, 1, 1, 1)).round().to(torch.int8).contiguous(), largest
+
+
+def compact(network: ResNet18) -> dict[str, Tensor]:
+    """Return the weights of a network with those of all but its first convolution in whole numbers.
+
+    :class:`IntegerResNet18` computes the same of them, bit by bit, and they take a quarter of the room.
+
+    Args:
+        network: see :func:`chmarl_pb.learning.networks.residual.folded`.
+    """
+    kept = {name: value.clone().contiguous() for name, value in network.state_dict().items()}
+    for name, part in network.named_modules():
+        if isinstance(part, nn.Conv2d) and part is not network.conv1:
+            kept[f"{name}.weight"], kept[f"{name}.weight{LARGEST}"] = _whole(part.weight.detach())
+    return kept
+
+
+def restored(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return what :func:`compact` has made of weights in floats again, each output's largest weight exactly."""
+    floats = {name: value for name, value in weights.items() if not name.endswith(LARGEST)}
+    for name in weights.keys() - floats.keys():
+        part = name.removesuffix(LARGEST)
+        floats[part] = floats[part].float() / LEVELS * weights[name].view(-1, 1, 1, 1)
+    return floats
 
 
 def _pooled(maps: Tensor) -> Tensor:

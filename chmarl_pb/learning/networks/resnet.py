@@ -1,6 +1,6 @@
 """ResNet-18 as a frozen encoder of pictures: 512 features, as in CH-MARL; see ``frozen.py``.
 
-torchvision's files of weights fit; torchvision itself is not needed.
+Ours come in whole numbers; torchvision's files of weights fit too, and torchvision itself is not needed.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from chmarl_pb.learning.networks.int8 import RANGES, IntegerResNet18
+from chmarl_pb.learning.networks.int8 import LARGEST, RANGES, IntegerResNet18, restored
 from chmarl_pb.learning.networks.residual import FEATURES as FEATURES
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
@@ -24,9 +24,11 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     Raises:
         RuntimeError: the weights do not fit.
     """
-    network = ResNet18()
-    network.load_state_dict({name: value for name, value in weights.items() if name != RANGES})
-    network = folded(network.eval().requires_grad_(False)).to(memory_format=torch.channels_last)
+    network, is_compact = ResNet18().eval().requires_grad_(False), any(name.endswith(LARGEST) for name in weights)
+    if is_compact:
+        network = folded(network).requires_grad_(False)
+    network.load_state_dict({name: value for name, value in restored(weights).items() if name != RANGES})
+    network = (network if is_compact else folded(network)).to(memory_format=torch.channels_last)
     if RANGES in weights:
         return IntegerResNet18(network, weights[RANGES])
     # Floats differ in the last bit with the size of the batch.
