@@ -21,6 +21,9 @@ _COLOURS |= {"pqn": "#5e3c99", "mappo": "#7fb800", "qr-dqn": "#c49c94"}
 _COLOURS |= {"ppo": "#17a2b8", "a2c": "#a8a21c", "dqn": "#8c564b", "recurrent-ppo": "#e377c2"}
 _CENTRALIZED, _OTHER = "#1b6b3a", "#6b6b6b"
 _VARIANTS = (", longer", ", grounded")  # of the paper's rows
+_SB3 = "training.sb3"  # rows of Stable-Baselines3
+#: Whether the humanoid learns alone, whether the goal is observed -> style of the line.
+_SB3_STYLES = {(False, False): "-", (True, False): ":", (False, True): "--", (True, True): "-."}
 #: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
 _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
@@ -78,6 +81,8 @@ def draw_curves(
         with replacing(path) as temporary:
             figure.savefig(temporary, format="png", metadata={"Software": None})
     dashed = "pictures" if table in TRACKS else "without messages; dots and dashes: our variants of the paper's rows"
+    if table not in TRACKS and any(row.module == _SB3 for row, _ in known):
+        dashed += "; Stable-Baselines3: dots, the humanoid alone; dashes, the goal observed; dots and dashes, both"
     text = (
         f"Lines are means over seeds, bands go from the lowest to the highest seed; dashed: {dashed}. The curve of a "
         "learner that began as another (ours: imitation) starts after the other's episodes."
@@ -144,8 +149,8 @@ def _style(row: Row) -> str:
     """Return how a row's line is drawn: our variants of the paper's rows have their colours."""
     if row.table in TRACKS:  # a table of both observations, whose rows all have messages
         return "-" if row.observation == "scene_graph" else "--"
-    if "--humanoid-only" in row.options:
-        return ":"
+    if row.module == _SB3:
+        return _SB3_STYLES["humanoid only" in row.name, "goal observed" in row.name]
     if row.name.endswith(_VARIANTS):
         return "-."
     return "-" if row.messages else "--"

@@ -62,10 +62,11 @@ def _settings(record: Record) -> dict[str, object]:
     # Older runs have none of these.
     before = {
         "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "history_past": False,
-        "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train",
+        "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train", "preset": "encoder",
+        "robots": "humanoid,drone", "catalog_sha256": "",
     }  # fmt: skip
     settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
-    return {name: value for name, value in settings.items() if name not in own}
+    return {name: value for name, value in settings.items() if name not in own and value is not None}
 
 
 def budget(record: Record) -> str:
