@@ -131,14 +131,16 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
         scratch: (vertices, 6) room for the corners: x and y in pixels, z, w, x and y in clip coordinates.
 
     Returns:
-        (n, 4) first and last column, first and last row of the part of the picture that each body may have changed.
+        (n, 4) first and last column, first and last row of the part of the picture that each body may have changed;
+        0, -1, 0, -1 if it has not.
     """
     size = home.shape[0]
     boxes = np.empty((len(bodies), 4), np.int64)
     for number in _nearest_first(bodies, placed.balls, lens.eye):
         body = bodies[number]
+        box = boxes[number]
+        box[0], box[1], box[2], box[3] = 0, -1, 0, -1
         left, right, top, bottom = extent(placed.balls[body], lens, tiles, size)
-        boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3] = left, right, top, bottom
         if right < left:
             continue
         for part in range(models.first_part[body], models.first_part[body + 1]):
@@ -146,6 +148,7 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
             corners = scratch[models.first_vertex[part] : models.first_vertex[part + 1]]
             if not _is_hidden(corners, lens, home, canvas.nearness):
                 draw_part(part, size * size + 1, models, placed.sides, lens, home, canvas, scratch)
+                box[0], box[1], box[2], box[3] = left, right, top, bottom
     return boxes
 
 
