@@ -21,7 +21,7 @@ from chmarl_pb.files import write_atomically
 GOALS = {
     ("scene graph, fresh tasks", "joint steps/s"): "10,000",
     ("scene graph, the same 50 tasks", "joint steps/s"): "15,000",
-    ("visual, two 128 px views", "joint steps/s"): "5,000",
+    ("visual, two 128 px views, fresh tasks", "joint steps/s"): "5,000",
     ("a new home every 100 episodes, scene graph", "joint steps/s"): "8,000",
     ("visual, 128 px, first visits", "times plain TinyRenderer"): "at most 1",
     ("reset", "resets/s"): "300",

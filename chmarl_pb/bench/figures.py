@@ -54,6 +54,7 @@ _VISUAL = {size: f"visual, two {size} px views" for size in (64, 128, 224)}
 FIGURES = (
     Figure("scene graph, fresh tasks", partial(playing.steps, observation="scene_graph", split="train")),
     Figure("scene graph, the same 50 tasks", partial(playing.steps, observation="scene_graph")),
+    Figure("visual, two 128 px views, fresh tasks", partial(playing.steps, observation="visual", split="train")),
     *(Figure(name, partial(playing.steps, observation="visual", size=size)) for size, name in _VISUAL.items()),
     Figure("scene graph, pointing", partial(playing.steps, observation="scene_graph", split="train", pointing=True)),
     Figure("visual, two 128 px views, pointing", partial(playing.steps, observation="visual", pointing=True)),
