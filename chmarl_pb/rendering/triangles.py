@@ -15,7 +15,7 @@ from chmarl_pb.compiled import compiled
 Floats = NDArray[np.float32]
 
 SURELY = 1.001  # times as near: far more than rounding can matter
-_MANY = 6  # pixels of a row from which on it pays to work out all of them at once
+_MANY = 7  # pixels of a row from which on it pays to work out all of them at once
 _LARGE, CLOSE = 1e4, 0.05  # pixels and metres beyond which rounding may matter more
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
@@ -138,7 +138,7 @@ def cover(a, b, c, clipped, face, near, far, home, raw, nearness, faces, depths,
             begin += 1
         while begin <= end and (home[row, end] <= nearest or level + across * end < nearness[row, end]):
             end -= 1
-        many = end - begin >= _MANY
+        many = end - begin + 1 >= _MANY
         if many:
             _fill(a, b, c, area, begin, end, float(py), depths, nears)
         for px in range(begin, end + 1):

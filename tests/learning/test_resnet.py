@@ -10,14 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.learning.networks import build_encoder, int8
-from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, fingerprint, frozen_encoder
-from chmarl_pb.learning.networks.int8 import RANGES, compact
+from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, fingerprint, frozen_encoder, sealed
+from chmarl_pb.learning.networks.int8 import LARGEST, RANGES, compact
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures, random_weights
 
 WHOLE = random_weights()
 EXACT = {name: value for name, value in WHOLE.items() if name != RANGES}
+
+
+def plain() -> ResNet18:
+    network = ResNet18().eval().requires_grad_(False)
+    network.load_state_dict(EXACT)
+    return network
+
+
+COMPACT = sealed({**compact(folded(plain())), RANGES: WHOLE[RANGES]}, WHOLE)
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +41,6 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("weights") / "resnet18.pt"
     torch.save({**EXACT, "fc.bias": torch.zeros(1000)}, path)
     return path
-
-
-def plain() -> ResNet18:
-    network = ResNet18().eval().requires_grad_(False)
-    network.load_state_dict(EXACT)
-    return network
 
 
 def test_resnet_has_the_parts_of_torchvisions() -> None:
@@ -64,18 +67,39 @@ def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenEncoder, size
 
 
 def test_compact_weights_give_the_same_features_under_the_same_fingerprint(frozen: FrozenEncoder) -> None:
-    kept = compact(folded(plain()))
-    before = torch.tensor(list(bytes.fromhex(frozen.fingerprint)), dtype=torch.uint8)
-    small = FrozenEncoder("resnet18", {**kept, RANGES: WHOLE[RANGES], BEFORE: before})
+    kept = COMPACT
+    small = FrozenEncoder("resnet18", kept)
     images = pictures(6, 96, seed=2)
     assert torch.equal(small(images), frozen(images)) and small.fingerprint == frozen.fingerprint
     assert sum(value.nbytes for value in kept.values()) < 0.26 * sum(value.nbytes for value in EXACT.values())
 
 
-def test_a_fingerprint_that_is_none_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "odd.pt"
-    torch.save({**WHOLE, BEFORE: torch.zeros(5, dtype=torch.uint8)}, path)
-    with pytest.raises(CheckpointError, match=r"odd\.pt: .*fingerprint"):
+SCALED = "layer1.0.conv1.weight"
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {BEFORE: torch.zeros(5, dtype=torch.uint8)},
+        {SCALED: -COMPACT[SCALED]},
+        {SCALED + LARGEST: None},
+        {SCALED + LARGEST: torch.tensor(1.0)},
+        {SCALED + LARGEST: torch.full((64,), torch.nan)},
+        {SCALED + LARGEST: torch.ones(64, dtype=torch.int64)},
+        {"conv1.weight" + LARGEST: torch.ones(64)},
+    ],
+    ids=["hash", "weight", "no scale", "one scale", "nan", "whole", "no whole weight"],
+)
+@pytest.mark.parametrize("hashed", [True, False])
+def test_compact_weights_that_have_changed_are_refused(
+    tmp_path: Path, changed: dict[str, torch.Tensor | None], hashed: bool
+) -> None:
+    path, weights = tmp_path / "odd.pt", {**COMPACT, **changed}
+    weights = {name: value for name, value in weights.items() if value is not None and (hashed or name != BEFORE)}
+    if not hashed and changed.keys() <= {BEFORE, SCALED}:
+        pytest.skip("nothing tells them from others")
+    torch.save(weights, path)
+    with pytest.raises(CheckpointError, match=r"odd\.pt: "):
         frozen_encoder("resnet18", str(path))
 
 

@@ -22,7 +22,7 @@ from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, ten
 from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
 IMAGENET = "imagenet"  # name of torchvision's weights
-BEFORE = "fingerprint"  # key, in a file of rounded weights, of the bytes of their fingerprint before
+BEFORE = "fingerprint"  # key, in a file of rounded weights, of what :func:`sealed` adds
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
 _BLANK = torch.zeros(1, 32, 32, 3, dtype=torch.uint8)  # a picture
 _TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
@@ -170,20 +170,31 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
 
 
 def fingerprint(weights: dict[str, Tensor]) -> str:
-    """Return the sha256 of named tensors; of weights that were rounded later, as nothing but their file changed by it.
+    """Return the sha256 of named tensors; of weights that were rounded, that of before, as they do the same.
 
     Raises:
-        RuntimeError: what a file tells of them before is none.
+        RuntimeError: the weights have changed since they were rounded.
     """
-    if BEFORE in weights:
-        before = weights[BEFORE]
-        if before.dtype != torch.uint8 or before.shape != (hashlib.sha256().digest_size,):
-            raise RuntimeError(f"{BEFORE!r} is not a sha256")
-        return bytes(before.tolist()).hex()
+    if BEFORE not in weights:
+        return _sha256(weights).hex()
+    own = _sha256({name: value for name, value in weights.items() if name != BEFORE})
+    kept = weights[BEFORE].numpy().tobytes()
+    if len(kept) != 2 * len(own) or kept[len(own) :] != own:
+        raise RuntimeError(f"{BEFORE!r}: the weights have changed since they were rounded")
+    return kept[: len(own)].hex()
+
+
+def sealed(weights: dict[str, Tensor], before: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Return rounded weights with their fingerprint before, and a hash by which other weights are told from them."""
+    both = _sha256(before) + _sha256(weights)
+    return {**weights, BEFORE: torch.tensor(list(both), dtype=torch.uint8)}
+
+
+def _sha256(weights: dict[str, Tensor]) -> bytes:
     digest = hashlib.sha256()
     for name, value in sorted(weights.items()):
         digest.update(name.encode() + value.contiguous().numpy().tobytes())
-    return digest.hexdigest()
+    return digest.digest()
 
 
 def _chunks(values: list[Any]) -> list[list[Any]]:
@@ -211,6 +222,8 @@ def read_weights(path: Path, name: str) -> dict[str, Tensor]:
     if name == efficientnet.NAME:
         efficientnet.check(path)
     weights = tensors_of(path, path)
-    if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
+    if not isinstance(weights, dict) or not all(
+        isinstance(name, str) and isinstance(value, Tensor) for name, value in weights.items()
+    ):
         raise CheckpointError(f"{path}: not a file of weights: a dict of tensors is needed")
     return OrderedDict(weights)

@@ -241,12 +241,25 @@ def compact(network: ResNet18) -> dict[str, Tensor]:
 
 
 def restored(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Return what :func:`compact` has made of weights in floats again, each output's largest weight exactly."""
+    """Return what :func:`compact` has made of weights in floats again, each output's largest weight exactly.
+
+    Raises:
+        RuntimeError: weights in whole numbers and the largest of their outputs do not go together.
+    """
     floats = {name: value for name, value in weights.items() if not name.endswith(LARGEST)}
-    for name in weights.keys() - floats.keys():
-        part = name.removesuffix(LARGEST)
-        floats[part] = floats[part].float() / LEVELS * weights[name].view(-1, 1, 1, 1)
+    whole = {name for name, value in floats.items() if value.dtype == torch.int8}
+    if odd := whole ^ {name.removesuffix(LARGEST) for name in weights.keys() - floats.keys()}:
+        raise RuntimeError(f"{min(odd)!r}: weights in whole numbers need the largest of each output beside them")
+    for name in whole:
+        largest = weights[name + LARGEST]
+        if largest.dtype != torch.float32 or largest.shape != floats[name].shape[:1] or not _is_positive(largest):
+            raise RuntimeError(f"{name + LARGEST!r}: not a positive number for each output")
+        floats[name] = floats[name].float() / LEVELS * largest.view(-1, 1, 1, 1)
     return floats
+
+
+def _is_positive(numbers: Tensor) -> bool:
+    return bool((torch.isfinite(numbers) & (numbers > 0)).all())
 
 
 def _pooled(maps: Tensor) -> Tensor:
