@@ -1,6 +1,6 @@
 """The fast renderer: the home is drawn once for each camera pose and kept; a step draws only what moves into it.
 
-It gives the pictures of :mod:`chmarl_pb.rendering.tiny` bit by bit.
+It gives the pictures of :mod:`chmarl_pb.rendering.tiny` bit by bit, but for rare ties of depth (docs/architecture.md).
 """
 
 from collections import OrderedDict
@@ -26,7 +26,7 @@ from chmarl_pb.world import Objects, RobotState, World, yaw_quaternion
 _KEPT = 100_000  # pairs of poses of one home, 0.2 kB each
 _ARRANGEMENTS = 1024  # of objects, the last ones
 _STATES = 8192  # of robots, 0.7 kB each
-_IMAGES = 64  # of one world, 49 kB each at 128 pixels: about those of an episode
+_IMAGE_BYTES = 2**23  # of the pictures of one world: at 128 pixels those of some episodes
 
 #: A robot, its pose, the number of its posture: positions of joints are slow to compare.
 Stand = tuple[str, int, int]
@@ -60,6 +60,7 @@ class FastRenderer:
         self._numbers = np.zeros(0, np.int32)
         self._seen: Seen = {}
         self._images: dict[tuple[str, int, int, tuple[Stand, ...]], NDArray[np.uint8]] = {}  # of these very objects
+        self._image_bytes = 0
         self._in_view = _in_view.setdefault(self._views, {}).setdefault(self._team, {})
         self._canvas = canvas(VISIBILITY_SIZE).words
         self._stands: dict[int, tuple[RobotState, Stand, bool]] = {}  # by the identity of the state
@@ -76,10 +77,11 @@ class FastRenderer:
         key = (robot, pose, size, tuple(others))
         image = self._images.get(key)
         if image is None:
-            if len(self._images) == _IMAGES:
-                self._images.clear()
-            home = self._empty(robot, size, colours=True)
-            image = self._images[key] = image_over(home, self._bodies, self._with(others))
+            image = image_over(self._empty(robot, size, colours=True), self._bodies, self._with(others))
+            self._image_bytes += image.nbytes
+            if self._image_bytes > _IMAGE_BYTES:
+                self._forget_images()
+            self._images[key] = image
         return image.copy()
 
     def visible(self, robot: str) -> tuple[str, ...]:
@@ -190,6 +192,10 @@ class FastRenderer:
         self._update_objects()
         return self._with(self._others(robot))
 
+    def _forget_images(self) -> None:
+        self._images.clear()
+        self._image_bytes = 0
+
     def _update_objects(self) -> None:
         """Put the objects where they are."""
         objects = self._world.state.objects
@@ -198,7 +204,7 @@ class FastRenderer:
             if self._objects is None or objects.poses.keys() != self._objects.poses.keys():
                 self._numbers = np.array([self._body_numbers[name] for name in self._world.objects], dtype=np.int32)
             self._seen = _seen_of(objects, self._team)
-            self._images.clear()
+            self._forget_images()
             self._objects = objects
 
 

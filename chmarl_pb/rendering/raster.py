@@ -153,23 +153,43 @@ def draw(bodies, models, placed, lens, home, tiles, canvas, scratch):  # type: i
 
 
 @compiled
+def least_distance(corners):  # type: ignore[no-untyped-def]
+    """Return the least distance along the camera's axis of projected corners (n, 6), metres; below 0 behind it."""
+    least = np.inf
+    for row in corners:
+        least = min(least, np.float64(row[3]))
+    return least
+
+
+@compiled
+def span(corners, lens, size):  # type: ignore[no-untyped-def]
+    """Return in which pixels projected corners (n, 6) before the camera lie, and a depth than which none is nearer.
+
+    Returns:
+        First and last column, first and last row, of a picture of a size, and the depth in [0, 1].
+    """
+    low_x, low_y, high_x, high_y, near_z = np.inf, np.inf, -np.inf, -np.inf, np.inf
+    for row in corners:
+        near_z = min(near_z, np.float64(row[2]))
+        low_x, low_y = min(low_x, np.float64(row[0])), min(low_y, np.float64(row[1]))
+        high_x, high_y = max(high_x, np.float64(row[0])), max(high_y, np.float64(row[1]))
+    left, right = int(max(0.0, np.ceil(low_x))), int(min(size - 1.0, np.floor(high_x)))
+    top, bottom = int(max(0.0, size - 1 - np.floor(high_y))), int(min(size - 1.0, size - 1 - np.ceil(low_y)))
+    depth = np.float64(depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1])) - ROUNDING
+    return left, right, top, bottom, depth
+
+
+@compiled
 def _is_hidden(corners, lens, home, nearness):  # type: ignore[no-untyped-def]
     """Return whether the home, and what is drawn already, surely hide a part with such projected corners (n, 6).
 
     So they do if it is not in view. A part that reaches close to the camera is not looked at.
     """
-    size = len(home)
-    low_x, low_y, high_x, high_y, least, near_z = np.inf, np.inf, -np.inf, -np.inf, np.inf, np.inf
-    for row in corners:
-        least, near_z = min(least, np.float64(row[3])), min(near_z, np.float64(row[2]))
-        low_x, low_y = min(low_x, np.float64(row[0])), min(low_y, np.float64(row[1]))
-        high_x, high_y = max(high_x, np.float64(row[0])), max(high_y, np.float64(row[1]))
+    least = least_distance(corners)
     if least < CLOSE:
         return False
-    left, right = int(max(0.0, np.ceil(low_x))), int(min(size - 1.0, np.floor(high_x)))
-    top, bottom = int(max(0.0, size - 1 - np.floor(high_y))), int(min(size - 1.0, size - 1 - np.ceil(low_y)))
+    left, right, top, bottom, depth = span(corners, lens, len(home))
     nearest = SURELY / least
-    depth = depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1]) - ROUNDING
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
             if nearness[row, column] <= nearest and home[row, column] > depth:

@@ -13,8 +13,8 @@ from chmarl_pb.compiled import compiled
 from chmarl_pb.rendering.bounds import extent, sight_of
 from chmarl_pb.rendering.canvas import canvas_of, wipe
 from chmarl_pb.rendering.placing import stage_of
-from chmarl_pb.rendering.raster import ROUNDING, SAFE, draw_part, project
-from chmarl_pb.rendering.triangles import TWO, depth_of
+from chmarl_pb.rendering.raster import SAFE, draw_part, least_distance, project, span
+from chmarl_pb.rendering.triangles import TWO
 
 
 def count_pixels(segmentation: NDArray[np.integer], length: int) -> NDArray[np.int64]:
@@ -136,27 +136,26 @@ def _tighten(body, models, lens, size, scratch, box):  # type: ignore[no-untyped
     Returns:
         A depth in [0, 1] than which nothing of it is nearer.
     """
-    low_x, low_y, high_x, high_y, near_z, ahead = np.inf, np.inf, -np.inf, -np.inf, np.inf, True
-    left, right, low, high = True, True, True, True  # whether all corners lie beyond that side of the picture
     first, last = models.first_part[body], models.first_part[body + 1]
-    for row in scratch[models.first_vertex[first] : models.first_vertex[last]]:
-        x, y, w = row[4], row[5], row[3]
-        left, right, low, high = (
-            left and x < -w - SAFE,
-            right and x > w + SAFE,
-            low and y < -w - SAFE,
-            high and y > w + SAFE,
-        )
-        ahead, near_z = ahead and w > 0, min(near_z, np.float64(row[2]))
-        low_x, low_y = min(low_x, np.float64(row[0])), min(low_y, np.float64(row[1]))
-        high_x, high_y = max(high_x, np.float64(row[0])), max(high_y, np.float64(row[1]))
-    if left or right or low or high:
-        box[0], box[1], box[2], box[3] = 0, -1, 0, -1
-    if not ahead:  # a corner behind the camera lies anywhere in the picture
+    corners = scratch[models.first_vertex[first] : models.first_vertex[last]]
+    if least_distance(corners) <= 0:  # a corner behind the camera lies anywhere in the picture
+        if _is_beyond(corners):
+            box[0], box[1], box[2], box[3] = 0, -1, 0, -1
         return -np.inf
-    box[0], box[1] = int(max(box[0], np.ceil(low_x))), int(min(box[1], np.floor(high_x)))
-    box[2], box[3] = int(max(box[2], size - 1 - np.floor(high_y))), int(min(box[3], size - 1 - np.ceil(low_y)))
-    return np.float64(depth_of(np.float32(-near_z), lens.planes[0], lens.planes[1])) - ROUNDING
+    left, right, top, bottom, nearest = span(corners, lens, size)
+    box[0], box[1], box[2], box[3] = max(box[0], left), min(box[1], right), max(box[2], top), min(box[3], bottom)
+    return nearest
+
+
+@compiled
+def _is_beyond(corners):  # type: ignore[no-untyped-def]
+    """Return whether all of some projected corners (n, 6) lie beyond the same side of the picture."""
+    left, right, low, high = True, True, True, True
+    for row in corners:
+        x, y, w = row[4], row[5], row[3]
+        left, right = left and x < -w - SAFE, right and x > w + SAFE
+        low, high = low and y < -w - SAFE, high and y > w + SAFE
+    return left or right or low or high
 
 
 @compiled

@@ -464,6 +464,18 @@ def test_page_tells_runs_of_different_settings(tmp_path: Path, launch: Launch) -
     assert "| QMIX | 2 of 3 (settings differ) |" in (tmp_path / "results.md").read_text()
 
 
+def test_page_knows_settings_by_their_earlier_names(tmp_path: Path, launch: Launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)]
+    work(runs, launch)
+    names: list[dict[str, object]] = [{"gradient_steps": 4, "tau": 1.0, "layer_norm": False}, {"updates": 4}]
+    for run, told in zip(runs, names, strict=True):
+        record = json.loads(run.result.read_text())
+        record["checkpoint"]["config"] = {"seed": run.seed, "episodes": 4, **told}
+        run.result.write_text(json.dumps(record))
+    write_page(runs[0].results, tmp_path / "results.md")
+    assert "| QMIX | 2 of 3 |" in (tmp_path / "results.md").read_text()
+
+
 def test_page_is_the_same_when_written_again(tmp_path: Path, launch: Launch) -> None:
     run = run_of(tmp_path)
     work([run], launch)

@@ -6,12 +6,20 @@ from typing import Any
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.runs.checkpoint import RENAMED
 from training.tables.cells import NOT_RUN
 from training.tables.lessons import TEACHER
 from training.tables.rows import Row
 from training.tables.runs import Record
 
 POOL = "mean"  # of graphs, in runs from before this was a setting
+#: What learners did before they had these settings.
+_BEFORE = {
+    "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "history_past": False,
+    "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train", "preset": "encoder",
+    "robots": "humanoid,drone", "catalog_sha256": "", "encoder": "household", "mixer": "", "tau": 1.0, "td_lambda": 0.0,
+    "layer_norm": False, "normalize_values": False, "standardize_state": False, "standardize_rewards": False,
+}  # fmt: skip
 
 
 def made_with(row: Row, same: Sequence[Record]) -> str:
@@ -59,13 +67,8 @@ def _settings(record: Record) -> dict[str, object]:
     """Return the settings that all seeds of a row should share: not the files of a run, nor what it does not use."""
     own = {"seed", "start"} | ({"image_encoder"} if record["observation"] == "scene_graph" else set())
     checkpoint = record["checkpoint"]
-    # Older runs have none of these.
-    before = {
-        "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "history_past": False,
-        "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train", "preset": "encoder",
-        "robots": "humanoid,drone", "catalog_sha256": "",
-    }  # fmt: skip
-    settings = {**before, **checkpoint.get("config", {}), FROZEN: checkpoint.get(FROZEN, "")}
+    config = {RENAMED.get(name, name): value for name, value in checkpoint.get("config", {}).items()}
+    settings = {**_BEFORE, **config, FROZEN: checkpoint.get(FROZEN, "")}
     return {name: value for name, value in settings.items() if name not in own and value is not None}
 
 
