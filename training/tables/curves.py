@@ -126,7 +126,7 @@ def _draw(
         x = curves[0][:points, 0]
         y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
-        axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row), label=_label(row, apart))
+        axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row, apart), label=_label(row, apart))
         axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)
     from matplotlib.ticker import MaxNLocator
 
@@ -145,24 +145,23 @@ def _colour(row: Row) -> str:
     return _COLOURS.get(row.options[1], _OTHER) if row.options[:1] == ("--algo",) else _OTHER
 
 
-def _style(row: Row) -> str:
-    """Return how a row's line is drawn: our variants of the paper's rows have their colours."""
+def _style(row: Row, apart: bool) -> str:
+    """Return how a row's line is drawn: our variants of the paper's rows have its colours; apart, ours have QMIX's."""
     if row.table in TRACKS:  # a table of both observations, whose rows all have messages
         return "-" if row.observation == "scene_graph" else "--"
     if row.module == _SB3:
         return _SB3_STYLES["humanoid only" in row.name, "goal observed" in row.name]
-    if row.name.endswith(_VARIANTS):
+    if row.name.endswith(_VARIANTS) or (apart and row.name in _OURS):
         return "-."
     return "-" if row.messages else "--"
 
 
 def _label(row: Row, apart: bool) -> str:
     """Return a row's name; what tells rows apart in the table of messages and feedback, and in those of tracks."""
+    if apart:
+        return row.setting
     seen = "graphs" if row.observation == "scene_graph" else "pictures"
-    if not apart:
-        return f"{seen}: {row.name}" if row.table in TRACKS else row.name
-    given = [word for word, on in (("messages", row.messages), ("feedback", row.feedback)) if on]
-    return f"{seen}: {' + '.join(given) or 'neither'}"
+    return f"{seen}: {row.name}" if row.table in TRACKS else row.name
 
 
 def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -85,7 +85,8 @@ from scratch come to, and which of them is to be run again: [training.md](traini
 """
 
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
-are all four combinations for QMIX; the paper lacks the one with neither.
+are all four combinations for QMIX; the paper lacks the one with neither. Below stands our strongest learner, trained
+and played with feedback and without; weights that were trained with it also [play without](#without-feedback-at-test).
 """
 
 
@@ -207,10 +208,7 @@ def _ends(rows: Sequence[Row], records: Records) -> list[str]:
 
 
 def _setting(row: Row) -> str:
-    given = [word for word, on in (("messages", row.messages), ("feedback", row.feedback)) if on]
-    where = "graphs" if row.observation == "scene_graph" else "pictures"
-    absent = "" if row.published else " (not in the paper)"
-    return f"QMIX, {where}: {' + '.join(given) or 'neither'}{absent}"
+    return row.setting + ("" if row.published else " (not in the paper)")
 
 
 def _paper(row: Row, metric: str, number: int) -> str:

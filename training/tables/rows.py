@@ -62,6 +62,12 @@ class Row:
         return "-".join(words)
 
     @property
+    def setting(self) -> str:
+        """The learner, and what robots observe and are told, e.g. "QMIX, graphs: messages + feedback"."""
+        told = [word for word, on in (("messages", self.messages), ("feedback", self.feedback)) if on]
+        return f"{self.name.removesuffix(' + messages')}, {_SEEN[self.observation]}: {' + '.join(told) or 'neither'}"
+
+    @property
     def splits(self) -> tuple[str, ...]:
         """The splits that it is evaluated on."""
         return splits_of(self.table)
@@ -177,11 +183,17 @@ def _ours(expert: str, observation: str, *options: str) -> Row:
     return Row(name, observation, given, True, seeds=seeds, image_encoder="detector")
 
 
-def _imitator(observation: str, homes: str, *options: str) -> Row:
+def _imitator(observation: str, homes: str, *options: str, feedback: bool = True) -> Row:
     """Return what imitation of the belief search alone brings in some homes; pictures are seen by the detector."""
     seeing = ("--image-encoder", "detector") if observation == "visual" else ()
     given = ("--algo", "imitation", "--expert", "belief", *_GROUNDED, *seeing, *options)
-    return Row(f"Imitation of belief{homes}", observation, given, True, seeds=3, image_encoder="detector")
+    name, seeds = f"Imitation of belief{homes}", 3 if feedback else _SEEDS[observation]
+    return Row(name, observation, given, True, feedback, seeds=seeds, image_encoder="detector")
+
+
+def _in_generated_homes(observation: str, feedback: bool = True) -> Row:
+    """Return our strongest learner, with or without feedback in its training and at test."""
+    return _imitator(observation, ", generated homes", "--split", "generated", feedback=feedback)
 
 
 #: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
@@ -221,7 +233,7 @@ OURS: tuple[Row, ...] = (
     *(_ours("belief", observation, *_GROUNDED) for observation in _SEEDS),
     *(_ours("search", observation) for observation in _SEEDS),
     _imitator("scene_graph", ""),
-    *(_imitator(observation, ", generated homes", "--split", "generated") for observation in _SEEDS),
+    *map(_in_generated_homes, _SEEDS),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
 )
@@ -285,6 +297,10 @@ TABLES: dict[str, tuple[Row, ...]] = {
     "scene-graph": _with_ours(paper.SCENE_GRAPH),
     "visual": _with_ours(paper.VISUAL),
     LIMITED: (_grounded_clone(True, "--split", LIMITED_DATA),),
-    "feedback": (*_isolated("scene_graph"), *_isolated("visual")),
+    "feedback": (
+        *_isolated("scene_graph"),
+        *_isolated("visual"),
+        *(_in_generated_homes(observation, feedback) for observation in _SEEDS for feedback in (True, False)),
+    ),
     GROUNDED: (*_grounded("scene_graph"), *_grounded("visual")),
 }
