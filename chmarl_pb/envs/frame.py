@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from chmarl_pb.envs.last_step import LastStep
-from chmarl_pb.envs.optimum import tasks_say_optimum
+from chmarl_pb.envs.optimum import says_optimum
 from chmarl_pb.frames.drawer import FrameDrawer, Now
 from chmarl_pb.frames.motion_player import scene_of
 from chmarl_pb.frames.recording import Moment, Recording, board_of
@@ -29,7 +29,7 @@ def now_of(env: "HouseholdEnv", last: LastStep) -> Now:
         {name: last.feedback.get(name, "") for name in robots}, outcome.seen, (), scene_of(env.world), env.said,
         {}, {},
     )  # fmt: skip
-    best = Optimum(env.task.optimal_steps) if env.task.optimal_steps and tasks_say_optimum(env) else None
+    best = Optimum(env.task.optimal_steps) if says_optimum(env, env.task) else None
     recording = Recording(
         env.task, env.simulation.home, team_in(env.world, env.simulation.models), best, env.instruction, "",
         env.options.observation_name, env.rooms, goal.item, goal.receptacles, (moment,), outcome.success,

@@ -60,7 +60,7 @@ class Observer:
         self._sensors, self._catalog = options.sensors_of(known), known
         parts: dict[str, spaces.Space[Any]] = {}
         for sensor in self._sensors:
-            _add(parts, sensor.spaces(), type(sensor).__name__)
+            _add(parts, sensor.spaces(), getattr(sensor, "name", type(sensor).__name__))
         tokens = language.vocabulary_size(known, options.lookalikes) - 1
         self._rooms, self._among = rooms, options.lookalikes
         self._words = language.INSTRUCTION_LENGTH * options.kind.objects
@@ -90,7 +90,10 @@ class Observer:
 
     def wanted(self, instruction: str, setting: Setting) -> Wanted:
         """Return what an instruction asks for."""
-        item, target = language.parse_instruction(instruction, self._catalog)
+        try:
+            item, target = language.parse_instruction(instruction, self._catalog)
+        except ValueError as error:  # of a kind of tasks of the user's own
+            raise OptionError(f"goal=True: nothing tells what is asked for, as the instruction {error}") from error
         goal, task, ids = setting.goal, setting.task, self._catalog.class_ids
         attributes = (0, 0)
         if isinstance(task, LookalikeTask):

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.envs.own_parts import CheckedAdviser, CheckedChannel, CheckedSensor, CheckedTalk
 from chmarl_pb.envs.tracks import MAX_STEPS as MAX_STEPS
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
+from chmarl_pb.fingerprint import name_of
 from chmarl_pb.homes.catalog_file import load_catalog
-from chmarl_pb.policies.sources import name_of
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, team_of
@@ -27,6 +28,7 @@ from chmarl_pb.tasks.language.templates import REVISIONS
 from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLITS, homes_of
 from chmarl_pb.tasks.symbols import Symbols, Talk
+from chmarl_pb.tasks.unreliable import UnreliableAdviser
 
 OBSERVATIONS = ("scene_graph", "visual")  # the benchmark's; sensors are more
 SENSORS = ("scene_graph", *CAMERA_SENSORS, "text")
@@ -140,7 +142,7 @@ class Options:
     def sensors_of(self, known: Catalog) -> tuple[Sensor, ...]:
         """Return what every robot observes the classes of a catalogue with, in order."""
         parts = self._observed()
-        own = [self._sensor(part, known) if isinstance(part, str) else part for part in parts]
+        own = [self._sensor(part, known) if isinstance(part, str) else CheckedSensor(part) for part in parts]
         return (*own, *self._beside_graphs) if "scene_graph" in parts else tuple(own)
 
     def graph_sensors(self, known: Catalog) -> tuple[Sensor, ...]:
@@ -179,16 +181,20 @@ class Options:
         """
         channel = Symbols() if self.messages == SYMBOLS else self.messages
         if isinstance(channel, Talk):
-            return channel.among(tuple(self.models))
+            talk = CheckedTalk(channel) if "messages" in self.own() else channel
+            return talk.among(tuple(self.models))
         if isinstance(channel, Channel):
-            return channel
+            return CheckedChannel(channel) if "messages" in self.own() else channel
         return Board() if channel else Silence()
 
     @property
     def adviser(self) -> Adviser | None:
         """A new adviser, or None if there is no feedback."""
         if isinstance(self.feedback, Adviser):
-            return deepcopy(self.feedback)
+            adviser = deepcopy(self.feedback)
+            if isinstance(adviser, UnreliableAdviser):
+                adviser.templates = self.templates
+            return CheckedAdviser(adviser) if "feedback" in self.own() else adviser
         if not self.feedback:
             return None
         critic = CRITICS[self.feedback if isinstance(self.feedback, str) else STYLES[0]]
@@ -220,6 +226,13 @@ class Options:
         kept = {name: value for name, value in values.items() if name in always or value != defaults[name]}
         return {name: _plain(value) for name, value in kept.items()} | {"observation": self.observation_name}
 
+    def own(self) -> dict[str, Any]:
+        """Return option -> the user's own objects in it, of which :meth:`recorded` does not tell all."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)} | {"observation": self._observed()}
+        parts = {name: value if isinstance(value, tuple) else (value,) for name, value in values.items()}
+        found = {name: [part for part in of_option if _is_own(part)] for name, of_option in parts.items()}
+        return {name: objects for name, objects in found.items() if objects}
+
     @property
     def observation_name(self) -> str:
         """The name of what is observed, with a "+" between several."""
@@ -237,6 +250,12 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, str | bool | int):
         return value
     return f"{type(value).__module__}:{value!r}" if is_dataclass(value) else name_of(value)
+
+
+def _is_own(value: Any) -> bool:
+    """Return whether a value of an option is an object that is not told by its name, path, or fields."""
+    told = value is None or isinstance(value, str | bool | int | Path | RobotModel)
+    return not told and not (is_dataclass(value) and type(value).__module__.startswith("chmarl_pb."))
 
 
 def checked_seed(seed: int) -> int:

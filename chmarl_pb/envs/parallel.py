@@ -11,6 +11,7 @@ from pettingzoo import ParallelEnv
 from chmarl_pb.envs.last_step import LastStep
 from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.options import Observed, Options, checked_seed
+from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show
 from chmarl_pb.envs.words import action_space, parted
@@ -94,7 +95,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.possible_agents = list(self._models)
         self.agents: list[str] = []
         self.catalog = self.options.things
-        self._kind = speaking_of(self.options.kind, self.catalog, self.options.templates)
+        kind = speaking_of(self.options.kind, self.catalog, self.options.templates)
+        self._kind = checked_kind(kind, self.options)
         self._tasks = TaskSource(self.options.split, self.options.home, self._kind, self.catalog)
         given = self.options
         load = partial(

@@ -10,7 +10,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
 from chmarl_pb.evaluation.intervals import interval
-from chmarl_pb.evaluation.optimum import Optimum, optimum, tasks_say_optimum
+from chmarl_pb.evaluation.optimum import Optimum, optimum, says_optimum
 from chmarl_pb.evaluation.recognition import Recognition, recognition
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.outcome import Outcome
@@ -28,7 +28,8 @@ class Played:
         success: whether X stood on Y at the end.
         potential: phi at the end.
         actions: the numbers of the robots' actions in every step.
-        optimum: of a success with other robots than the benchmark's, their L*; else the task has it.
+        optimum: of a success with other robots than the benchmark's, their L*, or that of a task without; else the
+            task has it.
         instruction: what was asked for; empty in older results, where the task tells it.
         recognition: how often robots act on what they see; None in older results, and for tasks of several objects.
     """
@@ -108,14 +109,16 @@ def path_weighted(success: bool, steps: int, optimal_steps: int) -> float:
     Args:
         success: s.
         steps: L, joint steps taken.
-        optimal_steps: L*, the planner's number of steps, 1 or more.
+        optimal_steps: L*, the planner's number of steps, 1 or more; of a failure it does not matter.
 
     Raises:
         TaskError: L* is unknown.
     """
+    if not success:
+        return 0.0
     if optimal_steps < 1:
         raise TaskError(f"L* = {optimal_steps} is unknown; give the task its optimal_steps, as task files do")
-    return optimal_steps / max(steps, optimal_steps) if success else 0.0
+    return optimal_steps / max(steps, optimal_steps)
 
 
 def score_now(env: HouseholdEnv, episode: Episode) -> float:
@@ -136,7 +139,7 @@ def played(env: HouseholdEnv, episode: Episode, seed: int, outcomes: Sequence[Ou
         TaskError: other robots than the benchmark's have solved a task that the planner cannot solve with them.
     """
     actions = tuple(tuple(chosen.values()) for chosen in episode.actions)
-    shortest = optimum(env) if episode.success and not tasks_say_optimum(env) else None
+    shortest = optimum(env) if episode.success and not says_optimum(env, env.task) else None
     return Played(
         episode.task, seed, episode.steps, episode.success, float(episode.potential), actions, shortest,
         env.instruction, recognition(env, outcomes, episode.actions) if outcomes else None,

@@ -1,6 +1,6 @@
 """L*: the fewest joint steps in which the robots of an environment can solve a task."""
 
-from chmarl_pb.envs.optimum import tasks_say_optimum as tasks_say_optimum
+from chmarl_pb.envs.optimum import says_optimum as says_optimum
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.tasks.task import Optimum as Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -12,7 +12,7 @@ def optimum(env: HouseholdEnv) -> Optimum:
     Raises:
         TaskError: the planner cannot solve the task with these robots.
     """
-    if tasks_say_optimum(env):
+    if says_optimum(env, env.task):
         return Optimum(env.task.optimal_steps)
     plan = env.simulation.solve(env.task, env.options.kind)
     return Optimum(plan.steps, plan.proven)
@@ -20,7 +20,7 @@ def optimum(env: HouseholdEnv) -> Optimum:
 
 def optimal_steps(env: HouseholdEnv, task: AnyTask) -> int:
     """Return L* of any task for the robots of an environment, whose episode it ends; see :func:`optimum`."""
-    if tasks_say_optimum(env):
+    if says_optimum(env, task):
         return task.optimal_steps
     env.reset(options={"task": task})
     return optimum(env).steps

@@ -3,6 +3,7 @@
 import shlex
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -10,8 +11,10 @@ from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError, ResultError, TaskError
@@ -20,12 +23,14 @@ from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import Report, in_order, load_result
-from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.evaluation.sample import sample_of
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
+from chmarl_pb.fingerprint import fingerprint, name_of
 from chmarl_pb.policies.policy import Factory, Policy
-from chmarl_pb.policies.sources import Source, defined_in, find_policy, name_of
-from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM, find_task
+from chmarl_pb.policies.sources import Source, find_policy
+from chmarl_pb.tasks.kinds import named_task
+from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
@@ -84,7 +89,7 @@ def evaluate(
 
     Raises:
         OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder.
-        TaskError: a task is unknown, of another split, or has no L*.
+        TaskError: a task is unknown, of another split, or cannot be solved by the planner, which tells L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
         WriteError: ``out`` cannot be written.
@@ -98,9 +103,7 @@ def evaluate(
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     if tasks is None and split == STREAM:
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
-    if tasks is None and not setup.options.kind.tasks(split):
-        raise TaskError(f"tasks: the splits have none for task={setup.options.task!r}; give tasks=[...]")
-    chosen = _chosen(split, tasks)
+    chosen = _chosen(setup.options, tasks)
     setup = _at_home(setup, chosen)
     seeds = _seeds(seeds)[: 1 if source.deterministic else None]
     executor = executor_of(executor, workers)
@@ -135,10 +138,13 @@ def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | 
     return kept if kept.settings == settings else None
 
 
-def _chosen(split: str, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
+def _chosen(options: Options, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
+    split, kind = options.split, checked_kind(options.kind, options)
     if tasks is None:
-        return [*evaluated_tasks(split)]
-    chosen = [find_task(task) if isinstance(task, str) else task for task in tasks]
+        if not (chosen := sample_of(split, kind.tasks(split))):
+            raise TaskError(f"tasks: the splits have none for task={options.task!r}; give tasks=[...]")
+        return chosen
+    chosen = [named_task(kind, split, task) if isinstance(task, str) else task for task in tasks]
     if len(set(chosen)) < len(chosen) or not chosen:
         raise TaskError("tasks: name at least one task, and none twice")
     for task in chosen:
@@ -194,9 +200,11 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
     if "catalog" in values:
         changes = {**changes, "catalog_sha256": options.things.content}
+    if own := options.own():
+        changes = {**changes, "own_sha256": {name: _known(name, fingerprint(one)) for name, one in own.items()}}
     return {
         "policy": source.name,
-        "policy_sha256": source.sha256,
+        "policy_sha256": source.sha256 if isinstance(setup.policy, str) else _known(source.name, source.sha256),
         "split": values.pop("split"),
         "observation": values.pop("observation"),
         "options": values,
@@ -207,6 +215,17 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         "source_sha256": source_hash(),
         **changes,
     }
+
+
+def _known(name: str, sha256: str | None) -> str:
+    """Return what tells an object of the user's apart; where nothing does, what no other evaluation has."""
+    if sha256 is None:
+        warnings.warn(
+            f"{name}: holds what cannot be pickled, or has no file, so nothing tells whether another evaluation had "
+            "the same; no result of it is reused, and interrupted it begins anew",
+            stacklevel=5,
+        )
+    return sha256 or f"unknown-{uuid4()}"
 
 
 def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
@@ -221,7 +240,7 @@ def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
         env.close()
     make = setup.maker
     name = setup.env_fn if isinstance(setup.env_fn, str) else name_of(make)
-    return core.options, {"env": {"name": name, "sha256": defined_in(make), "wrappers": wrappers}}
+    return core.options, {"env": {"name": name, "sha256": _known(name, fingerprint(make)), "wrappers": wrappers}}
 
 
 def _run(label: str | None, workers: int, seconds: float) -> dict[str, Any]:

@@ -1,16 +1,25 @@
 """Which tasks of a split an evaluation plays."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 from chmarl_pb.tasks.splits import TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
+
+AnyTask = TypeVar("AnyTask")
 
 TRAIN_SAMPLE = 250  # of the training split the first ones are evaluated, a uniform sample over its homes
 
 
 def evaluated_tasks(split: str) -> list[Task]:
-    """Return the tasks of a split that are evaluated: all, but of those for training the first 250.
+    """Return the benchmark's tasks of a split that are evaluated, see :func:`sample_of`.
 
     Raises:
         TaskError: there is no such split, or its file is damaged.
     """
-    tasks = load_tasks(split)
-    return tasks[:TRAIN_SAMPLE] if split in TRAINING_SPLITS else tasks
+    return sample_of(split, load_tasks(split))
+
+
+def sample_of(split: str, tasks: Sequence[AnyTask]) -> list[AnyTask]:
+    """Return those of a split's tasks that are evaluated: all, but of those for training the first 250."""
+    return [*tasks[:TRAIN_SAMPLE]] if split in TRAINING_SPLITS else [*tasks]

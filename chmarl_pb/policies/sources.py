@@ -1,7 +1,6 @@
 """Where policies come from: built in, published weights, ``module:callable``, a checkpoint, or a factory."""
 
 import importlib
-import inspect
 import sys
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -13,6 +12,7 @@ from typing import Any, cast
 
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
+from chmarl_pb.fingerprint import fingerprint, name_of
 from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
@@ -37,8 +37,8 @@ class Source:
         name: as given.
         make: makes the policy that drives an environment.
         deterministic: whether it plays every task the same way, so that one seed is enough.
-        sha256: of the checkpoint, of the file that defines it, or of what its eyes have learned; None for what comes
-            with the package.
+        sha256: of the checkpoint, of what tells it apart (:func:`chmarl_pb.fingerprint.fingerprint`), or of what its
+            eyes have learned; None for what comes with the package, and where nothing tells it apart.
         privileged: whether it is given more than observations: the environment and whole infos.
         centralized: whether one object drives all robots.
         needs_graphs: whether it is, too, where observations hold no scene graph.
@@ -119,7 +119,7 @@ def find_policy(policy: str | Factory | Policy) -> Source:
         return policy
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
-        return Source(name_of(policy), make, *_declared(policy, defined_in(policy)))
+        return Source(name_of(policy), make, *_declared(policy, fingerprint(policy)))
     if policy in BUILT_IN:
         make = partial(make_policy, policy)
         privileged, needs_graphs = policy in PRIVILEGED, policy in SEEING
@@ -142,7 +142,7 @@ def find_policy(policy: str | Factory | Policy) -> Source:
             "a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    return Source(policy, factory, *_declared(factory, defined_in(factory)))
+    return Source(policy, factory, *_declared(factory, fingerprint(factory)))
 
 
 def _with_eyes(name: str, eyes: str) -> Source:
@@ -230,18 +230,3 @@ def _checkpoint(path: Path) -> Source:
     factory = load(path)
     sha256 = file_hash(path) if path.is_file() else None
     return Source(str(path), factory, *_declared(factory, sha256), rules=getattr(factory, "rules", {}))
-
-
-def name_of(given: object) -> str:
-    """Return the name of a callable, or of the class of another object, with its module."""
-    kind: Any = given if hasattr(given, "__qualname__") else type(given)
-    return f"{kind.__module__}:{kind.__qualname__}"
-
-
-def defined_in(given: Any) -> str | None:
-    """Return the sha256 of the file that defines a function, or the class of another object; None if there is none."""
-    try:
-        path = inspect.getsourcefile(given if hasattr(given, "__code__") or isinstance(given, type) else type(given))
-    except (OSError, TypeError):
-        return None
-    return file_hash(Path(path)) if path and Path(path).is_file() else None

@@ -17,7 +17,7 @@ from chmarl_pb.tasks import language
 from chmarl_pb.tasks.outcome import Outcome, outcome_of
 from chmarl_pb.tasks.sampling import DRAWS, may_stand, receptacle_classes, sample_seed, sample_task
 from chmarl_pb.tasks.setting import Setting, set_up
-from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.splits import find_task, load_tasks
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import FEWEST, MOST, AnyTask, TidyTask
 from chmarl_pb.world import World, WorldState
@@ -183,6 +183,16 @@ REARRANGE = Rearrange()
 
 #: Name -> kind.
 KINDS: dict[str, TaskKind] = {"rearrange": REARRANGE, "tidy": Tidy()}
+
+
+def named_task(kind: TaskKind, split: str, task_id: str) -> AnyTask:
+    """Return a task by its id: one of those that a kind has for a split, or of any of the benchmark's splits.
+
+    Raises:
+        TaskError: there is no such task.
+    """
+    own = (task for task in kind.tasks(split) if task.id == task_id)
+    return next(own, None) or find_task(task_id)
 
 
 def speaking_of(kind: TaskKind, known: Catalog, templates: int) -> TaskKind:

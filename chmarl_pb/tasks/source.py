@@ -9,9 +9,9 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError, TaskError
 from chmarl_pb.tasks.generated_homes import EPISODES_IN_A_HOME, HomeStream
-from chmarl_pb.tasks.kinds import REARRANGE, TaskKind
+from chmarl_pb.tasks.kinds import REARRANGE, TaskKind, named_task
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.splits import STREAM, find_task, homes_of
+from chmarl_pb.tasks.splits import STREAM, homes_of
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
@@ -35,7 +35,8 @@ class TaskSource:
             kind: of the tasks.
             known: the classes of things; with others than the benchmark's, tasks for training are drawn, too.
         """
-        self._kind, self._homes = kind, homes_of(split) if home is None else (str(home),)
+        self._kind, self._split = kind, split
+        self._homes = homes_of(split) if home is None else (str(home),)
         self._stream = HomeStream() if split == STREAM and home is None else None
         self.episodes_in_a_home = EPISODES_IN_A_HOME if self._stream else 1
         fixed = () if split == "train" and known != BENCHMARK else kind.tasks(split)
@@ -51,7 +52,7 @@ class TaskSource:
             return task
         if not isinstance(task, str):
             raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
-        return find_task(task)
+        return named_task(self._kind, self._split, task)
 
     def begin(self, seed: int) -> None:
         """Begin anew with a seed: it decides in which home of the endless split the next task is."""

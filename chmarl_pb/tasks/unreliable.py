@@ -58,12 +58,14 @@ class UnreliableAdviser:
         loss: probability that a sentence is not said.
         wrong: probability that one that is said names some other action as the better one.
         delay: joint steps that sentences come late.
+        templates: revision of the sentences; an environment's adviser has that of the environment.
     """
 
     style: str = STYLES[0]
     loss: float = 0.0
     wrong: float = 0.0
     delay: int = 0
+    templates: int = field(default=1, init=False, repr=False)
     _adviser: SpokenAdviser = field(init=False, repr=False, compare=False)
     _late: deque[dict[str, str]] = field(init=False, repr=False, compare=False)
 
@@ -88,7 +90,7 @@ class UnreliableAdviser:
             actions = simulation.actions[robot]
             return _Unreliable(CRITICS[self.style](simulation, robot, goals), actions, self.loss, self.wrong, rng)
 
-        self._adviser = SpokenAdviser(critic)
+        self._adviser = SpokenAdviser(critic, self.templates)
         self._adviser.begin(simulation, task, goals)
         self._late = deque({} for _ in range(self.delay))
 

@@ -85,6 +85,7 @@ def test_path_weighted_by_hand(success: bool, steps: int, optimal: int, score: f
 def test_unknown_optimal_length_is_refused() -> None:
     with pytest.raises(TaskError, match="optimal_steps"):
         path_weighted(True, 5, 0)
+    assert path_weighted(False, 5, 0) == 0.0  # of a failure nothing is to be known
 
 
 def test_summary_by_hand() -> None:

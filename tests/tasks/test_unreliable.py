@@ -12,9 +12,9 @@ from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
 IDLE = {"humanoid": 9, "drone": 8}
 
 
-def heard(feedback: Any, steps: int = 12, task: str = "val-unseen-000") -> list[str]:
+def heard(feedback: Any, steps: int = 12, task: str = "val-unseen-000", templates: int = 1) -> list[str]:
     """Return what an idle humanoid is told."""
-    env = chmarl_pb.parallel_env(feedback=feedback, split="val-unseen")
+    env = chmarl_pb.parallel_env(feedback=feedback, split="val-unseen", templates=templates)
     env.reset(options={"task": task})
     told = [env.step(IDLE)[-1]["humanoid"]["feedback"] for _ in range(steps)]
     env.close()
@@ -24,6 +24,8 @@ def heard(feedback: Any, steps: int = 12, task: str = "val-unseen-000") -> list[
 def test_a_perfect_dial_says_what_the_style_says() -> None:
     for style in ("paper", "planner"):
         assert heard(UnreliableAdviser(style)) == heard(style)
+    mended = heard("planner", templates=2)
+    assert heard(UnreliableAdviser("planner"), templates=2) == mended != heard("planner")
 
 
 def test_sentences_come_late_and_none_is_lost() -> None:

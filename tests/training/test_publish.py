@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     train(lambda: chmarl_pb.parallel_env(split="val-unseen", max_steps=4, feedback=False), "qmix", TINY, folder,
           setting=setting)  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(protocol, "evaluated_tasks", lambda split: TASKS)
+        patch.setattr(protocol, "sample_of", lambda split, tasks: TASKS)
         score(folder / "best.pt", "scene_graph", folder, ["val-unseen"], feedback=False)
     return folder
 
@@ -46,7 +46,7 @@ def test_a_published_run_is_played_by_its_name(
     row = read_manifest(tmp_path)["tiny-graphs"]
     assert (row.observation, row.track, row.options) == ("scene_graph", "paper", {"feedback": False})
     monkeypatch.setenv("CHMARL_WEIGHTS", str(tmp_path))
-    monkeypatch.setattr(protocol, "evaluated_tasks", lambda split: TASKS)
+    monkeypatch.setattr(protocol, "sample_of", lambda split, tasks: TASKS)
     capsys.readouterr()
     out = tmp_path / "again.json"
     assert chmarl_main(["evaluate", "--policy", "tiny-graphs", "--split", "val-unseen", "--workers", "1",

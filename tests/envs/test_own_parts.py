@@ -1,0 +1,171 @@
+"""What a user's own sensor, channel, adviser or kind of tasks returns by mistake is told, with its name and place."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+import chmarl_pb
+from chmarl_pb.errors import OptionError
+from chmarl_pb.tasks.kinds import Rearrange
+from chmarl_pb.tasks.messages import Board
+from chmarl_pb.tasks.symbols import Symbols
+
+IDLE = {"humanoid": 9, "drone": 8}
+
+
+def play(**options: Any) -> None:
+    """Make an environment, and play some steps in it."""
+    env = chmarl_pb.parallel_env(split="val-unseen", **options)
+    try:
+        env.reset(seed=0)
+        actions = {name: (IDLE[name], 1) for name in IDLE} if env.symbols else IDLE
+        for _ in range(3):
+            observations = env.step(actions)[0]
+            assert all(env.observation_space(name).contains(observations[name]) for name in observations)
+    finally:
+        env.close()
+
+
+class Distance:
+    """A sensor that returns what it is told to."""
+
+    def __init__(self, value: Any, declared: Any = None):
+        self.value, self.declared = value, {"x": spaces.Box(0, 1, (2,), np.float32)} if declared is None else declared
+
+    def spaces(self) -> Any:
+        return self.declared
+
+    def observe(self, view: Any) -> Any:
+        return self.value
+
+
+RIGHT = np.array([0, 1], np.float32)
+
+
+def test_a_sensor_that_keeps_to_its_space() -> None:
+    play(observation=Distance({"x": RIGHT}))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (Distance(None), r"Distance\.observe\(\) is None; .* dict with the keys \['x'\]"),
+        (Distance({}), r"observe\(\) is \{\}"),
+        (Distance({"x": RIGHT, "y": RIGHT}), "keys"),
+        (Distance({"x": RIGHT[:1]}), r"observe\(\)\['x'\] is an array \(1,\) of float32, from 0.0 to 0.0; .*Box"),
+        (Distance({"x": RIGHT.astype(int)}), "of int64"),
+        (Distance({"x": RIGHT + 1}), "from 1.0 to 2.0"),
+        (Distance({"x": [0.0, 1.0]}), r"is \[0.0, 1.0\]"),
+        (Distance({"x": "near"}), "is 'near'"),
+        (Distance({"x": RIGHT}, declared=[]), r"Distance\.spaces\(\) is \[\]"),
+        (Distance({"x": RIGHT}, declared={"x": None}), r"spaces\(\)"),
+        (Distance({"x": RIGHT}, declared={1: spaces.Box(0, 1)}), r"spaces\(\)"),
+    ],
+)
+def test_mistakes_of_a_sensor(sensor: Distance, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        play(observation=("scene_graph", sensor))
+
+
+class Wire(Board):
+    """A channel one of whose methods returns something else."""
+
+    def __init__(self, **returned: Any):
+        for name, value in returned.items():
+            setattr(self, name, lambda *given, value=value: value)
+
+
+@pytest.mark.parametrize(
+    ("method", "value", "message"),
+    [
+        ("space", None, r"Wire\.space\(\) is None"),
+        ("begin", [0, 0], r"Wire\.begin\(\) is \[0, 0\]; .* array of numbers"),
+        ("update", None, r"Wire\.update\(\) is None"),
+        ("update", np.zeros((2, 9), np.int8), r"update\(\) is an array \(2, 9\) of int8, .* as begin\(\) does"),
+        ("hear", None, r"Wire\.hear\(\) is None"),
+        ("hear", np.zeros(3, np.int8), r"hear\(\) is an array \(3,\)"),
+        ("hear", np.full((2, 8), 2, np.int8), "from 2 to 2"),
+    ],
+)
+def test_mistakes_of_a_channel(method: str, value: Any, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        play(messages=Wire(**{method: value}))
+
+
+class Mumble(Symbols):
+    """Own words one of whose methods returns something else."""
+
+    def say(self, messages: Any, said: Any, rng: Any) -> Any:
+        return self.price if self.price else super().say(messages, said, rng)
+
+    def cost(self, said: Any) -> Any:
+        return None
+
+
+def test_mistakes_of_own_words() -> None:
+    with pytest.raises(OptionError, match=r"Mumble\.cost\(\) is None; it is to be a finite number"):
+        play(messages=Mumble())
+    with pytest.raises(OptionError, match=r"Mumble\.say\(\) is 1.0"):
+        play(messages=Mumble(price=1.0))
+
+
+class Coach:
+    """An adviser that returns what it is told to."""
+
+    def __init__(self, advice: Any):
+        self.advice = advice
+
+    def begin(self, simulation: Any, task: Any, goals: Any) -> None: ...
+
+    def before(self, actions: Any, outcome: Any) -> None: ...
+
+    def after(self, succeeded: Any, step: int) -> Any:
+        return self.advice
+
+
+def test_an_adviser_that_says_sentences() -> None:
+    play(feedback=Coach({"humanoid": "Look left."}))
+
+
+@pytest.mark.parametrize("advice", [None, "Look left.", {"humanoid": 5}, {"robot": "Look left."}])
+def test_mistakes_of_an_adviser(advice: Any) -> None:
+    with pytest.raises(OptionError, match=r"Coach\.after\(\) is .*; .* sentences to some of \['humanoid', 'drone'\]"):
+        play(feedback=Coach(advice))
+
+
+class Errand(Rearrange):
+    """A kind of tasks one of whose methods returns something else."""
+
+    def __init__(self, **returned: Any):
+        super().__init__()
+        for name, value in returned.items():
+            object.__setattr__(self, name, value if name == "objects" else lambda *given, value=value: value)
+
+
+@pytest.mark.parametrize(
+    ("method", "value", "message"),
+    [
+        ("objects", "a", r"Errand\.objects is 'a'; it is to be a whole number"),
+        ("tasks", None, r"Errand\.tasks\(\) is None; it is to be a list of tasks"),
+        ("tasks", ["val-unseen-000"], r"tasks\(\) is \['val-unseen-000'\]"),
+        ("set_up", None, r"Errand\.set_up\(\) is None"),
+        ("outcome", None, r"Errand\.outcome\(\) is None"),
+        ("instruction", None, r"Errand\.instruction\(\) is None; it is to be a sentence"),
+        ("instruction", "word " * 25, "at most 24 words"),
+    ],
+)
+def test_mistakes_of_a_kind_of_tasks(method: str, value: Any, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        play(task=Errand(**{method: value}))
+
+
+def test_a_kind_without_tasks_that_draws_none() -> None:
+    with pytest.raises(OptionError, match=r"Errand\.sample\(\) is None; it is to be a task"):
+        play(task=Errand(tasks=[], sample=None))
+
+
+def test_a_goal_that_nothing_tells() -> None:
+    with pytest.raises(OptionError, match=r"goal=True: .* 'Fetch it!' must name one known graspable"):
+        play(task=Errand(instruction="Fetch it!"), goal=True)
