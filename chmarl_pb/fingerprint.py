@@ -5,7 +5,7 @@ import io
 import pickle
 import sys
 from pathlib import Path
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any
 
 from chmarl_pb.files import file_hash
@@ -59,6 +59,12 @@ def _file_of(given: Any) -> Path | None:
     return Path(path) if path and Path(path).is_file() else None
 
 
+def _told(code: CodeType) -> tuple[Any, ...]:
+    """Return what code does, as plain data."""
+    constants = tuple(_told(one) if isinstance(one, CodeType) else one for one in code.co_consts)
+    return code.co_code, code.co_names, constants
+
+
 class _Reader(pickle.Pickler):
     """Reads an object as pickle does; notes the files of classes and functions, and reads what pickle cannot.
 
@@ -100,5 +106,5 @@ class _Reader(pickle.Pickler):
         else:
             around = zip(given.__code__.co_freevars, given.__closure__ or (), strict=True)
             cells = {key: cell.cell_contents for key, cell in around if key != "__class__"}
-            held = (given.__code__.co_firstlineno, given.__defaults__, given.__kwdefaults__, cells)
+            held = (_told(given.__code__), given.__defaults__, given.__kwdefaults__, cells)
         return tuple, ((name_of(given), held),)

@@ -10,7 +10,7 @@ from pettingzoo import AECEnv
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.words import parted
 from chmarl_pb.errors import OptionError
-from chmarl_pb.policies.policy import Infos, Observations, Policy
+from chmarl_pb.policies.policy import Infos, Observations, Policy, require_policy
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 #: Called after the reset and after each step with the innermost environment, which it may read but not change.
@@ -75,9 +75,9 @@ def rollout(
         policy_seed: of the policy, if it is not to get that of the reset.
 
     Raises:
-        OptionError: the environment is not made from one of this package's, or is no ParallelEnv.
+        OptionError: the environment is not made from one of this package's, is no ParallelEnv, or the policy is none.
     """
-    core = core_of_parallel(env)
+    core, policy = core_of_parallel(env), require_policy(policy)
     watch = on_step or _look_away
     observations, infos = env.reset(seed=seed, options=None if task is None else {"task": task})
     policy.reset(seed if policy_seed is None else policy_seed)

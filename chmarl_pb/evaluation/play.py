@@ -16,7 +16,7 @@ from chmarl_pb.envs.rollout import core_of_parallel, rollout
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.executors import Executor
-from chmarl_pb.policies.policy import Factory, Policy
+from chmarl_pb.policies.policy import Factory, Policy, called
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, imported
@@ -66,7 +66,7 @@ class Setup:
         Raises:
             OptionError: it is not a ParallelEnv made from this package's.
         """
-        env = self.maker(**vars(self.options))
+        env = called(self.maker, "the options of parallel_env()", **vars(self.options))
         core_of_parallel(env)
         return env
 

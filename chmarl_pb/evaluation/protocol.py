@@ -35,6 +35,8 @@ from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
 
+_UNKNOWN = "unknown-"  # begins what stands in settings for the sha256 of what nothing tells apart
+
 #: Called after each finished episode with the numbers of finished and of all episodes.
 Progress = Callable[[int, int], None]
 
@@ -111,6 +113,8 @@ def evaluate(
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
     settings = _settings(source, setup, chosen, seeds)
+    if file is not None:
+        _warn_of_unknown(settings)
     if kept := _kept(file, settings, reuse):
         return kept
     homes = list(dict.fromkeys(task.home for task in chosen))
@@ -201,10 +205,10 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     if "catalog" in values:
         changes = {**changes, "catalog_sha256": options.things.content}
     if own := options.own():
-        changes = {**changes, "own_sha256": {name: _known(name, fingerprint(one)) for name, one in own.items()}}
+        changes = {**changes, "own_sha256": {name: _or_unknown(fingerprint(one)) for name, one in own.items()}}
     return {
         "policy": source.name,
-        "policy_sha256": source.sha256 if isinstance(setup.policy, str) else _known(source.name, source.sha256),
+        "policy_sha256": source.sha256 if isinstance(setup.policy, str) else _or_unknown(source.sha256),
         "split": values.pop("split"),
         "observation": values.pop("observation"),
         "options": values,
@@ -217,15 +221,21 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     }
 
 
-def _known(name: str, sha256: str | None) -> str:
+def _or_unknown(sha256: str | None) -> str:
     """Return what tells an object of the user's apart; where nothing does, what no other evaluation has."""
-    if sha256 is None:
+    return sha256 or f"{_UNKNOWN}{uuid4()}"
+
+
+def _warn_of_unknown(settings: dict[str, Any]) -> None:
+    """Warn if nothing tells whether another evaluation has the same settings."""
+    told = {"policy": settings["policy_sha256"], "env_fn": settings.get("env", {}).get("sha256")}
+    told |= settings.get("own_sha256", {})
+    if names := [name for name, sha256 in told.items() if sha256 and sha256.startswith(_UNKNOWN)]:
         warnings.warn(
-            f"{name}: holds what cannot be pickled, or has no file, so nothing tells whether another evaluation had "
-            "the same; no result of it is reused, and interrupted it begins anew",
-            stacklevel=5,
+            f"{', '.join(names)}: holds what cannot be pickled, or has no file, so nothing tells whether another "
+            "evaluation had the same; the result is not reused, and an interrupted evaluation begins anew",
+            stacklevel=3,
         )
-    return sha256 or f"unknown-{uuid4()}"
 
 
 def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
@@ -240,7 +250,7 @@ def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
         env.close()
     make = setup.maker
     name = setup.env_fn if isinstance(setup.env_fn, str) else name_of(make)
-    return core.options, {"env": {"name": name, "sha256": _known(name, fingerprint(make)), "wrappers": wrappers}}
+    return core.options, {"env": {"name": name, "sha256": _or_unknown(fingerprint(make)), "wrappers": wrappers}}
 
 
 def _run(label: str | None, workers: int, seconds: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import OptionError
+from chmarl_pb.fingerprint import name_of
 from chmarl_pb.robots.pointing import place_of
 
 Observations = dict[str, dict[str, np.ndarray]]
@@ -90,6 +91,41 @@ def symbols_of(env: Any) -> int:
 
 #: Makes the policy that drives an environment.
 Factory = Callable[[Any], Policy]
+
+
+def require_policy(given: Any) -> Policy:
+    """Return a policy as it is.
+
+    Raises:
+        OptionError: it is none.
+    """
+    missing = [name for name in ("reset", "act") if not callable(getattr(given, name, None))]
+    if isinstance(given, type):
+        raise OptionError(f"{given.__qualname__} is a class, not a policy; make an object of it")
+    if missing:
+        raise OptionError(f"{given!r} is no policy: it has no method {' nor '.join(missing)}; see chmarl_pb.Policy")
+    policy: Policy = given
+    return policy
+
+
+def called(make: Callable[..., Any], takes: str, *arguments: Any, **named: Any) -> Any:
+    """Return what a callable of the user's makes.
+
+    Args:
+        make: the callable.
+        takes: what it is to take, for messages.
+        *arguments: for it.
+        **named: for it.
+
+    Raises:
+        OptionError: it does not take them.
+    """
+    try:
+        return make(*arguments, **named)
+    except TypeError as error:
+        if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # from within
+            raise
+        raise OptionError(f"{name_of(make)} cannot be called with {takes} ({error}); name what takes it") from error
 
 
 def core_of(env: Any) -> Any:

@@ -16,7 +16,7 @@ from gymnasium import spaces
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import OptionError
-from chmarl_pb.policies.policy import Actions, Factory, Infos, Observations, Policy, core_of
+from chmarl_pb.policies.policy import Actions, Factory, Infos, Observations, Policy, called, core_of, require_policy
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,15 @@ class Seats:
 
     def _choose(self, robot: str, policy: Policy, observations: Observations, masks: Infos) -> Any:
         try:
-            return policy.act({robot: observations[robot]}, {robot: masks[robot]})[robot]
+            answer: Any = policy.act({robot: observations[robot]}, {robot: masks[robot]})
         except KeyError as error:
             raise beyond_its_seat(error, robot, observations) from error
+        if not isinstance(answer, Mapping) or robot not in answer:
+            raise OptionError(
+                f"the policy of {robot!r} answered {answer!r}; act() is to return a dict with the number of its "
+                f"action, e.g. {{{robot!r}: 0}}"
+            )
+        return answer[robot]
 
 
 class CommonSeat:
@@ -142,10 +148,17 @@ def seated(make: Factory, env: Any, privileged: bool = False, centralized: bool 
         env: a ParallelEnv of this package, in wrappers or not.
         privileged: whether the policy is given the environment and whole infos.
         centralized: whether one object drives all robots.
+
+    Raises:
+        OptionError: what it makes is no policy, or it takes no environment.
     """
     if privileged:
-        return make(env)
+        return _made(make, env)
     known = interface_of(env)
     if centralized:
-        return CommonSeat(make(known))
-    return Seats({name: make(known) for name in known.possible_agents})
+        return CommonSeat(_made(make, known))
+    return Seats({name: _made(make, known) for name in known.possible_agents})
+
+
+def _made(make: Factory, env: Any) -> Policy:
+    return require_policy(called(make, "an environment", env))

@@ -1,5 +1,6 @@
 import json
 import re
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -33,6 +34,8 @@ from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
 from chmarl_pb.policies.variants import Noting, Unheard
 from chmarl_pb.robots.registry import team_of
+from chmarl_pb.tasks.kinds import Rearrange
+from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -532,3 +535,104 @@ def test_where_nothing_can_be_written_is_said_at_once(
         main([word.format(folder=folder, file=file) for word in arguments])
     assert words in capsys.readouterr().err
     assert sorted(tmp_path.rglob("*")) == [file, folder] and file.read_text() == "kept"
+
+
+# --- own objects ---------------------------------------------------------------------------------
+
+
+class Lossy(Board):
+    """A board of which bits are lost."""
+
+    def __init__(self, loss: float):
+        self.loss = loss
+
+    def hear(self, messages: Any, robot: str, rng: np.random.Generator) -> Any:
+        return messages * (rng.random(messages.shape) >= self.loss).astype(np.int8)
+
+
+class Standing:
+    """A policy that always takes one action."""
+
+    def __init__(self, action: int):
+        self.action = action
+
+    def reset(self, seed: int | None) -> None: ...
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        return dict.fromkeys(observations, self.action)
+
+
+def made_by(options: float, **given: Any) -> Any:
+    return HouseholdEnv(**given)
+
+
+@pytest.mark.parametrize(
+    "ways",
+    [
+        [{"messages": Lossy(0.0)}, {"messages": Lossy(1.0)}],
+        [{"policy": Standing(1)}, {"policy": Standing(2)}],
+        [{"policy": lambda env: Standing(1)}, {"policy": lambda env: Standing(2)}],
+        [{"env_fn": partial(made_by, 0.0)}, {"env_fn": partial(made_by, 1.0)}],
+    ],
+)
+def test_results_of_objects_that_differ_in_what_they_hold_are_not_taken_for_each_other(
+    ways: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    def played_by(way: dict[str, Any], **given: Any) -> Report:
+        given = {"policy": staying, "workers": 1, "tasks": TASKS, "max_steps": 2, "seeds": [0], **way, **given}
+        return evaluate(split="test-unseen", **given)
+
+    first, same, second = (
+        played_by(ways[number], out=tmp_path / "one.json", reuse=True, label=label)
+        for number, label in ((0, "first"), (0, "same"), (1, "second"))
+    )
+    assert (first.run["label"], same.run["label"], second.run["label"]) == ("first", "first", "second")
+    assert second.settings != first.settings
+
+    def stop(finished: int, total: int) -> None:
+        if finished == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        played_by(ways[0], out=tmp_path / "two.json", progress=stop)
+    with pytest.warns(RuntimeWarning, match="of another evaluation"):
+        assert played_by(ways[1], out=tmp_path / "two.json").settings == second.settings
+
+
+def test_nothing_is_reused_where_nothing_tells_what_was_played(tmp_path: Path) -> None:
+    held = Standing(1)
+    held.lock = threading.Lock()  # type: ignore[attr-defined]
+    maker = lambda env: Standing(held.action)  # noqa: E731
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="policy: holds what cannot be pickled"):
+            report = evaluate(
+                maker, "test-unseen", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0], out=tmp_path / "r.json",
+                reuse=True,
+            )  # fmt: skip
+        assert report.settings["policy_sha256"].startswith("unknown-")
+
+
+class Errands(Rearrange):
+    """A kind with two tasks of its own, which do not tell their L*."""
+
+    def tasks(self, split: str) -> list[Any]:
+        return [replace(task, id=f"errand-{number}", optimal_steps=0) for number, task in enumerate(TASKS[:2])]
+
+
+def test_a_kinds_own_tasks_are_played_and_found_by_their_ids() -> None:
+    given = {"task": Errands(), "workers": 1, "seeds": [0]}
+    report = evaluate("planner", "test-unseen", **given)
+    assert [episode.task.id for episode in report.episodes] == ["errand-0", "errand-1"]
+    assert report.plw == 1.0 and all(episode.optimal_steps == task.optimal_steps for episode, task in zip(
+        report.episodes, TASKS[:2], strict=True
+    ))  # fmt: skip
+    (alone,) = evaluate("planner", "test-unseen", tasks=["errand-1"], **given).episodes
+    assert alone == report.episodes[1]
+    failed = evaluate(staying, "test-unseen", max_steps=1, **given)
+    assert (failed.plw, failed.success_rate) == (0.0, 0.0)
+    with pytest.raises(TaskError, match="unknown task 'errand-2'"):
+        evaluate("planner", "test-unseen", tasks=["errand-2"], **given)
+    env = HouseholdEnv(task=Errands(), split="test-unseen")
+    assert env.reset(options={"task": "errand-1"})[1]["drone"]["task_id"] == "errand-1"
+    assert env.reset(options={"task": "val-seen-000"})[1]["drone"]["task_id"] == "val-seen-000"
+    env.close()

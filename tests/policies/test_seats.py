@@ -9,6 +9,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.play import Player, Setup, policy_seed
+from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.policy import Actions, Infos, Observations, RandomPolicy
 from chmarl_pb.policies.registry import BUILT_IN, PRIVILEGED, make_policy
 from chmarl_pb.policies.seats import interface_of, seated
@@ -127,3 +128,50 @@ def test_random_robots_draw_apart(env: HouseholdEnv) -> None:
     again = RandomPolicy({"humanoid": 10, "drone": 9})
     again.reset(policy_seed(env.instruction_of(TASK), 0))
     assert tuple(again.act({"humanoid": {}, "drone": {}}, {}).values()) == actions[0]
+
+
+class Silent:
+    """A policy that answers what it is told to."""
+
+    def __init__(self, answer: Any):
+        self.answer = answer
+
+    def reset(self, seed: int | None) -> None: ...
+
+    def act(self, observations: Any, infos: Any) -> Any:
+        return self.answer
+
+
+@pytest.mark.parametrize("answer", [None, {}, [1, 2], 3, {"robot": 0}])
+def test_an_answer_that_is_no_action_of_the_robot(answer: Any) -> None:
+    with pytest.raises(OptionError, match=r"the policy of 'humanoid' answered .*act\(\) is to return a dict"):
+        evaluate(Silent(answer), "val-unseen", workers=1, seeds=[0], tasks=["val-unseen-000"])
+
+
+@pytest.mark.parametrize("policy", [None, 5, lambda env: None, lambda env: object(), lambda env: Silent])
+def test_what_is_no_policy(policy: Any) -> None:
+    with pytest.raises(OptionError, match=r"no policy: it has no method reset nor act|is a class, not a policy"):
+        evaluate(policy, "val-unseen", workers=1, seeds=[0], tasks=["val-unseen-000"])
+    env = chmarl_pb.parallel_env(split="val-unseen")
+    with pytest.raises(OptionError, match="polic"):
+        chmarl_pb.rollout(env, policy)
+    env.close()
+
+
+@pytest.mark.parametrize("policy", ["collections:OrderedDict", "os:getcwd", lambda: Silent({})])
+def test_what_takes_no_environment(policy: Any) -> None:
+    with pytest.raises(OptionError, match="cannot be called with an environment"):
+        evaluate(policy, "val-unseen", workers=1, seeds=[0], tasks=["val-unseen-000"])
+
+
+def test_what_takes_no_options_of_an_environment() -> None:
+    with pytest.raises(OptionError, match=r"os:getcwd|posix:getcwd.* the options of parallel_env"):
+        evaluate("search", "val-unseen", workers=1, seeds=[0], tasks=["val-unseen-000"], env_fn="os:getcwd")
+
+
+def test_an_error_within_a_policy_is_its_own() -> None:
+    def broken(env: Any) -> Any:
+        return len(env)
+
+    with pytest.raises(TypeError, match="has no len"):
+        evaluate(broken, "val-unseen", workers=1, seeds=[0], tasks=["val-unseen-000"])
