@@ -52,7 +52,7 @@ def tensors(value: float) -> Holder:
     return Holder({"layer": layer, "scalar": torch.tensor(value), "half": torch.ones(2, dtype=torch.bfloat16)})
 
 
-MAKES = {
+MAKES: dict[str, Any] = {
     "object": Lossy, "closure": maker, "local class": local, "cycle": cyclic, "tensors": tensors,
     "partial": lambda rate: functools.partial(maker, rate), "array": lambda rate: Holder({"array": np.array([rate])}),
     "set": lambda rate: Holder({"names": {"a", "b", str(rate)}}), "method": lambda rate: Lossy(rate).begin,

@@ -7,6 +7,7 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.gain import gain_of
 from chmarl_pb.evaluation.result import load_result
 from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables, trained
 
@@ -61,6 +62,7 @@ def test_other_tasks_are_refused(split: str, reason: str, tmp_path: Path) -> Non
     [
         ({"pointing": True}, r"its rules are not the track's \(pointing\)"),
         ({"max_steps": 90}, "it has 90 steps; leave out --max-steps"),
+        ({"feedback": "planner"}, r"its rules are not the track's \(planner feedback\)"),
     ],
 )
 def test_other_rules_are_refused(
@@ -74,8 +76,44 @@ def test_other_rules_are_refused(
     assert main(["--check", str(tmp_path / "mine.json")]) == 1 and "mine.json: it" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("policy", "seeds", "deterministic", "is_refused"),
+    [
+        ("belief", [0], False, False),
+        ("mine:Policy", [0], True, False),
+        ("mine:Policy", [0], False, True),
+        ("mine:Policy", [0, 1], False, True),
+        ("mine:Policy", [3, 5, 8], False, True),
+        ("mine:Policy", [0, 1, 2], False, False),
+    ],
+)
+def test_seeds_are_not_chosen(
+    policy: str, seeds: list[int], deterministic: bool, is_refused: bool, tmp_path: Path
+) -> None:
+    report = load_result(GOOD)
+    episodes = tuple(replace(episode, seed=seed) for seed in seeds for episode in report.episodes)
+    settings = {**report.settings, "policy": policy, "seeds": seeds}
+    run = {**report.run, "deterministic": deterministic}
+    replace(report, settings=settings, run=run, episodes=episodes).save(tmp_path / "mine.json")
+    if is_refused:
+        with pytest.raises(ResultError, match=r"it has the seeds .*; leave out --seeds"):
+            sent(tmp_path / "mine.json")
+    else:
+        assert sent(tmp_path / "mine.json").plw == pytest.approx(report.plw)
+
+
 def test_what_was_changed_by_hand_is_refused(tmp_path: Path) -> None:
     text = GOOD.read_text(encoding="utf-8")
     (tmp_path / "mine.json").write_text(text.replace('"observation": "scene_graph"', '"observation": "visual"'))
     with pytest.raises(ResultError, match="checksum"):
         sent(tmp_path / "mine.json")
+
+
+@pytest.mark.parametrize(
+    ("changes", "gains"),
+    [({}, True), ({"feedback": False}, True), ({"messages": False}, True), ({"feedback": "planner"}, False)],
+)
+def test_a_gain_is_that_over_policies_that_were_given_no_less(changes: dict[str, object], gains: bool) -> None:
+    report = load_result(GOOD)
+    settings = {**report.settings, "options": {**report.settings["options"], **changes}}
+    assert (gain_of(replace(report, settings=settings)) is not None) == gains

@@ -17,9 +17,11 @@ from typing import Any
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
+from chmarl_pb.policies.registry import DETERMINISTIC
 from chmarl_pb.tasks.splits import load_tasks
 
 ROOT = Path(__file__).parents[1]
@@ -88,6 +90,10 @@ def _fault(report: Report) -> str:
         return f"its rules are not the track's ({report.changed}); leave out the options that change them"
     if settings["options"]["max_steps"] != TRACKS[track]["max_steps"]:
         return f"it has {settings['options']['max_steps']} steps; leave out --max-steps"
+    seeds = settings["seeds"]
+    once = report.run.get("deterministic") or settings["policy"] in DETERMINISTIC
+    if seeds != list(range(max(len(seeds), 1 if once else len(SEEDS)))):
+        return f"it has the seeds {seeds}; leave out --seeds: a policy that draws its actions plays {len(SEEDS)}"
     if any(home_hash(home) != digest for home, digest in settings["homes_sha256"].items()):
         return "its homes are of another version; evaluate again with this one"
     return ""

@@ -7,8 +7,8 @@ from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.evaluation.audit_file import Audit, Line, published_audit
 from chmarl_pb.evaluation.result import Report
 
-#: Options that may differ from those of the audit: who gets less may be compared with who gets more.
-_FREE = ("messages", "feedback", "image_size")
+#: Options of the audit that may be off: who gets less may be compared with who gets more.
+_LESS = ("messages", "feedback")
 
 
 def best_blind(split: str, track: str = PAPER) -> Line | None:
@@ -35,7 +35,8 @@ def gain_of(report: Report) -> float | None:
 def _comparable(report: Report, found: Audit) -> bool:
     """Return whether a result is of the tasks, homes and rules of an audit."""
     own, theirs = report.settings, found.settings
-    rules = [{name: value for name, value in of["options"].items() if name not in _FREE} for of in (own, theirs)]
+    free = ("image_size", *(name for name in _LESS if not own["options"][name]))
+    rules = [{name: value for name, value in of["options"].items() if name not in free} for of in (own, theirs)]
     same = all(own[name] == theirs[name] for name in ("tasks_sha256", "homes_sha256"))
     return same and rules[0] == rules[1] and not report.foreign
 

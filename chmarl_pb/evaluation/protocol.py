@@ -125,9 +125,8 @@ def evaluate(
             return kept
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
-        report = Report(
-            settings, _run(label, executor.workers, time.perf_counter() - start), in_order(episodes, chosen)
-        )
+        run = _run(label, executor.workers, time.perf_counter() - start, source.deterministic)
+        report = Report(settings, run, in_order(episodes, chosen))
         if file is not None and ledger is not None:
             report.save(file)
             ledger.remove()
@@ -253,11 +252,11 @@ def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
     return core.options, {"env": {"name": name, "sha256": _or_unknown(fingerprint(make)), "wrappers": wrappers}}
 
 
-def _run(label: str | None, workers: int, seconds: float) -> dict[str, Any]:
+def _run(label: str | None, workers: int, seconds: float, deterministic: bool) -> dict[str, Any]:
     """Return how the numbers came about."""
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     date = datetime.now(timezone.utc).isoformat(timespec="seconds")
     return {
         "label": label, "command": command, "date": date, "seconds": round(seconds, 1), "workers": workers,
-        "versions": versions(), "machine": machine(),
+        "deterministic": deterministic, "versions": versions(), "machine": machine(),
     }  # fmt: skip

@@ -76,6 +76,7 @@ class Report:
             "own words": options["messages"] == "symbols" != rules["messages"],
             "message board": options["messages"] is True is not rules["messages"],
             "feedback": options["feedback"] and not rules["feedback"],
+            "planner feedback": rules["feedback"] and options["feedback"] == "planner",
             f"sentences {options.get('templates')}": options.get("templates", rules["templates"]) != rules["templates"],
         }
         return ", ".join([*filter(None, [self.foreign]), *(name for name, holds in own.items() if holds)])

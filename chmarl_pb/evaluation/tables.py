@@ -188,7 +188,6 @@ def _apart(report: Report) -> list[str]:
     pixels = options.get("image_size", Options.image_size)
     whole = settings["tasks_sha256"] == tasks_hash(evaluated_tasks(settings["split"]))
     notes = {
-        "planner feedback": options["feedback"] == "planner",
         "goal observed": options.get("goal"),
         f"changed: {report.changed}": bool(report.changed),
         f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,

@@ -620,7 +620,7 @@ class Errands(Rearrange):
 
 
 def test_a_kinds_own_tasks_are_played_and_found_by_their_ids() -> None:
-    given = {"task": Errands(), "workers": 1, "seeds": [0]}
+    given: dict[str, Any] = {"task": Errands(), "workers": 1, "seeds": [0]}
     report = evaluate("planner", "test-unseen", **given)
     assert [episode.task.id for episode in report.episodes] == ["errand-0", "errand-1"]
     assert report.plw == 1.0 and all(episode.optimal_steps == task.optimal_steps for episode, task in zip(
