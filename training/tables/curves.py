@@ -41,7 +41,7 @@ STYLE: Any = {
     "grid.color": "#e6e6e6", "savefig.dpi": 110, "axes.titlesize": 10, "axes.titlelocation": "left",
 }  # fmt: skip
 _WIDTH = 5  # points of a running mean
-_LEGEND_LINE = 0.2  # inches
+_PANEL, _LEGEND_LINE, _LEGEND_LETTER, _LEGEND_MARK = 3.7, 0.2, 0.063, 0.6  # inches
 
 #: Panels: title, unit of x, curve.
 _PANELS = (
@@ -73,7 +73,7 @@ def draw_curves(
     if not panels:
         return []
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.7 * len(panels) + 1.9, 3.2), layout="constrained")
+        figure = Figure(figsize=(_PANEL * len(panels), 3.2), layout="constrained")
         for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             _draw(axes, table == "feedback", known, *panel)
         _add_legend(figure)
@@ -109,8 +109,9 @@ def _before(record: Record, unit: str) -> int:
 
 
 def _add_legend(figure: "Figure") -> None:
-    """Name every line once, at the right of all panels."""
+    """Name every line once, at the right of all panels, which keep their width."""
     lines = {str(line.get_label()): line for axes in figure.axes for line in axes.get_lines()}
+    figure.set_figwidth(figure.get_figwidth() + _LEGEND_MARK + _LEGEND_LETTER * max(map(len, lines)))
     figure.set_figheight(max(figure.get_figheight(), _LEGEND_LINE * (len(lines) + 1)))
     figure.legend(list(lines.values()), list(lines), loc="outside right center", frameon=False, fontsize=8)
 
