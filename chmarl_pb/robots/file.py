@@ -48,9 +48,10 @@ def find_model(robot: str | Path) -> RobotModel:
     """
     path = Path(robot)
     if not path.suffix and path.name == str(robot):
-        if not (FOLDER / f"{robot}.toml").is_file():
+        if str(robot) not in packaged():
             raise AssetError(
-                f"no robot {str(robot)!r}; use one of: {', '.join(packaged())}, or the path of a robot file (.toml)"
+                f"no robot {shown(str(robot))}; use one of: {', '.join(packaged())}, "
+                "or the path of a robot file (.toml)"
             )
         path = FOLDER / f"{robot}.toml"
     try:
