@@ -59,7 +59,7 @@ class Local:
             OptionError: ``workers`` is less than one.
         """
         check_workers(workers)
-        self.workers = workers
+        self.workers = int(workers)
 
     @property
     def alone(self) -> bool:

@@ -12,6 +12,7 @@ from itertools import islice
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
+from numbers import Integral
 from threading import Thread
 from typing import Any, TypeVar
 
@@ -71,10 +72,10 @@ def check_workers(workers: int) -> None:
     """Check a number of processes.
 
     Raises:
-        OptionError: it is less than one.
+        OptionError: it is no whole number, or less than one.
     """
-    if workers < 1:
-        raise OptionError(f"workers={workers}: use at least 1")
+    if not isinstance(workers, Integral) or isinstance(workers, bool) or workers < 1:
+        raise OptionError(f"workers={workers!r}: use at least 1, a whole number")
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """One vector of what is observed, for learners that know no dictionaries."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import gymnasium
@@ -36,9 +36,8 @@ class FlatVector:
         boxes = {key: box for key, box in parts.items() if isinstance(box, spaces.Box)}
         if not boxes or len(boxes) < len(parts):
             raise OptionError(f"a flat vector is made of a Dict of Boxes, not of {space}; put it first")
-        if unknown := [key for key in keys or () if key not in boxes]:
-            raise OptionError(f"keys={unknown} are not observed; use some of: {', '.join(sorted(boxes))}")
-        taken = {key: box for key, box in sorted(boxes.items()) if keys is None or key in keys}
+        chosen = _chosen(keys, sorted(boxes))
+        taken = {key: boxes[key] for key in chosen}
         ends = np.cumsum([0, *(box.low.size for box in taken.values())]).tolist()
         self.layout = dict(zip(taken, map(slice, ends, ends[1:]), strict=False))
         low, high = (
@@ -52,6 +51,20 @@ class FlatVector:
     def __call__(self, observation: dict[str, np.ndarray]) -> np.ndarray:
         """Return the vector of an observation, (length,) float32."""
         return np.concatenate([observation[key].ravel() for key in self.layout], dtype=np.float32) / self._scale
+
+
+def _chosen(keys: Sequence[str] | None, observed: list[str]) -> list[str]:
+    """Return those of the observed keys that are to be taken, in their order."""
+    if keys is None:
+        return observed
+    if isinstance(keys, str) or not isinstance(keys, Iterable):
+        raise OptionError(f"keys={keys!r} are not several in a row; write keys=({observed[0]!r},), or None for all")
+    given = list(keys)
+    if unknown := [key for key in given if key not in observed]:
+        raise OptionError(f"keys={unknown} are not observed; use some of: {', '.join(observed)}")
+    if not given:
+        raise OptionError(f"keys={keys!r} names none; use some of: {', '.join(observed)}, or None for all")
+    return [key for key in observed if key in given]
 
 
 class FlatObservation(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from chmarl_pb.envs.options import checked_seed
+from chmarl_pb.envs.options import check_one_of, checked_seed, plain_value
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ActionError, OptionError
@@ -53,16 +53,15 @@ class JointEnv(gymnasium.Env):
         Raises:
             OptionError: an option has a value that it does not know.
         """
-        if not isinstance(flat_actions, bool):
-            raise OptionError(f"flat_actions={flat_actions!r} is not known; use one of: True, False")
+        self.flat_actions = plain_value(flat_actions)
+        check_one_of("flat_actions", self.flat_actions, (True, False))
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
-        self.flat_actions = flat_actions
         self._robots = tuple(self.parallel.possible_agents)
         own = [self.parallel.symbols] if self.parallel.symbols else []  # after each robot's action its symbol
         counts = [count for names in self.parallel.action_names.values() for count in (len(names), *own)]
         self._counts = counts
-        self.action_space = spaces.Discrete(int(np.prod(counts))) if flat_actions else PairOfActions(counts)
+        self.action_space = spaces.Discrete(int(np.prod(counts))) if self.flat_actions else PairOfActions(counts)
         self.observation_space = spaces.Dict(
             {
                 f"{name}_{key}": space
@@ -154,8 +153,7 @@ class HumanoidEnv(gymnasium.Env):
         Raises:
             OptionError: an option has a value that it does not know.
         """
-        if partner not in PARTNERS:
-            raise OptionError(f"partner={partner!r} is not known; use one of: {', '.join(map(repr, PARTNERS))}")
+        check_one_of("partner", partner, PARTNERS)
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
         names = self.parallel.action_names
@@ -237,7 +235,7 @@ class Registered:
             OptionError: ``max_steps`` is beyond the id's time limit, which would come first.
         """
         steps, most = options.get("max_steps"), TRACKS[self._track]["max_steps"]
-        if isinstance(steps, int) and steps > most:
+        if isinstance(steps, int | np.integer) and steps > most:
             raise OptionError(
                 f"max_steps={steps}: gymnasium.make ends these episodes after {most} steps unless it is told "
                 f"otherwise; give max_episode_steps={steps} instead"

@@ -104,33 +104,39 @@ class Options:
         Raises:
             OptionError: an option has a value that it does not know.
         """
-        _one_of("track", self.track, tuple(TRACKS))
+        for field in fields(self):
+            object.__setattr__(self, field.name, plain_value(getattr(self, field.name)))
+        check_one_of("track", self.track, tuple(TRACKS))
         for name, value in TRACKS[self.track].items():
             if getattr(self, name) is OF_TRACK:
                 object.__setattr__(self, name, value)
         for part in self._observed():
-            _one_of("observation", part, SENSORS, Sensor)
+            check_one_of("observation", part, SENSORS, Sensor)
         if self.catalog is None:  # fixed here: copies in other processes are to know the same things
             object.__setattr__(self, "catalog", os.environ.get("CHMARL_CATALOG") or None)
-        _one_of("split", self.split, SPLITS)
-        _one_of("execution", self.execution, EXECUTIONS)
-        _one_of("render_mode", self.render_mode, RENDER_MODES)
-        _one_of("renderer", self.renderer, tuple(RENDERERS))
-        _one_of("messages", self.messages, (True, False, SYMBOLS), Channel)
-        _one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
-        _one_of("goal", self.goal, (True, False))
-        _one_of("pointing", self.pointing, (True, False))
-        _one_of("lookalikes", self.lookalikes, (True, False))
-        _one_of("templates", self.templates, REVISIONS)
-        _one_of("task", self.task, tuple(KINDS), TaskKind)
+        if not isinstance(self.catalog, str | os.PathLike | None):
+            raise OptionError(f"catalog={self.catalog!r} is no path; name a catalogue file (.toml)")
+        check_one_of("split", self.split, SPLITS)
+        check_one_of("execution", self.execution, EXECUTIONS)
+        check_one_of("render_mode", self.render_mode, RENDER_MODES)
+        check_one_of("renderer", self.renderer, tuple(RENDERERS))
+        check_one_of("messages", self.messages, (True, False, SYMBOLS), Channel)
+        check_one_of("feedback", self.feedback, (True, False, *STYLES), Adviser)
+        if isinstance(self.feedback, str) and self.feedback == STYLES[0]:
+            object.__setattr__(self, "feedback", True)  # the same rule, recorded alike
+        check_one_of("goal", self.goal, (True, False))
+        check_one_of("pointing", self.pointing, (True, False))
+        check_one_of("lookalikes", self.lookalikes, (True, False))
+        check_one_of("templates", self.templates, REVISIONS)
+        check_one_of("task", self.task, tuple(KINDS), TaskKind)
         team_of(self.robots)
         object.__setattr__(self, "robots", tuple(self.robots))  # a list of the same is the same option
         if self.goal and self.kind.objects != 1:
             raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
         if self.lookalikes and self.kind.objects != 1:
             raise OptionError("lookalikes=True needs tasks that name one object; use task='rearrange'")
-        _whole("max_steps", self.max_steps, 1, 1_000_000)
-        _whole("image_size", self.image_size, 16, 1024)
+        _check_whole("max_steps", self.max_steps, 1, 1_000_000)
+        _check_whole("image_size", self.image_size, 16, 1024)
 
     def _observed(self) -> tuple[Any, ...]:
         """Return the names and sensors that ``observation`` means."""
@@ -269,15 +275,32 @@ def checked_seed(seed: int) -> int:
     return int(seed)
 
 
-def _one_of(name: str, value: object, known: tuple[object, ...], protocol: type | None = None) -> None:
+def plain_value(value: Any) -> Any:
+    """Return a value of NumPy's that is a truth, a whole number or a text as Python's own, and others as they are."""
+    return value.item() if isinstance(value, np.bool_ | np.integer | np.str_) else value
+
+
+def check_one_of(name: str, value: object, known: tuple[object, ...], protocol: type | None = None) -> None:
+    """Check an option's value, which is to be of the same type as what it equals: neither 1 nor 1.0 is True.
+
+    Args:
+        name: of the option.
+        value: what it was given.
+        known: values that it knows: texts, numbers, truths or None.
+        protocol: what objects may be given beside them.
+
+    Raises:
+        OptionError: it is none of these.
+    """
     if protocol is not None and not isinstance(value, str | bool | type) and isinstance(value, protocol):
         return
-    if value not in known:
+    alike = [item for item in known if type(item) is type(value) or isinstance(value, str)]
+    if value not in alike:
         objects = f", or an object that is a {protocol.__name__}" if protocol else ""
         values = ", ".join(repr(item) for item in known)
         raise OptionError(f"{name}={value!r} is not known; use one of: {values}{objects}")
 
 
-def _whole(name: str, value: object, low: int, high: int) -> None:
+def _check_whole(name: str, value: object, low: int, high: int) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         raise OptionError(f"{name}={value!r} is not a whole number from {low} to {high}")

@@ -10,11 +10,12 @@ from pettingzoo import ParallelEnv
 
 from chmarl_pb.envs.last_step import LastStep
 from chmarl_pb.envs.observations import Observation, Observer
+from chmarl_pb.envs.of_episode import of_episode
 from chmarl_pb.envs.options import Observed, Options, checked_seed
 from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show
-from chmarl_pb.envs.words import action_space, parted
+from chmarl_pb.envs.words import action_space, numbers_in, parted
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
 from chmarl_pb.robots.motion import Motion
@@ -78,6 +79,12 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         "render_fps": 4,
         "is_parallelizable": True,
     }
+
+    task: AnyTask = of_episode()
+    setting: Setting = of_episode()
+    outcome: Outcome = of_episode()
+    messages: Messages = of_episode()
+    instruction: str = of_episode()
 
     def __init__(self, observation: Observed = "scene_graph", **options: Any):
         """Make an environment; see :class:`chmarl_pb.envs.options.Options` for the options.
@@ -175,7 +182,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
         self.simulation = self._simulations.enter(self.task.home)
-        self.setting: Setting = self.simulation.begin(self.task, self._kind)
+        self.setting = self.simulation.begin(self.task, self._kind)
         if self.physics_follows:
             self.world.sync()
         self.outcome = self._look()
@@ -265,7 +272,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         action, _ = parted(robot, action, self.symbols)
         if type(action) is int and 0 <= action < len(names):
             return names[action]
-        number = np.asarray(action)
+        number = numbers_in(robot, action)
         if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < len(names):
             raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {len(names) - 1}")
         return names[int(number.item())]

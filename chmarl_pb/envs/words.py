@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from chmarl_pb.errors import ActionError
 from chmarl_pb.tasks.symbols import SILENT
@@ -12,6 +13,18 @@ from chmarl_pb.tasks.symbols import SILENT
 def action_space(actions: int, symbols: int) -> spaces.Discrete | spaces.MultiDiscrete:
     """Return the space of a robot's actions, or of its pairs of an action and a symbol if there are any symbols."""
     return spaces.MultiDiscrete([actions, symbols]) if symbols else spaces.Discrete(actions)
+
+
+def numbers_in(robot: str, action: Any) -> NDArray[Any]:
+    """Return a robot's action as an array.
+
+    Raises:
+        ActionError: it is none, as lists of several lengths are.
+    """
+    try:
+        return np.asarray(action)
+    except ValueError as error:
+        raise ActionError(f"{robot}: action {action!r} is not an array of numbers") from error
 
 
 def parted(robot: str, action: Any, symbols: int) -> tuple[Any, int]:
@@ -25,9 +38,8 @@ def parted(robot: str, action: Any, symbols: int) -> tuple[Any, int]:
     Raises:
         ActionError: it is a pair where nothing can be said, or the symbol is out of range.
     """
-    if not symbols or np.ndim(action) == 0:
+    if not symbols or (pair := numbers_in(robot, action)).ndim == 0:
         return action, SILENT
-    pair = np.asarray(action)
     if pair.shape != (2,) or pair.dtype.kind not in "iu" or not 0 <= pair[1] < symbols:
         raise ActionError(
             f"{robot}: {action!r} is not an action and a symbol, whole numbers, the second below {symbols}"

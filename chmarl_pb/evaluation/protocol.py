@@ -98,6 +98,7 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
+    tasks = _listed(tasks)
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
     options = {**source.rules, **{name: value for name, value in options.items() if value is not OF_TRACK}}
@@ -154,6 +155,19 @@ def _chosen(options: Options, tasks: Sequence[AnyTask | str] | None) -> list[Any
         if (own := task.id.rpartition("-")[0]) in SPLITS and own != split:
             raise TaskError(f"task {task.id!r} is of the split {own!r}, not {split!r}; evaluate it there")
     return chosen
+
+
+def _listed(tasks: Iterable[AnyTask | str] | None) -> list[AnyTask | str] | None:
+    """Return tasks that were given in a row, each by itself or by its id."""
+    if tasks is None:
+        return None
+    if isinstance(tasks, str) or not isinstance(tasks, Iterable):
+        raise TaskError(f"tasks={tasks!r}: give several in a row, as tasks=['test-unseen-007']")
+    listed = list(tasks)
+    for task in listed:
+        if not isinstance(task, AnyTask | str):
+            raise TaskError(f"tasks: {task!r} is neither a task nor the id of one; ids read like 'test-unseen-007'")
+    return listed
 
 
 def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from chmarl_pb.catalog import BENCHMARK, STRUCTURE, Catalog, Name, ThingClass, names_of
-from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.source import Source, sha256_of, shown
 from chmarl_pb.homes.things import read_thing
 from chmarl_pb.homes.urdf import read_whole
@@ -180,7 +180,7 @@ class _Row:
             if place not in receptacles:
                 hint = _nearest(place, receptacles)
                 raise self.error(f"places: {place!r} is no receptacle{hint}; name some of: {', '.join(receptacles)}")
-        if len(row.places) == 1:
+        if "places" in self.values and len(row.places) < 2:
             raise self.error("places: a task brings things from one class to another; name at least two")
 
     def error(self, what: str) -> AssetError:
@@ -234,7 +234,7 @@ class _Row:
             source = self._source(text, "models")
             try:
                 read_whole(source)
-            except HomeError as error:
+            except AssetError as error:
                 raise self.error(f"models: {error}") from error
             if source.urdf.stem in known.furniture:
                 raise self.error(f"models: a model {source.urdf.stem!r} stands twice; rename one of the files")
@@ -246,14 +246,14 @@ class _Row:
         if not isinstance(name, str) or not name:
             raise self.error(f'{key} is missing or no text; write {key} = "{self.values.get("class")}.urdf"')
         try:
-            source = Source(self.path)
+            source = Source(self.path, "thing")
             urdf = source.inside(self.path.parent, name)
         except ValueError as error:
             raise self.error(f"{key} = {shown(name)} {error}") from error
         if not os.path.isfile(urdf):
             near = _nearest(name, [file.name for file in sorted(self.path.parent.glob("*.urdf"))[:_MOST_ROWS]])
             raise self.error(f"{key} = {shown(name)}: no such file beside the catalogue file{near}")
-        return Source(self.path.parent / name)
+        return Source(self.path.parent / name, "thing")
 
     def _texts(self, key: str, rule: re.Pattern[str], what: str) -> list[str]:
         values = self.values.get(key, [])

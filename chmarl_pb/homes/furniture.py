@@ -12,7 +12,7 @@ import trimesh
 import yourdfpy
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, furniture_urdf
-from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.shape import Shape
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_whole
@@ -76,10 +76,7 @@ def _packaged_model(name: str) -> Model:
 
 def _own_model(name: str, thing_class: str, path: Path) -> Model:
     """Read a user's model as homes are read; it stands with its middle on the origin, its meshes in plain files."""
-    try:
-        links = [link for link in read_whole(Source(path)) if link.visuals or link.collisions]
-    except HomeError as error:
-        raise AssetError(str(error)) from error
+    links = [link for link in read_whole(Source(path, "thing")) if link.visuals or link.collisions]
     if not links:
         raise AssetError(f"{path}: nothing in it has geometry; give its link a <visual> and a <collision>")
     points = np.concatenate([shape.points(link.frame) for link in links for shape in link.shapes])

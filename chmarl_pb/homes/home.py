@@ -24,6 +24,7 @@ WIDEST = 60
 #: Square metres of all floors, for the same reason; the benchmark's homes have 71 to 105.
 LARGEST = 400
 
+_LONGEST_NAME = 400  # characters of a home's name or path in messages
 _LEVEL = 0.01  # metres that a floor's top may lie off z = 0
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
 
@@ -160,7 +161,7 @@ def home_path(name_or_path: str | Path) -> Path:
     except (OSError, RuntimeError):  # too long a name, a loop of links
         pass
     raise HomeError(
-        f"{name_or_path}: no such home; give a path to a home's URDF, generated-SEED or one of: "
+        f"{str(name_or_path)[:_LONGEST_NAME]}: no such home; give a path to a home's URDF, generated-SEED or one of: "
         f"{', '.join(home_names())}"
     )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from chmarl_pb.catalog import Catalog
-from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.errors import AssetError
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.catalog_file import OwnKind, load_catalog, next_order
 from chmarl_pb.homes.paint import Part
@@ -142,14 +142,14 @@ def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
         else:
             _check_furniture(thing, pieces)
         return thing, [piece - foot for piece in pieces]
-    except (HomeError, ValueError) as error:
+    except ValueError as error:
         label = "" if str(error).startswith(str(file)) else f"{file}: "
         raise AssetError(f"{label}{error}") from error
 
 
 def _read(file: Path) -> tuple[list[Link], float | None]:
     """Return the links of a URDF that have geometry, or one with a mesh, and the mass if the file says it."""
-    source = Source(file)
+    source = Source(file, "thing")
     if file.suffix.lower() != ".urdf":
         shape = Shape("mesh", {"scale": (1.0, 1.0, 1.0)}, Origin(), None, read_mesh(file.name, source))
         return [Link(file.stem, np.eye(4), Origin(), shape.in_colours, (shape,), ())], None

@@ -1,7 +1,7 @@
-"""Read the shapes of a home's links, with the meshes that they name, within limits on what they hold in all."""
+"""Read the shapes of links, with the meshes that they name, within limits on what they hold in all."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import PurePosixPath
@@ -23,7 +23,8 @@ Numbered = list[tuple[int, Shape]]
 
 _SMALLEST = 1e-5  # metres
 #: Element -> attribute -> how many finite numbers it holds.
-_NUMBERS = {
+Rules = Mapping[str, Mapping[str, int]]
+_NUMBERS: Rules = {
     "origin": {"xyz": 3, "rpy": 3},
     "box": {"size": 3},
     "cylinder": {"radius": 1, "length": 1},
@@ -32,23 +33,23 @@ _NUMBERS = {
     "color": {"rgba": 4},
     "mass": {"value": 1},
 }
-_NONE: dict[str, int] = {}
+_NONE: Mapping[str, int] = {}
 _OPTIONAL = {"xyz", "rpy", "scale"}
 _LENGTHS = {"size", "radius", "length"}
 
 
-def check_numbers_of(part: Element) -> None:
+def check_numbers_of(part: Element, rules: Rules = _NUMBERS) -> None:
     """Check the numbers of an element and all in it.
 
     Raises:
         ValueError: they are not finite numbers, or out of range.
     """
-    _check_numbers(part.iter())
+    _check_numbers(part.iter(), rules)
 
 
-def _check_numbers(elements: Iterable[Element]) -> None:
+def _check_numbers(elements: Iterable[Element], rules: Rules = _NUMBERS) -> None:
     for element in elements:
-        for name, count in _NUMBERS.get(element.tag, _NONE).items():
+        for name, count in rules.get(element.tag, _NONE).items():
             text = element.get(name)
             if text is not None or name not in _OPTIONAL:
                 problem = _problem_with(name, count, text or "")

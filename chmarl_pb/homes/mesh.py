@@ -125,7 +125,7 @@ def checked(mesh: Mesh) -> Mesh:
     if not len(mesh.corners):
         raise ValueError("is empty: it has no triangles")
     if len(mesh.corners) > MOST_TRIANGLES:
-        raise ValueError(f"has {len(mesh.corners):,} triangles; a home has at most {MOST_TRIANGLES:,}, simplify it")
+        raise ValueError(f"has {len(mesh.corners):,} triangles; at most {MOST_TRIANGLES:,} are read, simplify it")
     names = "vertex", "texture point", "normal"
     for place, rows in enumerate((mesh.vertices, mesh.texture_points, mesh.normals)):
         numbers = mesh.corners[..., place]

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from chmarl_pb.errors import HomeError
+from chmarl_pb.errors import AssetError, HomeError
 
 Severity = Literal["error", "warning"]
 Position = tuple[float, ...]
@@ -119,13 +119,14 @@ def _rounded(position: Position | None) -> Position | None:
     return None if position is None else tuple(round(float(x), 3) + 0.0 for x in position)
 
 
-def raise_first(problems: list[Problem]) -> None:
-    """Raise the first of some problems, if there is one.
+def raise_first(problems: list[Problem], whole: str = "home") -> None:
+    """Raise the first of some problems of a home, thing or robot, if there is one.
 
     Raises:
         HomeError: it and the number of the others, in one line.
+        AssetError: the same, of a thing or robot.
     """
     if problems:
-        others = len(problems) - 1
-        more = f" (and {others} more; `chmarl-pb homes check` lists all)" if others else ""
-        raise HomeError(f"{problems[0]}{more}")
+        others, error = len(problems) - 1, HomeError if whole == "home" else AssetError
+        lister = "; `chmarl-pb homes check` lists all" if whole == "home" else ""
+        raise error(f"{problems[0]}" + (f" (and {others} more{lister})" if others else ""))

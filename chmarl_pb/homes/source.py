@@ -1,4 +1,4 @@
-"""The files that a home is made of: regular files inside its folder, each read once, within limits tested before."""
+"""The files that a home, thing or robot is made of: regular, inside its folder, each read once, within limits."""
 
 import hashlib
 import os
@@ -54,16 +54,17 @@ def shown(name: str) -> str:
 
 
 class Source:
-    """The files of one home; what has been read is kept.
+    """The files of one home, or of one thing or robot; what has been read is kept.
 
     Attributes:
         urdf: where its URDF is.
+        whole: what the files make up, as messages call it: "home", "thing" or "robot".
         pictures: path of a texture -> the same as the content of a BMP file, for those that have been needed.
     """
 
-    def __init__(self, urdf: Path):
-        """Remember where a home's URDF is, and so its folder."""
-        self.urdf = urdf
+    def __init__(self, urdf: Path, whole: str = "home"):
+        """Remember where a URDF is, and so its folder, and what it is of."""
+        self.urdf, self.whole = urdf, whole
         self.pictures: dict[Path, bytes] = {}
         # Places of files are texts: a home has a hundred meshes, and paths as objects take longer than reading them.
         self._beside = os.fspath(urdf.parent)
@@ -85,7 +86,8 @@ class Source:
         try:
             return self.read(self._resolved(os.fspath(self.urdf)), MOST_URDF_BYTES)
         except ValueError as error:
-            raise Refused(f"{error}; `chmarl-pb homes list` names the packaged homes") from error
+            hint = "; `chmarl-pb homes list` names the packaged homes" if self.whole == "home" else ""
+            raise Refused(f"{error}{hint}") from error
 
     def named(self, name: str) -> tuple[Path, bytes]:
         """Return a file that the URDF names, and its content.
@@ -122,7 +124,7 @@ class Source:
         except (OSError, RuntimeError, ValueError) as error:  # too long, a loop of links, a null character
             raise ValueError("is not the name of a file; rename it") from error
         if "://" in name or not os.path.join(place, "").startswith(self._within):
-            raise ValueError("leaves the home's folder; copy it beside the URDF and use a relative path")
+            raise ValueError(f"leaves the {self.whole}'s folder; copy it beside the URDF and use a relative path")
         return place
 
     def _resolved(self, path: str) -> str:
@@ -146,11 +148,13 @@ class Source:
         if path in self._contents:
             return self._contents[path]
         if len(self._contents) > MOST_FILES:
-            raise ValueError(f"is one file too many; a home has at most {MOST_FILES:,}, join some")
+            raise ValueError(f"is one file too many; a {self.whole} has at most {MOST_FILES:,}, join some")
         content = read_regular(path, most)
         self._bytes += len(content)
         if self._bytes > MOST_BYTES:
-            raise ValueError(f"is too much; the files of a home have at most {MOST_BYTES:,} bytes, make them smaller")
+            raise ValueError(
+                f"is too much; the files of a {self.whole} have at most {MOST_BYTES:,} bytes, make them smaller"
+            )
         self._contents[path] = content
         return content
 

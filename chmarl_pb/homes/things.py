@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from chmarl_pb.errors import AssetError, HomeError
+from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.paint import Part, parts_of
 from chmarl_pb.homes.plain import plain_mesh
 from chmarl_pb.homes.shape import Numbers, Shape, numbers_of
@@ -158,7 +158,7 @@ def read_thing(source: Source) -> Thing:
         thing = thing_of(links[0], _mass(source))
         thing.check()
         return thing
-    except (HomeError, ValueError) as error:
+    except ValueError as error:
         label = "" if str(error).startswith(str(source.urdf)) else f"{source.urdf}: "
         raise AssetError(f"{label}{error}") from error
 

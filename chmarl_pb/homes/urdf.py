@@ -61,29 +61,59 @@ def read_links(source: Source, found: Findings) -> tuple[Link, ...]:
     Raises:
         Refused: the file is missing, unsafe, not a URDF, or larger than a home can be.
     """
+    tree = read_tree(source, found)
+    shapes = Shapes(tree.root, source, found)
+    read = [(name, *place, *shapes.of(tree.links[name])) for name, place in tree.places.items()]
+    shapes.check_hulls()
+    return tuple([_link(*parts, found) for parts in read])
+
+
+@dataclass(frozen=True, eq=False)
+class LinkTree:
+    """The links of a URDF and how they hang together.
+
+    Attributes:
+        root: the whole XML.
+        links: name -> its element.
+        places: name -> frame (4 x 4) in the world, and its origin there; without links that go round.
+    """
+
+    root: Element
+    links: dict[str, Element]
+    places: dict[str, tuple[Points, Origin]]
+
+
+def read_tree(source: Source, found: Findings, kinds: tuple[str, ...] = ("fixed",)) -> LinkTree:
+    """Return the links of a URDF where they are while no joint is moved, as far as they can be read.
+
+    Args:
+        source: the files that it is made of.
+        found: gets an error for each link and joint that is broken.
+        kinds: types of joints that there may be.
+
+    Raises:
+        Refused: the file is missing, unsafe, not a URDF, or larger than a home can be.
+    """
     root = _root(source)
     _check_counts(root)
     links = _links(root, found)
+    _check_kinds(root, found, kinds, source.whole)
     joints = _joints(root, links, found)
-    places = _places(links, joints, found)
-    shapes = Shapes(root, source, found)
-    read = [(name, *place, *shapes.of(links[name])) for name, place in places.items()]
-    shapes.check_hulls()
-    return tuple([_link(*parts, found) for parts in read])
+    return LinkTree(root, links, _places(links, joints, found))
 
 
 def read_whole(source: Source) -> tuple[Link, ...]:
     """Return the links of the URDF of one thing.
 
     Raises:
-        HomeError: a part of it is broken; the message is of the first.
+        AssetError: a part of it is broken; the message is of the first.
     """
     found, links = Findings(source.urdf), tuple[Link, ...]()
     try:
         links = read_links(source, found)
     except Refused as refused:
         found.error(*refused.args)
-    raise_first(found.errors)
+    raise_first(found.errors, source.whole)
     return links
 
 
@@ -141,6 +171,17 @@ def _links(root: Element, found: Findings) -> dict[str, Element]:
     return links
 
 
+def _check_kinds(root: Element, found: Findings, kinds: tuple[str, ...], whole: str) -> None:
+    """List the joints of other types than there may be."""
+    must = f"a {whole} must not move, make it 'fixed'" if kinds == ("fixed",) else f"use one of: {', '.join(kinds)}"
+    links = {link.get("name", "") for link in root.findall("link")}
+    for joint in root.findall("joint"):
+        if joint.get("type") not in kinds:
+            child = _referred(joint, "child")
+            problem = f"joint {joint.get('name', '')!r} is {joint.get('type')!r}; {must}"
+            found.error(problem, child if child in links else "")
+
+
 _Joints = dict[str, tuple[str, Origin]]  # child -> parent and its place there
 
 
@@ -173,8 +214,6 @@ def _joint_problems(
         yield f"to {child!r} has no name; give every joint its own"
     elif name in others:
         yield f"stands twice, to {others[name]!r} and to {child!r}; give every joint its own name"
-    if joint.get("type") != "fixed":
-        yield f"is {joint.get('type')!r}; a home must not move, make it 'fixed'"
     for end in (_referred(joint, "parent"), child):
         if end not in links:
             yield f"names the link {end!r}, which does not exist; add the link or the name"

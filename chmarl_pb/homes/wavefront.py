@@ -25,6 +25,7 @@ _OTHERS = {
 _NUMBER, _CORNER = r"(-?\d{1,7}(?:\.\d{0,20})?)", r"([1-9]\d{0,6})//([1-9]\d{0,6})"
 _PLAIN_ROW = re.compile(rf"^(vn?) {_NUMBER} {_NUMBER} {_NUMBER}$".encode(), re.MULTILINE)
 _PLAIN_FACE = re.compile(rf"^f {_CORNER} {_CORNER} {_CORNER}$".encode(), re.MULTILINE)
+_LONGEST_PROBLEM = 200  # characters
 _SMALL = 2**16  # bytes of a file whose mesh is remembered
 
 
@@ -67,7 +68,7 @@ class _Obj:
     def _take_face(self, words: list[bytes]) -> None:
         """Add a face as a fan of triangles."""
         if len(words) < 3 or len(self.corners) + len(words) - 2 > MOST_TRIANGLES:
-            raise ValueError(f"a face has at least 3 corners, and a home at most {MOST_TRIANGLES:,} triangles")
+            raise ValueError(f"a face has at least 3 corners, and a mesh at most {MOST_TRIANGLES:,} triangles")
         first, *others = [self._corner(word) for word in words]
         self.corners += [[first, one, two] for one, two in pairwise(others)]
         self.used += [len(self.materials)] * (len(others) - 1)
@@ -108,7 +109,7 @@ def read_obj(content: bytes, path: Path, source: Source) -> Mesh:
             try:
                 obj.take(line)
             except ValueError as error:
-                raise ValueError(f"line {number:,}: {error}; export it anew") from error
+                raise ValueError(f"line {number:,}: {str(error)[:_LONGEST_PROBLEM]}; export it anew") from error
     corners = np.array(obj.corners, dtype=np.int64).reshape(-1, 3, 3)
     vertices, texture_points, normals = (
         np.array(rows).reshape(-1, _LEAST_NUMBERS[kind]) for kind, rows in obj.rows.items()

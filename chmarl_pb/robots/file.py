@@ -48,9 +48,10 @@ def find_model(robot: str | Path) -> RobotModel:
     """
     path = Path(robot)
     if not path.suffix and path.name == str(robot):
-        if not (FOLDER / f"{robot}.toml").is_file():
+        if str(robot) not in packaged():
             raise AssetError(
-                f"no robot {str(robot)!r}; use one of: {', '.join(packaged())}, or the path of a robot file (.toml)"
+                f"no robot {shown(str(robot))}; use one of: {', '.join(packaged())}, "
+                "or the path of a robot file (.toml)"
             )
         path = FOLDER / f"{robot}.toml"
     try:
@@ -96,8 +97,9 @@ def _flying(rows: "_Table", **facts: Any) -> RobotModel:
 
 
 def _driving(rows: "_Table", **facts: Any) -> RobotModel:
-    footprint = _footprint(rows.table("footprint", optional=True))
-    reach, arm = _arm(rows.table("arm", optional=True), facts["urdf"], footprint)
+    footprint = FOOTPRINT if (given := rows.optional_table("footprint")) is None else _footprint(given)
+    table = rows.optional_table("arm")
+    reach, arm = (None, None) if table is None else _arm(table, facts["urdf"], footprint)
     return RobotModel(
         **facts, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "humanoid"), footprint=footprint,
         speed=rows.number("speed", *_SPEEDS, 1.2),
@@ -141,10 +143,8 @@ def _footprint(rows: "_Table") -> Footprint:
     return footprint
 
 
-def _arm(rows: "_Table", urdf: Path, footprint: Footprint) -> tuple[Reach | None, ArmModel | None]:
+def _arm(rows: "_Table", urdf: Path, footprint: Footprint) -> tuple[Reach, ArmModel | None]:
     """Return what an arm reaches, and the arm itself if it is not the humanoid's."""
-    if not rows.values:
-        return None, None
     if "joints" in rows.values:
         arm = _own_arm(rows, urdf, footprint)
         rows.finish(" for an arm that names its joints")
@@ -154,6 +154,11 @@ def _arm(rows: "_Table", urdf: Path, footprint: Footprint) -> tuple[Reach | None
                 f"{np.degrees(BEARING):.0f} degrees to either side; mount it elsewhere, or see hand, grasp and limits"
             )
         return arm.space.reach, arm
+    if "distance" not in rows.values:
+        raise AssetError(
+            f"{rows.path}: [arm] names neither the joints of an arm of its own nor the distance that the humanoid's "
+            "reaches; name one of them, or leave out [arm]"
+        )
     near, far = rows.numbers("distance", 2, 0.05, 3.0)
     low, high = rows.numbers("height", 2, 0.0, 3.0)
     reach = Reach((near, far), (low, high), float(np.radians(rows.number("bearing", 15.0, 180.0, 20.0))))
@@ -200,8 +205,13 @@ class _Table:
         for key in self.values.keys() - self._known:
             raise self._problem(key, f"has no meaning{where}; use some of: {', '.join(sorted(self._known))}")
 
-    def table(self, key: str, optional: bool = False) -> "_Table":
-        value = self._get(key, {} if optional else None)
+    def optional_table(self, key: str) -> "_Table | None":
+        """Return a table, or None where there is none; one without keys is there."""
+        self._known.add(key)
+        return self.table(key) if key in self.values else None
+
+    def table(self, key: str) -> "_Table":
+        value = self._get(key, None)
         if not isinstance(value, Mapping):
             raise self._problem(key, f"= {value!r} is not a table; write [{key}]")
         return _Table(self.path, f"[{key}] ", value)

@@ -14,7 +14,7 @@ from chmarl_pb.navigation.reach import Reach
 from chmarl_pb.robots.arm_model import ArmModel
 from chmarl_pb.robots.plain_robot import plain_robot
 from chmarl_pb.world import Pose, Vector, yaw_quaternion
-from chmarl_pb.world.bullet import pybullet
+from chmarl_pb.world.bullet import pybullet, quiet
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,10 @@ class RobotModel:
         """
         flags, urdf = pybullet.URDF_USE_INERTIA_FROM_FILE, plain_robot(self.urdf)
         try:
-            body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, flags=flags, physicsClientId=client))
+            with quiet():
+                body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, flags=flags, physicsClientId=client))
         except pybullet.error as error:
-            raise AssetError(f"{self.urdf}: PyBullet cannot load this robot ({error})") from error
+            raise AssetError(f"{self.urdf}: PyBullet cannot load this robot ({error}); make it simpler") from error
         for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
             pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
         return body

@@ -4,7 +4,7 @@ PyBullet's importers end the process on many a broken mesh, and only plain meshe
 """
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -13,17 +13,14 @@ import numpy as np
 
 from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.mesh import MOST_TRIANGLES
 from chmarl_pb.homes.paint import Part, parts_of
 from chmarl_pb.homes.plain import plain_mesh
-from chmarl_pb.homes.shape import Numbers, Shape, numbers_of, read_mesh, read_shape
-from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, safe_xml, sha256_of, shown
+from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, sha256_of
 from chmarl_pb.reading import read_regular
+from chmarl_pb.robots.robot_urdf import Piece, read_robot
 
 #: The robots of the package.
 FOLDER = URDF_DIR / "robots"
-
-_MOST_SHAPES = 600  # visuals, and as many collisions
 
 
 def plain_robot(urdf: Path) -> Path:
@@ -43,8 +40,7 @@ def plain_robot(urdf: Path) -> Path:
 @lru_cache(maxsize=64)
 def _copied(urdf: Path, _hash: str) -> Path:
     """Return the copy of a URDF, or itself where none is needed."""
-    source = Source(urdf)
-    copy = _Copy(source, safe_xml(source.read(urdf.resolve(), MOST_URDF_BYTES)))
+    copy = _Copy(*read_robot(Source(urdf, "robot")))
     return _written(urdf, copy.files) if copy.files else urdf
 
 
@@ -72,68 +68,34 @@ class _Copy:
         files: name -> content, the URDF first; empty if nothing has to be changed.
     """
 
-    def __init__(self, source: Source, root: Element):
-        """Read all shapes.
+    def __init__(self, root: Element, pieces: Sequence[Piece]):
+        """Put plain shapes in the place of those that are not plain."""
+        self._meshes = dict[str, bytes]()
+        odd = [piece for piece in pieces if not _is_plain(piece)]
+        for piece in odd:
+            self._change(piece)
+        self.files = {"robot.urdf": tostring(root), **self._meshes} if _centre(root) or odd else {}
 
-        Raises:
-            ValueError: one cannot be used.
-        """
-        self._source, self._triangles, self._meshes = source, 0, dict[str, bytes]()
-        self.files: dict[str, bytes] = {}
-        for tag in ("visual", "collision"):
-            if (count := sum(1 for _ in root.iter(tag))) > _MOST_SHAPES:
-                raise ValueError(f"{count:,} <{tag}> elements, at most {_MOST_SHAPES:,} are read; join some")
-        colours = {
-            material.get("name", ""): numbers_of(material.find("color"), "rgba") for material in root.iter("material")
-        }
-        colours = {name: colour for name, colour in colours.items() if colour}
-        changes = [self._change(link, part, colours) for link in root.iterfind("link") for part in list(link)]
-        if any([_centre(root), *changes]):
-            self.files = {"robot.urdf": tostring(root), **self._meshes}
+    def _change(self, piece: Piece) -> None:
+        piece.link.remove(piece.element)
+        piece.link.extend(list(self._seen(piece) if piece.element.tag == "visual" else self._solid(piece)))
 
-    def _change(self, link: Element, part: Element, colours: Mapping[str, Numbers]) -> bool:
-        """Put plain shapes in the place of a visual or collision, if it is not plain; return whether it was not."""
-        if part.tag not in ("visual", "collision"):
-            return False
-        try:
-            shape = self._shape(part, colours)
-            plain = shape.kind == "box" if shape.mesh is None else False
-            if plain or (part.tag == "collision" and shape.mesh is None):
-                return False
-            link.remove(part)
-            link.extend(list(self._seen(shape) if part.tag == "visual" else self._solid(part, shape)))
-            return True
-        except ValueError as error:
-            raise ValueError(f"link {shown(link.get('name', ''))}: {part.tag}: {error}") from error
-
-    def _shape(self, part: Element, colours: Mapping[str, Numbers]) -> Shape:
-        name = next((mesh.get("filename", "") for mesh in part.iterfind("geometry/mesh")), "")
-        try:
-            meshes = {name: read_mesh(name, self._source)} if name else {}
-        except ValueError as error:
-            raise ValueError(f"mesh {shown(name)}: {error}") from error
-        for mesh in meshes.values():
-            self._triangles += len(mesh.corners)
-        if self._triangles > MOST_TRIANGLES:
-            raise ValueError(f"a robot has at most {MOST_TRIANGLES:,} triangles; simplify its meshes")
-        return read_shape(part, colours, meshes)
-
-    def _seen(self, shape: Shape) -> Iterator[Element]:
+    def _seen(self, visual: Piece) -> Iterator[Element]:
         """Yield a visual for each colour."""
-        for part in (part for piece in shape.in_colours for part in parts_of(piece, np.eye(4))):
+        for part in (part for shape in visual.shapes for part in parts_of(shape, np.eye(4))):
             rgba = " ".join(f"{channel:.3g}" for channel in (*part.colour, 1.0))
-            visual = self._element("visual", part)
-            SubElement(SubElement(visual, "material", name=rgba), "color", rgba=rgba)
-            yield visual
+            element = self._element("visual", part)
+            SubElement(SubElement(element, "material", name=rgba), "color", rgba=rgba)
+            yield element
 
-    def _solid(self, collision: Element, shape: Shape) -> Iterator[Element]:
+    def _solid(self, collision: Piece) -> Iterator[Element]:
         """Yield a collision, its mesh a plain copy."""
-        assert shape.mesh is not None
-        ((name, content),) = shape.mesh.solid.items()
-        self._meshes[name] = content
-        for mesh in collision.iterfind("geometry/mesh"):
-            mesh.set("filename", name)
-        yield collision
+        for mesh in (shape.mesh for shape in collision.shapes if shape.mesh is not None):
+            ((name, content),) = mesh.solid.items()
+            self._meshes[name] = content
+            for element in collision.element.iterfind("geometry/mesh"):
+                element.set("filename", name)
+        yield collision.element
 
     def _element(self, tag: str, part: Part) -> Element:
         name, content = plain_mesh(part.corners, part.normals)
@@ -141,6 +103,12 @@ class _Copy:
         element = Element(tag)
         SubElement(SubElement(element, "geometry"), "mesh", filename=name)
         return element
+
+
+def _is_plain(piece: Piece) -> bool:
+    """Return whether PyBullet and our own rasteriser can read a piece as it is: a box, or solid without a mesh."""
+    seen = piece.element.tag == "visual"
+    return all(shape.kind == "box" or (shape.mesh is None and not seen) for shape in piece.shapes)
 
 
 def _centre(root: Element) -> bool:

@@ -1,5 +1,6 @@
 """Which robots there are in an environment, by names, robot files or models."""
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -32,6 +33,11 @@ def team_of(robots: Sequence[str | Path | RobotModel]) -> dict[str, RobotModel]:
     """
     if isinstance(robots, str) or not isinstance(robots, Sequence) or not 1 <= len(robots) <= MOST:
         raise OptionError(f"robots={robots!r}: give 1 to {MOST} robots, e.g. {TEAM}")
+    for robot in robots:
+        if not isinstance(robot, str | os.PathLike | RobotModel):
+            raise OptionError(
+                f"robots={robots!r}: {robot!r} is no robot; name one, or the path of a robot file (.toml)"
+            )
     models = [robot if isinstance(robot, RobotModel) else find_model(robot) for robot in robots]
     if len({model.name for model in models}) < len(set(models)):
         raise OptionError(f"robots={robots!r}: two kinds of robots have one name; rename a robot file")

@@ -7,12 +7,11 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from chmarl_pb import __version__
-from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import cache_folder, write_atomically
 from chmarl_pb.homes.generate.store import is_generated
-from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.home import Home, home_names
 from chmarl_pb.homes.problem import Problem, raise_first
 from chmarl_pb.homes.source import sha256_of
 from chmarl_pb.navigation.check import HomeReport, check_home
@@ -48,7 +47,7 @@ def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel],
         HomeError: the home cannot be played.
     """
     name = str(name_or_path)
-    if not is_generated(name) and not (SCENES_DIR / f"{name}.urdf").exists():
+    if not is_generated(name) and name not in home_names():
         raise_first(judge(name_or_path, tuple(models.values()), known).errors)
 
 

@@ -1,5 +1,6 @@
 """Bad input to environments: one clear error, and nothing half done."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ import pybullet
 import pytest
 
 import chmarl_pb
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.registration import ENV_IDS
-from chmarl_pb.errors import ActionError, HomeError, NotResetError, OptionError, TaskError
+from chmarl_pb.errors import ActionError, AssetError, HomeError, NotResetError, OptionError, TaskError
 from chmarl_pb.evaluation.golden import digest
 from chmarl_pb.tasks.task import Task
 from tests.helpers.playing import STAY, everything
@@ -41,12 +43,48 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
         ({"split": ["train"]}, "split="),
         ({"track": "hard"}, "track='hard'"),
         ({"pointing": None}, "pointing=None"),
+        ({"pointing": 1.0}, r"pointing=1\.0"),
+        ({"goal": 1.0}, r"goal=1\.0"),
+        ({"feedback": 1}, "feedback=1"),
+        ({"feedback": np.array([1, 2])}, "feedback=array"),
+        ({"templates": 2.0}, r"templates=2\.0"),
+        ({"templates": True}, "templates=True"),
+        ({"max_steps": np.float64(28)}, "max_steps="),
+        ({"robots": ("humanoid", 3)}, "3 is no robot"),
+        ({"catalog": 5}, "catalog=5 is no path"),
     ],
     ids=str,
 )
 def test_unknown_option_values(options: dict[str, Any], word: str) -> None:
     with pytest.raises(OptionError, match=word):
         HouseholdEnv(**options)
+
+
+def test_values_of_numpys_are_pythons_and_equal_rules_are_recorded_alike() -> None:
+    given: dict[str, Any] = {"pointing": np.True_, "goal": np.False_, "feedback": np.True_, "templates": np.int32(2)}
+    plain: dict[str, Any] = {"pointing": True, "goal": False, "feedback": "paper", "templates": 2}
+    steps: dict[str, Any] = {"max_steps": np.int64(28)}
+    one, other = Options(**given), Options(**plain)
+    assert one == other and json.dumps(one.recorded()) == json.dumps(other.recorded())
+    assert {type(getattr(one, name)) for name in ("pointing", "goal", "feedback")} == {bool}
+    assert type(one.templates) is int and type(Options(**steps).max_steps) is int
+
+
+def test_names_that_are_too_long_for_a_file() -> None:
+    for error, option in ((HomeError, "home"), (AssetError, "catalog")):
+        with pytest.raises(error):
+            HouseholdEnv(**{option: "a" * 5000})
+    with pytest.raises(AssetError, match="no robot"):
+        HouseholdEnv(robots=("a" * 5000,))
+
+
+def test_options_of_the_views(make: Callable[..., Any]) -> None:
+    env = make("CHMARL/SceneGraph-v0", flat_actions=np.True_, disable_env_checker=True)
+    assert env.action_space.n == 90
+    with pytest.raises(OptionError, match="max_steps=5000"):
+        make("CHMARL/SceneGraph-v0", max_steps=np.int64(5000))
+    with pytest.raises(OptionError, match="partner=array"):
+        make("CHMARL/SceneGraphHumanoid-v0", partner=np.array(["search", "belief"]))
 
 
 def test_unknown_option_names(make: Callable[..., Any]) -> None:
@@ -172,6 +210,27 @@ def test_a_refused_action_leaves_the_drones_search_as_it_was(make: Callable[...,
         with pytest.raises(ActionError):
             first.step(99)
         assert digest(*first.step(7)) == digest(*second.step(7))
+
+
+def test_a_list_of_lists_is_no_action(env: HouseholdEnv) -> None:
+    env.reset(seed=0)
+    talking = HouseholdEnv(messages="symbols")
+    talking.reset(seed=0)
+    for one in (env, talking):
+        with pytest.raises(ActionError, match=r"humanoid.*not an array of numbers"):
+            one.step({"humanoid": [[1], [1, 2]], "drone": 0})
+    talking.close()
+
+
+@pytest.mark.parametrize("name", ["task", "setting", "outcome", "messages", "instruction"])
+def test_what_reset_sets_says_so_before(name: str) -> None:
+    env = HouseholdEnv()
+    with pytest.raises(NotResetError, match=rf"{name} before reset\(\); call reset\(\) first"):
+        getattr(env, name)
+    assert not hasattr(env, name)
+    env.reset(seed=0)
+    assert getattr(env, name) is not None
+    env.close()
 
 
 def test_order_of_calls(make: Callable[..., Any]) -> None:

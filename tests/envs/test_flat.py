@@ -114,6 +114,12 @@ class Named:
 def test_wrong_keys_are_named() -> None:
     with pytest.raises(OptionError, match=r"\['gaol'\].*goal"):
         chmarl_pb.flat_env(split=SPLIT, goal=True, keys=["gaol"])
+    with pytest.raises(OptionError, match=r"keys=\(\) names none"):
+        chmarl_pb.flat_env(split=SPLIT, keys=())
+    wrong: tuple[Any, ...] = (5, "self")
+    for keys in wrong:
+        with pytest.raises(OptionError, match="are not several in a row"):
+            chmarl_pb.flat_env(split=SPLIT, keys=keys)
     with pytest.raises(OptionError, match="'agent'"):
         chmarl_pb.flat_env(Named())
     with pytest.raises(OptionError, match="Dict of Boxes"):

@@ -293,6 +293,8 @@ def test_a_policy_that_stays_gets_nothing() -> None:
         ({"tasks": ["test-unseen-xyz"]}, TaskError), ({"tasks": [TASKS[0], TASKS[0]]}, TaskError),
         ({"observation": "smell"}, OptionError), ({"max_steps": 0}, OptionError), ({"seeds": 3}, OptionError),
         ({"seeds": (0.5,)}, OptionError), ({"out": "/tmp"}, OptionError), ({"tasks": ["val-seen-000"]}, TaskError),
+        ({"tasks": 5}, TaskError), ({"tasks": [5]}, TaskError), ({"tasks": TASKS[0]}, TaskError),
+        ({"workers": "2"}, OptionError), ({"templates": 2.0}, OptionError),
     ],
 )  # fmt: skip
 def test_bad_options_are_refused(options: dict[str, Any], error: type[Exception]) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Name
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.errors import OptionError
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.language.choice import may_use_held_out
 from chmarl_pb.tasks.language.instructions import phrase
@@ -64,9 +66,9 @@ def test_unknown_words_and_long_sentences() -> None:
     assert len(language.tokenize("the " * 50, 8)) == 8 and not language.tokenize("", 8).any()
 
 
-@pytest.mark.parametrize("text", ["", "Put the xylophone on the desk.", "Put the mug on the moon."])
-def test_unreadable_instructions(text: str) -> None:
-    with pytest.raises(ValueError):
+@pytest.mark.parametrize("text", ["", "Put the xylophone on the desk.", "Put the mug on the moon.", None, 5, []])
+def test_unreadable_instructions(text: Any) -> None:
+    with pytest.raises(OptionError):
         language.parse_instruction(text)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, Name
+from chmarl_pb.errors import OptionError
 from chmarl_pb.tasks.language.attributes import name_x, name_y
 from chmarl_pb.tasks.language.choice import may_use_held_out, pick_from
 from chmarl_pb.tasks.language.grammar import agreement, definite, indefinite, sentence
@@ -52,15 +53,17 @@ def parse_instruction(text: str, known: Catalog = BENCHMARK) -> tuple[str, str]:
     The longest name that fits counts: "the wine glass" is no glass.
 
     Raises:
-        ValueError: it does not name exactly one graspable and one receptacle.
+        OptionError: it does not name exactly one graspable and one receptacle, or is no text.
     """
+    if not isinstance(text, str):
+        raise OptionError(f"{text!r} is no text; give an instruction, as 'Put the mug on the desk.'")
     found: dict[str, set[str]] = {"graspable": set(), "receptacle": set()}
     for row, *_ in named_in(words(text), known):
         found[row.kind].add(row.name)
     for kind, classes in found.items():
         if len(classes) != 1:
             named = " and ".join(sorted(classes)) or "none"
-            raise ValueError(f"{text!r} must name one known {kind}, but names {named}")
+            raise OptionError(f"{text!r} must name one known {kind}, but names {named}")
     return min(found["graspable"]), min(found["receptacle"])
 
 
