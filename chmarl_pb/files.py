@@ -8,7 +8,7 @@ import socket
 import tempfile
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,33 @@ def open_folder(folder: Path) -> Path:
             return folder
     except OSError as error:
         raise OptionError(f"{folder}: cannot write here ({error.strerror}); choose another folder") from error
+
+
+# Where something may be written
+
+
+def check_ending(path: Path, ending: str) -> None:
+    """Refuse to write a file under a name that means another kind of file.
+
+    Raises:
+        OptionError: its name does not have the ending.
+    """
+    if path.suffix.lower() != ending:
+        raise OptionError(f"{path}: let the file's name end in {ending}")
+
+
+def check_apart(path: Path, sources: Iterable[Path]) -> None:
+    """Refuse to write over a file that is read.
+
+    Args:
+        path: to write.
+        sources: that are read; folders among them may be written to.
+
+    Raises:
+        OptionError: the path leads to one of them.
+    """
+    if any(source.is_file() and path.exists() and path.samefile(source) for source in sources):
+        raise OptionError(f"{path}: would be written over, but is read here; name another file")
 
 
 # Whole or not at all

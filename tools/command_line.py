@@ -27,6 +27,8 @@ by the signal N, and tells what is wrong in one line on the standard error, wher
 - `--json FILE`, where a command reports a result, writes it as JSON, too. `--json -` prints it on the standard output,
   and nothing else there: `chmarl-pb evaluate --policy search --json - | jq .summary.success_rate.mean`. Single episodes
   are in the file of `--out`.
+- No command writes over a file that it reads, and what it writes has the ending of its kind: `.json`, `.html`, `.png`,
+  `.urdf`. `evaluate`, `audit` and `episode save` write anew only what they have written themselves.
 - A policy is a built-in name, that of [weights that come with the package](play.md#watch-without-training), the path of
   a checkpoint, or `module:callable`.
 

@@ -1,21 +1,31 @@
 """Arguments that several commands share."""
 
 import argparse
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.envs.options import SENSORS, SYMBOLS, Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
+from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
+from chmarl_pb.files import check_apart
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
 
 OBSERVATIONS = ("scene_graph", "visual")
 EXAMPLE = "example: "
+STDOUT = "-"
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
+_WORKERS = 2
+
+#: Options that name what is read, one thing or several, and those that name what is written.
+_INPUTS = ("home", "catalog", "policy", "env", "robots", "fill", "file", "layout", "results", "against")
+_OUTPUTS = ("out", "json", "preview", "record")
 
 
 def verbs(parser: argparse.ArgumentParser) -> "argparse._SubParsersAction[argparse.ArgumentParser]":
@@ -120,13 +130,38 @@ def add_played(parser: argparse.ArgumentParser) -> None:
         "--split", default=OF_TRACK, metavar="S", help="split (default: test-unseen; grounded: generated-test)"
     )
     add_observation(parser)
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    add_seeds(parser)
     add_workers(parser)
+
+
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says how often all tasks are played."""
+    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+
+
+def seeds_of(options: argparse.Namespace) -> range:
+    """Return the seeds that --seeds means.
+
+    Raises:
+        OptionError: there is none.
+    """
+    return range(at_least_one("seeds", options.seeds))
+
+
+def at_least_one(name: str, count: int) -> int:
+    """Return a number of things to do.
+
+    Raises:
+        OptionError: there is nothing to do.
+    """
+    if count < 1:
+        raise OptionError(f"{name}={count}: use at least 1")
+    return count
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add the options that say who does the work."""
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    parser.add_argument("--workers", type=int, default=_WORKERS, metavar="N", help="processes (default: %(default)s)")
     parser.add_argument(
         "--ray", metavar="ADDRESS",
         help="do the work on a Ray cluster: HOST:PORT of its head, auto for the one on this machine, or local; "
@@ -139,12 +174,13 @@ def chosen_executor(options: argparse.Namespace) -> Iterator[Executor]:
     """Yield who does the work; the own files that the options name are shipped to a cluster.
 
     Raises:
-        OptionError: the number of workers is less than one, or no cluster answers.
+        OptionError: the number of workers is less than one or is given for a cluster, or no cluster answers.
         MissingExtraError: Ray is asked for and not installed.
     """
     if options.ray is None:
         yield Local(options.workers)
         return
+    check_used(options, {"workers": _WORKERS}, "is for this machine alone, not for --ray")
     from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
 
     with RayExecutor(options.ray, own_files(vars(options))) as executor:
@@ -152,12 +188,54 @@ def chosen_executor(options: argparse.Namespace) -> Iterator[Executor]:
 
 
 def own_files(options: Mapping[str, Any]) -> list[Path]:
-    """Return the files of the user's that options name: homes, catalogues, robots, checkpoints, modules."""
-    named = [options.get(name) for name in ("home", "catalog", "policy", "env")]
-    texts = [str(name) for name in (*named, *(options.get("robots") or ()), *(options.get("fill") or ())) if name]
+    """Return the files of the user's that options name: homes, catalogues, robots, checkpoints, modules, results."""
+    named = (options.get(name) or () for name in _INPUTS)
+    texts = [str(one) for value in named for one in ([value] if isinstance(value, str | Path) else value)]
     modules = [text.partition(":")[0].partition(".")[0] for text in texts if ":" in text]
     candidates = [*texts, *modules, *(f"{module}.py" for module in modules)]
-    return [path for path in map(Path, candidates) if path.exists()]
+    return [Path(name) for name in candidates if os.path.exists(name)]
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Refuse to write over a file that a command reads, and to write two results into one file.
+
+    Raises:
+        OptionError: an option names such a file.
+    """
+    named = {name: getattr(options, name, None) for name in _OUTPUTS}
+    outputs = {f"--{name}": Path(value) for name, value in named.items() if value not in (None, STDOUT)}
+    sources, places = own_files(vars(options)), dict[str, str]()
+    for option, path in outputs.items():
+        check_apart(path, sources)
+        other = places.setdefault(os.path.realpath(path), option)
+        if other != option and not path.is_dir():
+            raise OptionError(f"{path}: {other} and {option} both write it; name another file")
+
+
+def check_used(options: argparse.Namespace, unused: Mapping[str, Any], reason: str) -> None:
+    """Refuse options that would change nothing.
+
+    Args:
+        options: that are given.
+        unused: name -> default, of those that have no effect now.
+        reason: why, for the message.
+
+    Raises:
+        OptionError: one of them is given.
+    """
+    for name, default in unused.items():
+        if getattr(options, name) != default:
+            raise OptionError(f"--{name.replace('_', '-')} {reason}; leave it out")
+
+
+def check_home(options: argparse.Namespace) -> None:
+    """Refuse --home beside --task.
+
+    Raises:
+        OptionError: both are given.
+    """
+    if options.home is not None and options.task is not None:
+        raise OptionError("--task names its home already; leave out --home")
 
 
 def add_home(parser: argparse.ArgumentParser, what: str) -> None:
@@ -181,9 +259,22 @@ def catalog_of(path: str | None) -> Catalog:
     return Options(catalog=path).things
 
 
-def output_file(text: str) -> Path:
-    """Return the path of a file to write, or say at once why nothing can be written there."""
-    return _writable(Path(text), Path(text).is_dir(), "is a folder; name a file in it")
+@dataclass(frozen=True)
+class OutputFile:
+    """Reads the path of a file to write, or says at once why nothing can be written there.
+
+    Attributes:
+        ending: of its name; "": any.
+    """
+
+    ending: str = ""
+
+    def __call__(self, text: str) -> Path:
+        """Return the path."""
+        path = _writable(Path(text), Path(text).is_dir(), "is a folder; name a file in it")
+        if self.ending and path.suffix.lower() != self.ending:
+            raise argparse.ArgumentTypeError(f"{path}: let the file's name end in {self.ending}")
+        return path
 
 
 def output_folder(text: str) -> Path:

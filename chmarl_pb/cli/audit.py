@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_played, add_rules, chosen_executor, output_file, rules_of
+from chmarl_pb.cli.arguments import STDOUT, OutputFile, add_played, add_rules, chosen_executor, rules_of, seeds_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
-from chmarl_pb.cli.output import STDOUT, add_json, tell
+from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
@@ -23,7 +23,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     add_json(parser, STDOUT)
     parser.add_argument(
-        "--out", type=output_file, metavar="JSON",
+        "--out", type=OutputFile(".json"), metavar="JSON",
         help="write the audit here, and the results of its rows beside it (default: out/audit/TRACK-SPLIT.json)",
     )  # fmt: skip
 
@@ -41,7 +41,7 @@ def run_audit(options: argparse.Namespace) -> int:
     out = options.out or Path("out/audit") / f"{options.track}-{split}.json"
     with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
-            split, seeds=range(options.seeds), executor=executor, out=out, progress=partial(_advance, bar, {}),
+            split, seeds=seeds_of(options), executor=executor, out=out, progress=partial(_advance, bar, {}),
             observation=options.observation or "scene_graph", tasks=options.task, **rules_of(options),
         )  # fmt: skip
     tell(

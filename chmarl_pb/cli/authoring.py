@@ -7,20 +7,22 @@ import time
 from pathlib import Path
 
 from chmarl_pb.cli.arguments import (
+    OutputFile,
     add_catalog,
     add_verb,
     add_workers,
+    at_least_one,
     catalog_of,
     chosen_executor,
-    output_file,
     output_folder,
 )
 from chmarl_pb.cli.output import say
 from chmarl_pb.errors import ChmarlError, OptionError
-from chmarl_pb.files import replacing, write_atomically
+from chmarl_pb.files import check_ending, write_atomically
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.export import export_gltf, export_urdf
-from chmarl_pb.homes.generate.store import generate_home
+from chmarl_pb.homes.generate.names import MOST_SEED
+from chmarl_pb.homes.generate.store import check_seed, files_of, generate_home, put_home
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import SCHEMA, STYLES
 from chmarl_pb.rendering.preview import preview
@@ -37,7 +39,7 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         "chmarl-pb homes new cabin.toml",
     )
     new.set_defaults(run=_new)
-    new.add_argument("layout", type=output_file, metavar="TOML", help="file to write; it must not be there yet")
+    new.add_argument("layout", type=OutputFile(".toml"), metavar="TOML", help="file to write; it must not be there yet")
     new.add_argument(
         "--style", choices=tuple(STYLES), default="starter", help="which layout (default: %(default)s, a small one)"
     )
@@ -45,7 +47,9 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     build.set_defaults(run=_build)
     build.add_argument("layout", type=Path, metavar="TOML", help="layout file")
     add_catalog(build)
-    build.add_argument("--out", type=output_file, metavar="URDF", help="file to write (default: beside the layout)")
+    build.add_argument(
+        "--out", type=OutputFile(".urdf"), metavar="URDF", help="file to write (default: beside the layout)"
+    )
     build.add_argument(
         "--watch", action="store_true", help="build whenever the layout is saved, and draw it as a PNG beside the URDF"
     )
@@ -74,8 +78,6 @@ def add_authoring(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 def _new(options: argparse.Namespace) -> int:
     """Write a layout to begin with, named after its file, and its schema."""
     layout: Path = options.layout
-    if layout.suffix != ".toml":
-        raise OptionError(f"{layout}: a layout's name ends in .toml")
     if layout.exists():
         raise OptionError(f"{layout} is there already; name another file, or remove it")
     write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
@@ -87,6 +89,7 @@ def _new(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     """Build a home's URDF from its layout, once or whenever the layout is saved."""
+    check_ending(options.layout, ".toml")
     if not options.watch:
         print(build_home(options.layout, options.out, catalog_of(options.catalog)))
         return 0
@@ -127,26 +130,28 @@ def _export(options: argparse.Namespace) -> int:
 
 def _generate(options: argparse.Namespace) -> int:
     """Make up homes from seeds."""
-    seeds = range(options.seed, options.seed + options.count)
+    seeds = _seeds(options.seed, options.count)
     with chosen_executor(options) as executor:
         for files in map(_home_files, seeds) if executor.alone else executor.map(_home_files, seeds, ordered=True):
-            for path, content in files.items():
-                if not _holds(options.out / path, content):
-                    with replacing(options.out / path) as temporary:
-                        temporary.write_bytes(content)
-            print(options.out / next(path for path in files if path.suffix == ".urdf"))
+            print(put_home(files, options.out))
     return 0
 
 
+def _seeds(first: int, count: int) -> range:
+    """Return the seeds of the homes to make.
+
+    Raises:
+        OptionError: one of them is none, or there are none.
+    """
+    left = MOST_SEED - check_seed(first)
+    if at_least_one("count", count) > left:
+        raise OptionError(f"count={count}: seeds end at {MOST_SEED - 1:,}; use at most {left:,}")
+    return range(first, first + count)
+
+
 def _home_files(seed: int) -> dict[Path, bytes]:
-    """Return the files of a home with its picture, by their paths in its folder; its URDF, which needs them, last."""
+    """Return the files of a home with its picture, by their paths in its folder; its URDF last."""
     with tempfile.TemporaryDirectory(prefix="chmarl-home-") as name:
         home = generate_home(seed, Path(name))
         preview(home, home.with_suffix(".png"))
-        files = sorted((path for path in Path(name).rglob("*") if path.is_file()), key=lambda path: path == home)
-        return {path.relative_to(name): path.read_bytes() for path in files}
-
-
-def _holds(path: Path, content: bytes) -> bool:
-    """Return whether a file, e.g. a mesh that homes share, is there already."""
-    return path.is_file() and path.read_bytes() == content
+        return files_of(home)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_track, add_workers, chosen_executor, output_folder
+from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, output_folder, seeds_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
@@ -36,7 +36,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     add_track(parser)
     add_json(parser)
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    add_seeds(parser)
     add_workers(parser)
     parser.add_argument(
         "--out", type=output_folder, default=Path("out/baselines"), metavar="DIR", help="folder for results"
@@ -70,7 +70,7 @@ def run_baselines(options: argparse.Namespace) -> int:
             for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
-                    policy, split, seeds=range(options.seeds), executor=executor,
+                    policy, split, seeds=seeds_of(options), executor=executor,
                     out=options.out / f"{own}{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
                     track=options.track,
                 )  # fmt: skip

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_workers, chosen_executor
+from chmarl_pb.cli.arguments import add_workers, check_used, chosen_executor
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
@@ -18,6 +18,7 @@ from chmarl_pb.progress import LateProgress
 from chmarl_pb.rendering.view_store import Entry, view_store
 
 _MB = 2**20
+_SIZE = 128  # pixels
 #: Folder of the cache -> what is in it, and which of its files are counted.
 _OTHERS = {"homes": ("generated homes", "*.urdf"), "trials": ("trials of homes", "*.json")}
 
@@ -28,7 +29,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--clear", action="store_true", help="remove them all")
     what.add_argument("--fill", nargs="+", metavar="HOME", help="draw all views of these homes, e.g. before a training")
-    parser.add_argument("--size", type=int, default=128, metavar="N", help="pixels of the views to draw (default: 128)")
+    parser.add_argument(
+        "--size", type=int, default=_SIZE, metavar="N", help="pixels of the views to draw (default: %(default)s)"
+    )
     add_workers(parser)
 
 
@@ -36,6 +39,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.fill:
         with chosen_executor(options) as executor:
             return run_fill(options.fill, options.size, executor)
+    check_used(options, {"size": _SIZE, "ray": None}, "is for --fill")
     return run_cache(options.clear)
 
 

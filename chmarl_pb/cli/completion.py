@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from chmarl_pb.cli.arguments import output_file, output_folder
+from chmarl_pb.cli.arguments import OutputFile, output_folder
 from chmarl_pb.extras import needs
 
 SHELLS = ("bash", "zsh", "tcsh")
@@ -25,7 +25,7 @@ def _run(options: argparse.Namespace) -> int:
     parser = parser_of(COMMANDS)
     for one in parsers_in(parser):
         for action in one._actions:
-            if action.type in (Path, output_file):
+            if action.type is Path or isinstance(action.type, OutputFile):
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
             elif action.type is output_folder:
                 action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]

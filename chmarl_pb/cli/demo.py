@@ -15,10 +15,10 @@ from chmarl_pb.cli.arguments import (
     add_lookalikes,
     add_robots,
     add_track,
+    check_home,
     output_folder,
 )
 from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder
@@ -59,10 +59,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     """Play the task that is named, or one that is drawn for the home that is named."""
+    check_home(options)
     task: str | Task | None = options.task
     if options.home is not None:
-        if task is not None:
-            raise OptionError("--task names its home already; leave out --home")
         (task,) = draw_tasks(
             options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
         )

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
-from chmarl_pb.cli.arguments import output_file
+from chmarl_pb.cli.arguments import OutputFile
 from chmarl_pb.compiled import COMPILES, kernels
 from chmarl_pb.files import cache_folder
 from chmarl_pb.progress import LateProgress
@@ -22,7 +22,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--against", type=Path, metavar="JSON", help="compare with these digests (default: those of this package)"
     )
-    parser.add_argument("--record", type=output_file, metavar="JSON", help="write the digests of this machine here")
+    parser.add_argument(
+        "--record", type=OutputFile(".json"), metavar="JSON", help="write the digests of this machine here"
+    )
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import chmarl_pb
 from chmarl_pb.cli.arguments import (
+    STDOUT,
+    OutputFile,
     add_verb,
-    output_file,
     output_folder,
     verbs,
 )
 from chmarl_pb.cli.demo import show_episode
-from chmarl_pb.cli.output import STDOUT, add_json, tell
+from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.cli.playing import add_playing, played, task_of
 from chmarl_pb.errors import OptionError
-from chmarl_pb.evaluation.episode_file import EpisodeFile, load_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.episode_file import FORMAT, EpisodeFile, load_episode, replay_episode, save_episode
+from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.extras import check
 from chmarl_pb.files import write_atomically
 from chmarl_pb.viewer.record import record_file
@@ -33,7 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     saving.set_defaults(run=save)
     saving.add_argument("--policy", default="planner", metavar="P", help="as for evaluate (default: planner)")
     add_playing(saving)
-    saving.add_argument("--out", type=output_file, required=True, metavar="FILE", help="file to write")
+    saving.add_argument("--out", type=OutputFile(".json"), required=True, metavar="FILE", help="file to write")
     replaying = add_verb(
         all_verbs, "replay", "play a file again and compare every state", "chmarl-pb episode replay episode.json"
     )
@@ -57,7 +59,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     paging.set_defaults(run=page)
     paging.add_argument(
-        "--out", type=output_file, default=Path("episode.html"), metavar="FILE",
+        "--out", type=OutputFile(".html"), default=Path("episode.html"), metavar="FILE",
         help="file to write (default: episode.html)",
     )  # fmt: skip
     for verb in (replaying, showing, paging):
@@ -71,6 +73,7 @@ def save(options: argparse.Namespace) -> int:
     """Play a task as an evaluation with this seed does, and save the episode; return the exit code."""
     if (options.task is None) == (options.home is None):
         raise OptionError("give either --task, which names its home, or --home, for which a task is drawn")
+    check_replaceable(options.out, FORMAT, "an episode file")
     file, shortest = played(options, task_of(options))
     save_episode(file, options.out)
     print(f"{options.out}: {'success' if file.success else 'failure'} after {len(file.actions)} steps, L* {shortest}")

@@ -9,20 +9,24 @@ from rich.table import Table
 
 from chmarl_pb.cli.arguments import (
     GOAL,
+    STDOUT,
+    OutputFile,
     add_catalog,
     add_home,
     add_played,
     add_robots,
     add_rules,
+    at_least_one,
+    check_home,
+    check_used,
     chosen_executor,
     given_of,
-    output_file,
     rules_of,
+    seeds_of,
 )
-from chmarl_pb.cli.output import STDOUT, add_json, say, tell
+from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
-from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.gain import gain_of, points
@@ -35,6 +39,7 @@ from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
 
 _MOST_HOMES = 20  # that are shown one by one
+_DRAWN = 20  # tasks for a home
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +56,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--goal", action="store_true", help=GOAL)
     add_robots(parser)
     add_home(parser, "--draw tasks are drawn for it, the same every time")
-    parser.add_argument("--draw", type=int, default=20, metavar="N", help="tasks for --home (default: %(default)s)")
+    parser.add_argument("--draw", type=int, metavar="N", help=f"tasks for --home (default: {_DRAWN})")
     add_catalog(parser)
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
@@ -61,7 +66,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(
         "--out",
-        type=output_file,
+        type=OutputFile(".json"),
         metavar="JSON",
         help="write the result here; the same command goes on when interrupted",
     )
@@ -69,16 +74,15 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
+    check_home(options)
     source = find_policy(options.policy)
     rules = {**source.rules, **rules_of(options), **given_of(options)}
     tasks, track = options.task, rules.get("track", PAPER)
     where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:
-        if tasks:
-            raise OptionError("--task names its home already; leave out --home")
         tasks = draw_tasks(
             options.home,
-            options.draw,
+            _DRAWN if options.draw is None else at_least_one("draw", options.draw),
             0,
             options.catalog,
             options.robots,
@@ -86,10 +90,12 @@ def run_evaluation(options: argparse.Namespace) -> int:
             track=track,
         )
         where = options.home
+    else:
+        check_used(options, {"draw": None}, "is the number of tasks for --home")
     with chosen_executor(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
         report = evaluate(
-            options.policy, options.split, options.observation, range(options.seeds), executor=executor,
+            options.policy, options.split, options.observation, seeds_of(options), executor=executor,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=lambda finished, total: bar.update(row, completed=finished, total=total),
         )  # fmt: skip

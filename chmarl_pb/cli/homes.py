@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from chmarl_pb.catalog import room_of
-from chmarl_pb.cli.arguments import add_catalog, add_verb, catalog_of, output_file, verbs
+from chmarl_pb.cli.arguments import OutputFile, add_catalog, add_verb, catalog_of, verbs
 from chmarl_pb.cli.authoring import add_authoring
 from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.homes.home import home_names, home_path, load_home
@@ -27,13 +27,15 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     check.set_defaults(run=_check)
     add_json(check)
-    check.add_argument("--preview", type=output_file, metavar="PNG", help="draw the home with its problems marked")
+    check.add_argument(
+        "--preview", type=OutputFile(".png"), metavar="PNG", help="draw the home with its problems marked"
+    )
     draw = add_verb(all_verbs, "preview", "draw a home from above", "chmarl-pb homes preview home_1 --out home_1.png")
     draw.set_defaults(run=_preview)
     for verb in (check, draw):
         verb.add_argument("file", metavar="FILE", help="a home's URDF, or the name of a packaged home")
     add_catalog(check)
-    draw.add_argument("--out", type=output_file, required=True, metavar="PNG", help="picture to write")
+    draw.add_argument("--out", type=OutputFile(".png"), required=True, metavar="PNG", help="picture to write")
     add_authoring(all_verbs)
 
 

@@ -6,11 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.cli.arguments import output_file
+from chmarl_pb.cli.arguments import STDOUT, OutputFile
 from chmarl_pb.files import write_atomically
 from chmarl_pb.progress import is_silent
-
-STDOUT = "-"
 
 
 def add_json(parser: argparse.ArgumentParser, value: str | None = None) -> None:
@@ -22,7 +20,7 @@ def add_json(parser: argparse.ArgumentParser, value: str | None = None) -> None:
 
 
 def _target(text: str) -> str:
-    return text if text == STDOUT else str(output_file(text))
+    return text if text == STDOUT else str(OutputFile(".json")(text))
 
 
 def tell(options: argparse.Namespace, result: Callable[[], Any], show: Callable[[], object]) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
-from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_track
+from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_track, check_home
 from chmarl_pb.envs.options import SENSORS, SYMBOLS
 from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.extras import check
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from chmarl_pb.viewer.live.choice import Choice
 
 _POLICIES = ("search", "belief", "planner", "random")
-_PORT = 8017
+PAGE = {"port": 8017, "host": "127.0.0.1", "no_open": False}
+"""Options that say where a page is served, with their defaults."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -55,13 +56,13 @@ def add_page(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port",
         type=int,
-        default=_PORT,
+        default=PAGE["port"],
         metavar="N",
-        help=f"port, or one of the next if it is taken (default: {_PORT})",
+        help="port, or one of the next if it is taken (default: %(default)s)",
     )
     parser.add_argument(
-        "--host", default="127.0.0.1", metavar="H",
-        help="address to listen on (default: 127.0.0.1, this machine alone); with another all who reach it and know "
+        "--host", default=PAGE["host"], metavar="H",
+        help="address to listen on (default: %(default)s, this machine alone); with another all who reach it and know "
         "the token can drive, and see what is sent, as nothing is encrypted",
     )  # fmt: skip
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
@@ -69,6 +70,7 @@ def add_page(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     """Serve the page until the process is interrupted."""
+    check_home(options)
     check("chmarl-pb play", "viewer", "viser")
     from chmarl_pb.viewer.live.choice import Choice
 

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from importlib import import_module
 
 from chmarl_pb import __version__
-from chmarl_pb.cli.arguments import add_verb
+from chmarl_pb.cli.arguments import STDOUT, add_verb, check_outputs
 from chmarl_pb.errors import ChmarlError, MissingExtraError
 from chmarl_pb.progress import silence
 from chmarl_pb.signals import Interrupted, handled
@@ -73,7 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _learn(given[0], given[1:])
     try:
         options = parser_of(given).parse_args(given)
-        quiet = options.quiet or getattr(options, "json", None) == "-"
+        check_outputs(options)
+        quiet = options.quiet or getattr(options, "json", None) == STDOUT
         with handled(), silence() if quiet else nullcontext():
             code = int(options.run(options))
             sys.stdout.flush()

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from chmarl_pb.cli.arguments import output_file
+from chmarl_pb.cli.arguments import OutputFile
 from chmarl_pb.evaluation.report import write_report
 
 
@@ -15,5 +15,5 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="result files or folders of them (default: out/baselines)",
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=output_file, default=Path("out/report.html"), metavar="HTML", help="page to write"
+        "--out", type=OutputFile(".html"), default=Path("out/report.html"), metavar="HTML", help="page to write"
     )

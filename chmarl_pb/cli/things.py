@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
-from chmarl_pb.cli.arguments import add_verb, output_file, verbs
+from chmarl_pb.cli.arguments import OutputFile, add_verb, verbs
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.homes.catalog_file import KEYS, load_catalog
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
@@ -38,7 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         ("--states", "symbolic states, the usual one first"),
     ):
         adding.add_argument(option, nargs="+", default=[], metavar="WORDS", help=text)
-    adding.add_argument("--out", type=output_file, metavar="PNG", help="draw it, too")
+    adding.add_argument("--out", type=OutputFile(".png"), metavar="PNG", help="draw it, too")
     listing = add_verb(
         all_verbs,
         "list",

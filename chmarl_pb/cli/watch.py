@@ -3,19 +3,20 @@
 import argparse
 from pathlib import Path
 
-from chmarl_pb.cli.arguments import output_folder
+from chmarl_pb.cli.arguments import check_home, check_used, output_folder
 from chmarl_pb.cli.demo import show_episode
 from chmarl_pb.cli.episode import write_page
-from chmarl_pb.cli.play import add_page, serve
+from chmarl_pb.cli.play import PAGE, add_page, serve
 from chmarl_pb.cli.playing import add_playing, observation_of, played, rules_for, task_of
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER
-from chmarl_pb.errors import OptionError
 from chmarl_pb.extras import check
 from chmarl_pb.files import open_folder
 from chmarl_pb.viewer.record import choose_task
 from chmarl_pb.viewer.studio import compiling
 
 _NAME = "watch"  # of the files
+_OUT = Path("out")
+_ALONE = {"out": _OUT, "seed": 0}  # options with their defaults that a live page does not have
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -29,15 +30,15 @@ def add(parser: argparse.ArgumentParser) -> None:
     shown.add_argument("--page", action="store_true", help="a page in 3D instead of the video (extra viewer)")
     shown.add_argument("--live", action="store_true", help="in the browser, as chmarl-pb play (extra viewer)")
     parser.add_argument(
-        "--out", type=output_folder, default=Path("out"), metavar="DIR", help="folder to write to (default: out)"
+        "--out", type=output_folder, default=_OUT, metavar="DIR", help="folder to write to (default: out)"
     )
     add_page(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     """Play the task and show the episode as it is asked for; return the exit code."""
-    if options.task is not None and options.home is not None:
-        raise OptionError("--task names its home already; leave out --home")
+    check_home(options)
+    check_used(options, *((_ALONE, "has no effect with --live") if options.live else (PAGE, "is for --live")))
     if options.page or options.live:
         check(f"chmarl-pb watch --{'page' if options.page else 'live'}", "viewer", "viser")
     if options.live:

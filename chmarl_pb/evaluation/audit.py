@@ -14,7 +14,8 @@ from typing import Any
 
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
-from chmarl_pb.evaluation.audit_file import Audit, Line
+from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
+from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.executors import Executor
@@ -83,7 +84,7 @@ def audit(
         **options: of :func:`chmarl_pb.evaluate`: ``observation``, ``tasks``, and those of the environment.
 
     Raises:
-        OptionError: an option is unknown, or ``out`` is a folder.
+        OptionError: an option is unknown, or ``out`` is a folder, or a file that is no audit.
         TaskError: there is no such split.
         BusyError: another process writes a result.
         WorkerError: a process died; finished episodes are kept.
@@ -93,6 +94,8 @@ def audit(
     given = {"track": track, **options}
     setting = Options(**{"split": split, **_of_env(given)})
     file = None if out is None else Path(out)
+    if file is not None:
+        check_replaceable(file, FORMAT, "an audit")
     lines, reports = list[Line](), list[Report]()
     for row in rows_of(setting):
         path = None if file is None else file.with_suffix("") / f"{row.slug}.json"

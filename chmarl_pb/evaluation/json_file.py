@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from chmarl_pb.errors import OptionError
 from chmarl_pb.reading import read_regular
 
 _MOST_BYTES = 64 * 2**20
@@ -30,6 +31,27 @@ def read_object(path: Path | str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ValueError(f"it holds {type(data).__name__}, not an object")
     return data
+
+
+def check_replaceable(path: Path, kind: str, what: str) -> None:
+    """Refuse to write over a file of another kind.
+
+    Args:
+        path: to write.
+        kind: the format of files that may be written anew.
+        what: such a file is, for the message.
+
+    Raises:
+        OptionError: something else is there.
+    """
+    try:
+        found = read_object(path).get("format")
+    except FileNotFoundError:
+        return
+    except ValueError:
+        found = None
+    if found != kind:
+        raise OptionError(f"{path} is there already and is not {what}; name another file, or remove it")
 
 
 def plain(row: _Row, **kinds: type | tuple[type, ...]) -> _Row:

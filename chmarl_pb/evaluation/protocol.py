@@ -18,11 +18,12 @@ from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.errors import OptionError, ResultError, TaskError
+from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
-from chmarl_pb.evaluation.result import Report, in_order, load_result
+from chmarl_pb.evaluation.result import FORMAT, Report, in_order, load_result
 from chmarl_pb.evaluation.sample import sample_of
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
@@ -90,7 +91,8 @@ def evaluate(
             checkpoint plays by the rules that it was trained with where no option says otherwise.
 
     Raises:
-        OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder.
+        OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder, or a file that is no
+            result.
         TaskError: a task is unknown, of another split, or cannot be solved by the planner, which tells L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
@@ -113,6 +115,8 @@ def evaluate(
     file = None if out is None else Path(out)
     if file is not None and file.is_dir():
         raise OptionError(f"{out} is a folder; name a file in it for the result")
+    if file is not None:
+        check_replaceable(file, FORMAT, "a result of an evaluation")
     settings = _settings(source, setup, chosen, seeds)
     if file is not None:
         _warn_of_unknown(settings)

@@ -13,7 +13,7 @@ import numpy as np
 import yourdfpy
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.files import replacing
+from chmarl_pb.files import check_apart, check_ending, replacing
 from chmarl_pb.homes.furniture import Array, Model, load_model
 from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
 from chmarl_pb.homes.layout_file import Colour
@@ -47,9 +47,13 @@ def build_home(layout_path: str | Path, out_path: str | Path | None = None, know
 
     Raises:
         HomeError: the layout cannot be used.
+        OptionError: the URDF's name does not end in ``.urdf``, or is the layout's.
     """
+    layout = load_layout(layout_path, known)
     path = Path(out_path) if out_path else Path(layout_path).with_suffix(".urdf")
-    return write_home(load_layout(layout_path, known), path)
+    check_ending(path, ".urdf")
+    check_apart(path, [Path(layout_path)])
+    return write_home(layout, path)
 
 
 def write_home(layout: Layout, path: Path) -> Path:

@@ -10,8 +10,7 @@ import numpy as np
 import trimesh as untyped_trimesh
 from PIL import Image
 
-from chmarl_pb.errors import OptionError
-from chmarl_pb.files import replacing
+from chmarl_pb.files import check_apart, check_ending, replacing
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.mesh import Mesh
 from chmarl_pb.homes.plain import write_links
@@ -34,10 +33,11 @@ def export_urdf(home: Home, path: Path) -> Path:
         path: the file to write; its name ends in ``.urdf``.
 
     Raises:
-        OptionError: the name ends in something else.
+        OptionError: the name ends in something else, or the file is one of the home's.
         WriteError: the files cannot be written.
     """
-    _check_suffix(path, ".urdf")
+    check_ending(path, ".urdf")
+    check_apart(path, home.files)
     with TemporaryDirectory() as scratch:
         text = write_links(home.links, Path(scratch), str(home.name), relative="meshes")
         for file in sorted(Path(scratch).iterdir()):
@@ -59,7 +59,7 @@ def export_gltf(home: Home, path: Path) -> Path:
         OptionError: the name ends in something else.
         WriteError: the file cannot be written.
     """
-    _check_suffix(path, ".glb")
+    check_ending(path, ".glb")
     turn = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
     with replacing(path) as temporary:
         temporary.write_bytes(gltf_of(home.links, turn))
@@ -86,11 +86,6 @@ def linear(colour: Sequence[float]) -> list[float]:
     """Return a colour (red, green, blue from 0 to 1, opacity) as glTF has it: in shares of light, not of the screen."""
     red, green, blue, opacity = colour
     return [*(share**_GAMMA for share in (red, green, blue)), opacity]
-
-
-def _check_suffix(path: Path, suffix: str) -> None:
-    if path.suffix.lower() != suffix:
-        raise OptionError(f"{path}: let the file's name end in {suffix}")
 
 
 def _body(shape: Shape) -> Any:

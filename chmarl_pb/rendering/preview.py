@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from chmarl_pb.catalog import class_of
 from chmarl_pb.errors import OptionError
-from chmarl_pb.files import replacing
+from chmarl_pb.files import check_apart, replacing
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.problem import Problem
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
@@ -46,11 +46,12 @@ def preview(
 
     Raises:
         HomeError: the home cannot be loaded.
-        OptionError: the picture's name does not end in .png.
+        OptionError: the picture's name does not end in .png, or it is one of the home's.
         WriteError: the picture cannot be written.
     """
     _check_name(out_png)
     home, half = home if isinstance(home, Home) else load_home(home), size[0] // 2
+    check_apart(Path(out_png), home.files)
     with closing(Client()) as client, loaded_home(client.number, home) as body:
         plan = _plan(client.number, home, (half, size[1]), marks)
         _open_front(client.number, body, home)

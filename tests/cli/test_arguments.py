@@ -27,7 +27,11 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
     ("words", "message"),
     [
         ((*PLAY, "random", "--workers", "0"), "workers=0: use at least 1"),
-        ((*PLAY, "random", "--seeds", "0"), "seeds=[]"),
+        ((*PLAY, "random", "--seeds", "0"), "seeds=0: use at least 1"),
+        ((*PLAY, "random", "--draw", "5"), "--draw is the number of tasks for --home"),
+        (("evaluate", "--policy", "random", "--home", "home_6", "--draw", "0"), "draw=0"),
+        (("audit", "--split", "val-unseen", "--seeds", "-1"), "seeds=-1: use at least 1"),
+        ((*PLAY, "random", "--ray", "auto", "--workers", "3"), "--workers is for this machine alone"),
         ((*PLAY, "random", "--max-steps", "0"), "max_steps"),
         (("evaluate", "--policy", "random", "--split", "nowhere"), "nowhere"),
         (("evaluate", "--policy", "random", "--task", "nothing"), "nothing"),
@@ -40,7 +44,7 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
         ((*PLAY, "tests.cli.test_arguments:refuses", "--seeds", "2"), "a policy for pictures"),
         ((*PLAY, "tests.cli.test_arguments:refuses", "--workers", "1"), "a policy for pictures"),
         (("baselines", "--workers", "0"), "workers=0"),
-        (("baselines", "--seeds", "0"), "seeds=[]"),
+        (("baselines", "--seeds", "0"), "seeds=0"),
         (("baselines", "--split", "val-unseen", "--split", "nowhere"), "nowhere"),
         (("dataset", "generate", "--workers", "0"), "workers=0"),
         (("dataset", "generate", "--limit", "0"), "limit 0"),
@@ -51,9 +55,20 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
         (("tasks", "build", "--out", "tasks", "--workers", "0"), "workers=0"),
         (("cache", "--fill", "home_1", "--workers", "0"), "workers=0"),
         (("cache", "--fill", "home_0"), "home_0"),
+        (("cache", "--size", "64"), "--size is for --fill"),
         (("bench", "--runs", "0"), "runs=0"),
         (("bench", "--only", "nothing"), "nothing"),
         (("demo", "--task", "nothing"), "nothing"),
+        (("play", "--task", "val-unseen-000", "--home", "home_6"), "leave out --home"),
+        (("watch", "random", "--port", "80"), "--port is for --live"),
+        (("watch", "random", "--live", "--seed", "1"), "--seed has no effect with --live"),
+        (("homes", "build", "."), ".: let the file's name end in .toml"),
+        (("homes", "build", ""), ".: let the file's name end in .toml"),
+        (("homes", "build", "cabin.toml"), "cabin.toml"),
+        (("homes", "generate", "--seed", "1", "--count", "0", "--out", "homes"), "count=0: use at least 1"),
+        (("homes", "generate", "--seed", "1", "--count", "-2", "--out", "homes"), "count=-2: use at least 1"),
+        (("homes", "generate", "--seed", f"{10**15 - 1}", "--count", "2", "--out", "homes"), "count=2: seeds end at"),
+        (("homes", "generate", "--seed", "-1", "--out", "homes"), "seed=-1"),
         (("episode", "save", *TASK, "--out", "episode.json", "--policy", "out/best.pt"), "out/best.pt: no such file"),
         (("episode", "save", *TASK, "--out", "episode.json", "--seed", "-1"), "-1"),
         (("episode", "save", "--task", "nothing", "--out", "episode.json"), "nothing"),
@@ -76,6 +91,79 @@ def test_what_is_wrong_is_all_that_is_said(
     (line,) = said.err.splitlines()
     assert said.out == "" and line.startswith("chmarl-pb: ") and message in line
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "ending"),
+    [
+        ((*PLAY, "random", "--out", "notes.txt"), ".json"),
+        ((*PLAY, "random", "--json", "notes.txt"), ".json"),
+        (("audit", "--out", "notes.txt"), ".json"),
+        (("report", "notes.txt", "--out", "notes.txt"), ".html"),
+        (("episode", "save", *TASK, "--out", "notes.txt"), ".json"),
+        (("episode", "page", "notes.txt", "--out", "notes.txt"), ".html"),
+        (("homes", "new", "notes.txt"), ".toml"),
+        (("homes", "build", "cabin.toml", "--out", "notes.txt"), ".urdf"),
+        (("homes", "check", "notes.txt", "--json", "notes.txt"), ".json"),
+        (("homes", "check", "notes.txt", "--preview", "notes.txt"), ".png"),
+        (("homes", "preview", "notes.txt", "--out", "notes.txt"), ".png"),
+        (("things", "add", "notes.txt", "--class", "note", "--out", "notes.txt"), ".png"),
+        (("doctor", "--record", "notes.txt"), ".json"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_files_of_other_kinds_are_not_written_over(
+    words: tuple[str, ...],
+    ending: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    notes = tmp_path / "notes.txt"
+    notes.write_text("kept")
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert ended.value.code == 2 and f"notes.txt: let the file's name end in {ending}" in said
+    assert list(tmp_path.iterdir()) == [notes] and notes.read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("report", "own.html", "--out", "own.html"), "own.html: would be written over, but is read here"),
+        (("report", "link.html", "--out", "own.html"), "own.html: would be written over"),
+        (("episode", "page", "own.html", "--out", "./link.html"), "link.html: would be written over"),
+        ((*PLAY, "own.json", "--out", "own.json"), "own.json: would be written over"),
+        ((*PLAY, "random", "--catalog", "own.json", "--json", "own.json"), "own.json: would be written over"),
+        ((*PLAY, "random", "--robots", "drone,own.json", "--json", "own.json"), "own.json: would be written over"),
+        (("doctor", "--against", "own.json", "--record", "own.json"), "own.json: would be written over"),
+        (("episode", "replay", "own.json", "--json", "own.json"), "own.json: would be written over"),
+        ((*PLAY, "random", "--out", "new.json", "--json", "./new.json"), "--out and --json both write it"),
+        ((*PLAY, "random", "--out", "own.json"), "own.json is there already and is not a result"),
+        (("audit", "--split", "val-unseen", "--out", "own.json"), "own.json is there already and is not an audit"),
+        (("episode", "save", *TASK, "--out", "own.json"), "own.json is there already and is not an episode"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_own_files_are_not_written_over(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("own.html", "own.json"):
+        Path(name).write_text(f"[{name!r}]")
+    Path("link.html").symlink_to("own.html")
+    assert main(words) == 2
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert said.out == "" and message in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.html", "own.html", "own.json"]
+    assert all(Path(name).read_text() == f"[{name!r}]" for name in ("own.html", "own.json"))
 
 
 def test_a_bar_is_shown_with_the_first_progress() -> None:

@@ -26,6 +26,16 @@ def test_faults_are_one_line(words: list[str], fault: str, capfd: pytest.Capture
     assert out == "" and fault in err and err.count("\n") == 1
 
 
+@pytest.mark.parametrize("port", ["-1", "65536", "99999"])
+@pytest.mark.parametrize("command", [("play",), ("watch", "random", "--live")], ids=" ".join)
+def test_ports_that_are_none_are_refused(
+    command: tuple[str, ...], port: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command, "--no-open", "--port", port]) == 2
+    out, err = capfd.readouterr()
+    assert out == "" and err == f"chmarl-pb: --port {port} is not a whole number from 0 to 65535\n"
+
+
 def test_help_shows_an_example_and_what_a_host_means(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["play", "--help"])

@@ -83,6 +83,20 @@ def test_vectors_take_both(options: dict[str, Any]) -> None:
         vector.close()
 
 
+@pytest.mark.parametrize(
+    ("options", "limit"), [({}, 28), ({"max_episode_steps": 3}, 3), ({"max_steps": 40}, 40)], ids=str
+)
+def test_the_spec_of_a_vector_has_the_limit_of_its_environments(options: dict[str, Any], limit: int) -> None:
+    vector: Any = gymnasium.make_vec(HUMANOID, 1, workers=0, **HOME, **options)
+    spec = vector.spec
+    assert spec is not None and spec.id == HUMANOID
+    assert spec.max_episode_steps == vector.get_attr("spec")[0].max_episode_steps == limit
+    vector.close()
+    again = gymnasium.make_vec(spec)
+    assert again.spec == spec
+    again.close()
+
+
 def test_a_vector_without_autoreset_refuses_a_step_too_many() -> None:
     vector = chmarl_pb.vector_env(1, HUMANOID, 0, autoreset_mode="Disabled", **HOME, max_episode_steps=1)
     vector.reset(seed=0)

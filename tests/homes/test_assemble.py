@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
 from xml.etree import ElementTree
@@ -214,6 +215,22 @@ def test_a_bad_layout_is_refused_with_its_place(case: str, tmp_path: Path) -> No
     assert target.read_text() == "kept"
 
 
+def test_a_layout_is_not_built_over_itself(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    with pytest.raises(OptionError, match=r"flat\.toml: let the file's name end in \.urdf"):
+        build_home(path, path)
+    odd = path.rename(tmp_path / "flat.urdf")
+    with pytest.raises(OptionError, match=r"flat\.urdf: would be written over"):
+        build_home(odd)
+    assert list(tmp_path.iterdir()) == [odd] and odd.read_text() == GOOD
+
+
+@pytest.mark.parametrize("name", ["", ".", ".."])
+def test_a_folder_is_no_layout(name: str) -> None:
+    with pytest.raises(HomeError, match="is not a regular file"):
+        build_home(name)
+
+
 def test_a_missing_layout_is_refused(tmp_path: Path) -> None:
     with pytest.raises(HomeError, match=r"nowhere\.toml"):
         load_layout(tmp_path / "nowhere.toml")
@@ -268,6 +285,14 @@ def test_preview_refuses_what_it_cannot_read_or_write(tmp_path: Path) -> None:
     with pytest.raises(HomeError, match=r"cut\.urdf: not XML"):
         preview(cut, tmp_path / "home.png")
     assert not list(tmp_path.glob("home.*"))
+
+
+def test_preview_is_not_drawn_over_a_picture_of_the_home(tmp_path: Path) -> None:
+    texture = tmp_path / "oak.png"
+    texture.write_text("kept")
+    with pytest.raises(OptionError, match=r"oak\.png: would be written over"):
+        preview(replace(load_home("home_1"), files=(texture,)), texture)
+    assert texture.read_text() == "kept"
 
 
 def test_preview_of_a_missing_home_is_refused(tmp_path: Path) -> None:

@@ -47,6 +47,17 @@ def test_the_gltf_shows_the_home_with_y_up(exported: Path) -> None:
     assert len(scene.geometry) == sum(len(link.visuals or link.collisions) for link in home.links)
 
 
+def test_a_home_is_not_exported_over_itself(
+    exported: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path: path.read_bytes() for path in exported.rglob("*.*")}
+    monkeypatch.chdir(exported)
+    assert main(["homes", "export", "home_2.urdf", "--out", "."]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and "home_2.urdf: would be written over, but is read here" in said.err
+    assert before == {path: path.read_bytes() for path in exported.rglob("*.*")}
+
+
 def test_textures_travel_with_the_gltf(tmp_path: Path) -> None:
     scene = trimesh.load(export_gltf(load_home("home_1"), tmp_path / "home.glb"))
     assert isinstance(scene, trimesh.Scene)

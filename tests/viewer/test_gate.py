@@ -74,6 +74,27 @@ def test_unknown_host_is_named() -> None:
         gates.guarded_server(gates.Gate(), "192.0.2.1", 0)
 
 
+def test_a_server_that_ends_at_once_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("no more sockets")
+
+    monkeypatch.setattr(gates.websocket_server, "serve", fail)
+    with pytest.raises(OptionError, match=r"--port 8017: .*no more sockets"):
+        gates.guarded_server(gates.Gate(), "127.0.0.1", 8017)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_a_free_port_there_is_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    def taken(*_: Any, **__: Any) -> None:
+        raise OSError("in use")
+
+    monkeypatch.setattr(gates.websocket_server, "serve", taken)
+    with pytest.raises(OptionError, match="neither it nor one of the next is free"):
+        gates.guarded_server(gates.Gate(), "127.0.0.1", 8017)
+
+
 def test_a_viser_that_cannot_be_guarded_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     class Elsewhere:
         serve = None

@@ -57,7 +57,10 @@ class Batch:
         for env in self.envs:
             _let_physics_wait(env)
         first = self.envs[0]
-        self.signature = Signature(first.observation_space, first.action_space, dict(first.metadata), first.render_mode)
+        self.signature = Signature(
+            first.observation_space, first.action_space, dict(first.metadata), first.render_mode,
+            None if first.spec is None else first.spec.max_episode_steps,
+        )  # fmt: skip
         self._over = [False for _ in numbers]
         self._finders = [ChangeFinder() for _ in numbers]
 

@@ -1,11 +1,13 @@
 """Many environments at once, as Gymnasium's VectorEnv: several processes step them in memory that all share."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, overload
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -37,6 +39,7 @@ class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
     """
 
     _instead = "make another by vector_env(...)"
+    _spec: EnvSpec | None = None
 
     def __init__(self, engine: AnyEngine, count: int, autoreset: AutoresetMode, copy: bool = True):
         """Join the environments of an engine.
@@ -56,6 +59,16 @@ class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
         self.observation_space = batch_space(one.observation_space, count)
         self.action_space = batch_space(one.action_space, count)
         self._table = InfoTable(count)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What ``gymnasium.make_vec`` has made this from; None if it has not. Its time limit is the environments'."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        limit = self._engine.signature.max_episode_steps
+        self._spec = spec and replace(spec, max_episode_steps=limit)
 
     def reset(self, *, seed: Seeds = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset all environments.

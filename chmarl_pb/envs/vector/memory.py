@@ -21,6 +21,7 @@ class Signature:
     action_space: Space[Any]
     metadata: dict[str, Any]
     render_mode: str | None
+    max_episode_steps: int | None
 
 
 class Memory:

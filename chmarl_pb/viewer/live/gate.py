@@ -14,7 +14,9 @@ import io
 import logging
 import secrets
 import socket
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, redirect_stdout
 from http import HTTPStatus
 from typing import Any
@@ -30,6 +32,8 @@ with needs("chmarl-pb play", "viewer"):
     from websockets.http11 import Request, Response
 
 _REFUSAL = "This address needs the token of the one that `chmarl-pb play` has printed.\n"
+_LAST_PORT = 65535
+_GLANCE = 0.05  # seconds between two looks at whether the server has started
 _Check = Callable[[Any, Request], Response | None]
 
 
@@ -72,18 +76,67 @@ def guarded_server(gate: Gate, host: str, port: int) -> viser.ViserServer:
         port: to listen on; 0: any that is free.
 
     Raises:
-        OptionError: the host is none of this machine's, or this version of viser leaves no room for the gate.
+        OptionError: the host is none of this machine's, the port is none or cannot be had, or this version of viser
+            leaves no room for the gate.
     """
     _check_host(host)
-    with _watched(gate.answer) as made, redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host, port, verbose=False)
-    if not made:
+    if not 0 <= port <= _LAST_PORT:
+        raise OptionError(f"--port {port} is not a whole number from 0 to {_LAST_PORT}")
+    with _watched(gate.answer) as threads, redirect_stdout(io.StringIO()):
+        server = _started(host, port, threads)
+    if not threads:
         stop(server)
         raise OptionError(
             f"viser {viser.__version__} makes its web server in another way than known, so that it cannot be guarded; "
             "install a version that the extra 'viewer' names"
         )
     return server
+
+
+def _started(host: str, port: int, threads: list[threading.Thread]) -> viser.ViserServer:
+    """Start a server beside this thread: viser waits for its web server for ever, also for one that has ended.
+
+    Args:
+        host: to listen on.
+        port: the same.
+        threads: gets that of each web server.
+
+    Raises:
+        OptionError: the web server has ended.
+    """
+    started: Future[viser.ViserServer] = Future()
+
+    def start() -> None:
+        try:
+            started.set_result(viser.ViserServer(host, port, verbose=False))
+        except BaseException as error:
+            started.set_exception(error)
+
+    with _last_words(threads) as errors:
+        threading.Thread(target=start, daemon=True).start()
+        while not wait([started], _GLANCE).done:
+            if threads and not threads[-1].is_alive():
+                reason = errors[-1] if errors else "neither it nor one of the next is free"
+                raise OptionError(f"--port {port}: the page cannot be served there ({reason}); name another port")
+    return started.result()
+
+
+@contextmanager
+def _last_words(threads: Collection[threading.Thread]) -> Iterator[list[BaseException]]:
+    """Yield a list of the errors that end some threads, which are not printed then."""
+    usual, errors = threading.excepthook, list[BaseException]()
+
+    def hear(ended: threading.ExceptHookArgs) -> None:
+        if ended.thread in threads and ended.exc_value is not None:
+            errors.append(ended.exc_value)
+        else:
+            usual(ended)
+
+    threading.excepthook = hear
+    try:
+        yield errors
+    finally:
+        threading.excepthook = usual
 
 
 def stop(server: viser.ViserServer) -> None:
@@ -103,15 +156,15 @@ def _check_host(host: str) -> None:
 
 
 @contextmanager
-def _watched(answer: Callable[[Request], Response | None]) -> Iterator[list[None]]:
-    """Put a check in front of each web server that is made within; yield a list that has one item for each."""
+def _watched(answer: Callable[[Request], Response | None]) -> Iterator[list[threading.Thread]]:
+    """Put a check in front of each web server that is made within; yield a list that gets the thread of each."""
     library: Any = websocket_server
-    serve, made = library.serve, list[None]()
+    serve, threads = library.serve, list[threading.Thread]()
     quiet = logging.getLogger(__name__)
     quiet.setLevel(logging.CRITICAL)  # browsers drop connections as they like
 
     def guarded(*given: Any, process_request: _Check | None = None, **options: Any) -> Any:
-        made.append(None)
+        threads.append(threading.current_thread())
 
         def check(connection: Any, request: Request) -> Response | None:
             return answer(request) or (process_request(connection, request) if process_request else None)
@@ -120,7 +173,7 @@ def _watched(answer: Callable[[Request], Response | None]) -> Iterator[list[None
 
     library.serve = guarded
     try:
-        yield made
+        yield threads
     finally:
         library.serve = serve
 

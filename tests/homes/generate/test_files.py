@@ -124,6 +124,27 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.parametrize("ending", [".toml", ".urdf"])
+def test_what_was_changed_by_hand_is_kept(ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["homes", "generate", "--seed", "8", "--workers", "1", "--out", str(tmp_path)]
+    assert main(words) == 0
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    assert main(words) == 0, "the same again"
+    assert files == {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    capsys.readouterr()
+    changed = tmp_path / f"generated-8{ending}"
+    changed.write_text(changed.read_text() + "\n")
+    files[changed] = changed.read_bytes()
+    (tmp_path / "generated-8.png").unlink()
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and f"{changed} is there already and differs" in said.err and said.err.count("\n") == 1
+    with pytest.raises(OptionError, match="name another folder"):
+        chmarl_pb.generate_home(8, tmp_path)
+    del files[tmp_path / "generated-8.png"]
+    assert files == {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+
+
 def test_homes_in_the_cache_are_known_by_name_and_path(tmp_path: Path) -> None:
     assert is_generated("generated-3") and is_generated(chmarl_pb.generate_home(3))
     assert not is_generated("home_1") and not is_generated(chmarl_pb.generate_home(3, tmp_path))
