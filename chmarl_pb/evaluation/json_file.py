@@ -34,7 +34,7 @@ def read_object(path: Path | str) -> dict[str, Any]:
 
 
 def check_replaceable(path: Path, kind: str, what: str) -> None:
-    """Refuse to write over a file of another kind.
+    """Refuse to write over a file of another kind; an empty one is none.
 
     Args:
         path: to write.
@@ -50,7 +50,7 @@ def check_replaceable(path: Path, kind: str, what: str) -> None:
         return
     except ValueError:
         found = None
-    if found != kind:
+    if found != kind and path.stat().st_size:
         raise OptionError(f"{path} is there already and is not {what}; name another file, or remove it")
 
 
