@@ -1,15 +1,24 @@
 """What tells apart what results name by a class or a function alone: its file, and what it holds."""
 
+import hashlib
 import inspect
 import io
 import pickle
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
 from chmarl_pb.files import file_hash
-from chmarl_pb.homes.source import sha256_of
+
+
+def sha256_of(parts: Iterable[bytes]) -> str:
+    """Return the sha256 of parts; the length before each keeps their borders."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
 
 
 def name_of(given: object) -> str:

@@ -12,6 +12,7 @@ ROWS = (
         "errors",
         "extras",
         "files",
+        "fingerprint",
         "progress",
         "reading",
         "compiled",

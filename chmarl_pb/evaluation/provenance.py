@@ -12,8 +12,8 @@ from pathlib import Path
 from types import ModuleType
 
 import chmarl_pb
-from chmarl_pb.fingerprint import name_of
-from chmarl_pb.homes.content import content_hash, sha256_of
+from chmarl_pb.fingerprint import name_of, sha256_of
+from chmarl_pb.homes.content import content_hash
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.splits import fixed_homes

@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 from chmarl_pb.catalog import BENCHMARK, STRUCTURE, Catalog, Name, ThingClass, names_of
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.source import Source, sha256_of, shown
+from chmarl_pb.fingerprint import sha256_of
+from chmarl_pb.homes.source import Source, shown
 from chmarl_pb.homes.things import read_thing
 from chmarl_pb.homes.urdf import read_whole
 from chmarl_pb.reading import read_regular

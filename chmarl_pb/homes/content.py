@@ -3,11 +3,9 @@
 from pathlib import Path
 
 from chmarl_pb.errors import HomeError
+from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.home import Home
-from chmarl_pb.homes.source import sha256_of
 from chmarl_pb.reading import read_regular
-
-__all__ = ["content_hash", "sha256_of"]
 
 
 def content_hash(home: Home) -> str:

@@ -1,15 +1,14 @@
 """The files that a home, thing or robot is made of: regular, inside its folder, each read once, within limits."""
 
-import hashlib
 import os
 import stat
-from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.problem import Refused
 from chmarl_pb.reading import MOST_FILE_BYTES, read_regular
 
@@ -20,14 +19,6 @@ MOST_FILES = 1000
 MOST_ELEMENTS = 200_000  # of an XML file: each takes far more memory than bytes
 
 _LONGEST_SHOWN = 80  # characters
-
-
-def sha256_of(parts: Iterable[bytes]) -> str:
-    """Return the sha256 of parts; the length before each keeps their borders."""
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(len(part).to_bytes(8, "big") + part)
-    return digest.hexdigest()
 
 
 def _is_link(path: str) -> bool:

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb.compiled import COMPILES
 from chmarl_pb.errors import AssetError, HomeError
-from chmarl_pb.homes.content import content_hash, sha256_of
+from chmarl_pb.fingerprint import sha256_of
+from chmarl_pb.homes.content import content_hash
 from chmarl_pb.homes.home import Home
 from chmarl_pb.navigation.free_space import Space, space_of
 from chmarl_pb.rendering.bounds import Sight

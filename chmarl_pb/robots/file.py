@@ -11,7 +11,8 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.source import MOST_URDF_BYTES, sha256_of, shown
+from chmarl_pb.fingerprint import sha256_of
+from chmarl_pb.homes.source import MOST_URDF_BYTES, shown
 from chmarl_pb.navigation.lattice import FOOTPRINT, Footprint
 from chmarl_pb.navigation.reach import Reach
 from chmarl_pb.reading import read_regular

@@ -13,9 +13,10 @@ import numpy as np
 
 from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.errors import AssetError
+from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.paint import Part, parts_of
 from chmarl_pb.homes.plain import plain_mesh
-from chmarl_pb.homes.source import MOST_URDF_BYTES, Source, sha256_of
+from chmarl_pb.homes.source import MOST_URDF_BYTES, Source
 from chmarl_pb.reading import read_regular
 from chmarl_pb.robots.robot_urdf import Piece, read_robot
 

@@ -10,10 +10,10 @@ from chmarl_pb import __version__
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import cache_folder, write_atomically
+from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.generate.store import is_generated
 from chmarl_pb.homes.home import Home, home_names
 from chmarl_pb.homes.problem import Problem, raise_first
-from chmarl_pb.homes.source import sha256_of
 from chmarl_pb.navigation.check import HomeReport, check_home
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, team_of

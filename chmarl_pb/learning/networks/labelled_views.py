@@ -15,7 +15,7 @@ from chmarl_pb import catalog
 from chmarl_pb.errors import ChmarlError, HomeError, TaskError
 from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.files import replacing
-from chmarl_pb.homes.content import sha256_of
+from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.generate.draws import VERSION
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.processes import in_processes
