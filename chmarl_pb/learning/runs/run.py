@@ -12,7 +12,7 @@ import torch
 
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.config import TRAINED_IN, RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import check_same, load, save
 from chmarl_pb.learning.runs.collect import Collector
@@ -113,7 +113,7 @@ class Run:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Go on from a state.
+        """Go on from a state; an older one, which does not tell the split that it was trained in, with whatever split.
 
         Args:
             state: made by ``state``.
@@ -125,6 +125,7 @@ class Run:
         theirs, own = dict(state), self._settings()
         self._begun_with = state.get("begun_with", {})  # nothing in older ones
         if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
+        theirs["setting"] = {TRAINED_IN: self.setting.get(TRAINED_IN), **state["setting"]}
             first = self.config.first_weights
             if first and Path(first).is_file() and file_hash(Path(first)) == self._begun_with.get("sha256"):
                 theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
