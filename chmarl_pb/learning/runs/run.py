@@ -71,6 +71,7 @@ class Run:
 
         Raises:
             Asked: the run is to end; its state is that of before the rollout, or of before its validation.
+            ValueError: the score of a validation is no number.
         """
         if self._unreported is None:
             before = self.episodes
@@ -124,8 +125,8 @@ class Run:
         """
         theirs, own = dict(state), self._settings()
         self._begun_with = state.get("begun_with", {})  # nothing in older ones
-        if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
         theirs["setting"] = {TRAINED_IN: self.setting.get(TRAINED_IN), **state["setting"]}
+        if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
             first = self.config.first_weights
             if first and Path(first).is_file() and file_hash(Path(first)) == self._begun_with.get("sha256"):
                 theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
@@ -138,6 +139,8 @@ class Run:
         for name, stream in self._streams.items():
             stream.bit_generator.state = json.loads(state["streams"][name])
         self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
+        if self.folder is not None and not (self.folder / BEST).is_file():
+            self.best_score = -np.inf  # the best weights are gone, so the next ones are the best that there are
         self._window = defaultdict(list, state["window"])
         self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
 
@@ -183,8 +186,17 @@ class Run:
         self._clock["updates"] += time.perf_counter() - start
 
     def _score(self) -> dict[str, float]:
-        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures."""
+        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures.
+
+        Raises:
+            ValueError: the score is no number.
+        """
         figures = self._validate(self._collector, self.learner.agents)
+        if np.isnan(figures["score"]):
+            raise ValueError(
+                f"the validation after {self.episodes} episodes has the score nan, by which no weights can be chosen; "
+                "see to what `validate` returns, or to the rewards of the environment"
+            )
         if figures["score"] >= self.best_score:
             self.best_score = figures["score"]
             if self.folder is not None:
