@@ -21,7 +21,7 @@ from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import train
-from chmarl_pb.learning.runs.run import BEST
+from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import Validate, by_home, by_tasks
 from chmarl_pb.policies.registry import make_expert
 from chmarl_pb.robots.registry import TEAM, listed
@@ -162,7 +162,8 @@ class DaggerMappo(Play):
     def run(self, folder: Path) -> None:
         """Train twice in a folder; a finished first training is not done again."""
         imitation = DAggerConfig(**asdict(self.imitation), **{name: getattr(self.config, name) for name in _SAME})
-        _play("imitation", imitation, self.env, self.place, folder / IMITATION)
+        if (folder / IMITATION / BEST).is_file() or not (folder / LAST).exists():  # later its weights may be gone
+            _play("imitation", imitation, self.env, self.place, folder / IMITATION)
         mappo = replace(self.config, start=str(folder / IMITATION / BEST))
         _play("mappo", mappo, self.env, self.place, folder)
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import chmarl_pb
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
-from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, RULES
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, RULES, TRAINED_IN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -16,6 +16,9 @@ from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 
 Observation = Literal["scene_graph", "visual"]
+
+#: Options that change what is learned, but neither what is observed nor how weights are played.
+_TRAINED_IN = ("split", "task", "execution", "robots")
 
 
 def benchmark(
@@ -45,12 +48,14 @@ def benchmark(
     given = {"messages": messages, "feedback": feedback, "image_size": image_size, **options}
     asked = Options(observation, **given)
     env_fn = partial(_environment, frozen, observation, **given)
-    shared = {name: asked.recorded()[name] for name in ("messages", "feedback", "image_size")}
+    recorded = asked.recorded()
+    shared = {name: recorded[name] for name in ("messages", "feedback", "image_size")}
     known = asked.things.content
     own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
     own |= {GOAL: True} if options.get(GOAL) else {}
     own |= {HOME: str(options[HOME])} if options.get(HOME) else {}
     own |= {RULES: rules} if (rules := rules_of(asked)) else {}
+    own |= {TRAINED_IN: {name: recorded[name] for name in _TRAINED_IN if name in recorded}}
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 

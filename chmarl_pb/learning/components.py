@@ -8,6 +8,7 @@ is VDN inside the agent; actor-critics draw them independently of each other, so
 add up. So 26 actions and 16 symbols have 42 outputs in the place of 416.
 """
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -54,12 +55,24 @@ def as_action(row: NDArray[np.integer[Any]], counts: Counts) -> Any:
     return int(row[0]) if isinstance(counts, int) else np.array(row, np.int64)
 
 
-def mask_of(info: dict[str, Any], counts: Counts) -> NDArray[np.bool_]:
-    """Return (K, A) what the environment allows: ``info["action_mask"]`` is about the first component, or all."""
-    mask = _all_allowed(counts).copy()
+def mask_of(agent: str, infos: Mapping[str, Any], counts: Counts) -> NDArray[np.bool_]:
+    """Return (K, A) what an agent may do: ``infos[agent]["action_mask"]`` is about the first component.
+
+    Without a mask, or where it allows nothing, all is allowed.
+
+    Raises:
+        ValueError: the agent's info is no dict, or its mask has another length than it has actions.
+    """
+    mask, info, number = _all_allowed(counts).copy(), infos.get(agent, {}), of_each(counts)[0]
+    if not isinstance(info, Mapping):
+        raise ValueError(f"the info of {agent!r} is {info!r}; return a dict, which may be empty")
     allowed = info.get("action_mask")
     if allowed is not None and (own := np.asarray(allowed, dtype=bool)).any():
-        mask[0, : of_each(counts)[0]] &= own
+        if own.shape != (number,):
+            raise ValueError(
+                f"the action_mask of {agent!r} has the shape {own.shape}; give it ({number},), a value for each action"
+            )
+        mask[0, :number] &= own
     return mask
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
+TRAINED_IN = "trained_in"  # key of a run's setting: split, kind of task and the like; absent in older ones
 HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
 RULES = "rules"  # options of the environment by which a policy plays again; absent by the paper's rules
 CATALOG = "catalog_sha256"  # the same of a catalogue file and all that it names; absent without one

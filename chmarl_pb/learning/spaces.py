@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,46 @@ class Interface:
         """The names of all agents, in order."""
         return tuple(self.actions)
 
+    @cached_property
+    def _shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
+        """Agent -> key of its observations, "" if they have none -> shape."""
+        return {
+            name: {key: part.shape or () for key, part in _parts(space).items()}
+            for name, space in self.observations.items()
+        }
+
+    def observed(self, name: str, observation: Tree) -> Tree:
+        """Return an agent's observation in arrays of its own, as environments may use theirs again.
+
+        Raises:
+            ValueError: it has not the keys and shapes of its space.
+        """
+        arrays = tree_map(np.array, observation)
+        parts = arrays if isinstance(arrays, dict) else {"": arrays}
+        for key, shape in self._shapes[name].items():
+            found = getattr(parts.get(key), "shape", None)
+            if found != shape:
+                what = f"shape {found}" if found is not None else "nothing of that kind"
+                raise ValueError(
+                    f"{_where(name, key)} has the shape {shape} in its observation_space, but {what} in what the "
+                    "environment returns; let both say the same"
+                )
+        return arrays
+
     def state(self, env: Any, observations: Mapping[str, Tree]) -> np.ndarray:
-        """Return the global state (S), float32; agents that are gone count as zeros."""
+        """Return the global state (S), float32; agents that are gone count as zeros.
+
+        Raises:
+            ValueError: ``state()`` has another length than after the first reset.
+        """
         if self.has_state:
-            return np.asarray(env.state(), dtype=np.float32).ravel()
+            state: np.ndarray = np.asarray(env.state(), dtype=np.float32).ravel()
+            if self.state_size and len(state) != self.state_size:
+                raise ValueError(
+                    f"state() has {len(state)} numbers, and {self.state_size} after the first reset; give it one "
+                    "length, with zeros for what is gone"
+                )
+            return state
         parts = [observations.get(name, zeros(space)) for name, space in self.observations.items()]
         return np.concatenate(
             [_flat(space, part) for space, part in zip(self.observations.values(), parts, strict=True)]
@@ -52,12 +89,16 @@ def interface_of(env: Any) -> Interface:
     """Return what a learner has to know of a ParallelEnv; resets it.
 
     Raises:
-        ValueError: its spaces are not of the kinds that can be learned from.
+        ValueError: its spaces are not of the kinds that can be learned from, or what it returns does not fit them.
     """
     observations, actions = spaces_of(env)
     seen, _ = env.reset(seed=0)
     interface = Interface(observations, actions, 0, _has_state(env))
-    return replace(interface, state_size=len(interface.state(env, seen)))
+    first = {name: interface.observed(name, seen[name]) for name in observations if name in seen}
+    size = len(interface.state(env, first))
+    if not size:
+        raise ValueError("state() is empty; return numbers, or leave it out: all observations then take its place")
+    return replace(interface, state_size=size)
 
 
 def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]]:
@@ -74,8 +115,7 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
     actions = {name: counts_in(name, env.action_space(name)) for name in names}
     observations = {name: env.observation_space(name) for name in names}
     for name, space in observations.items():
-        parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
-        if not all(isinstance(part, FLAT) for part in parts):
+        if not all(isinstance(part, FLAT) for part in _parts(space).values()):
             raise ValueError(f"the observation space of {name!r} is {space}; use a {FLAT_NAMES}, or a Dict of them")
     return observations, actions
 
@@ -102,6 +142,39 @@ def stack(observations: Sequence[Tree]) -> Tree:
 def tensors(tree: Tree) -> Tree:
     """Return a tree of arrays as tensors that share their memory."""
     return tree_map(torch.from_numpy, tree)
+
+
+def check_values(name: str, kept: Tree, seen: Tree) -> None:
+    """Check that arrays in the types of an agent's space hold what it has observed.
+
+    Raises:
+        ValueError: values would be cut off there, so that others were learned from than were acted on.
+    """
+    for key, array in kept.items() if isinstance(kept, Mapping) else [("", kept)]:
+        values = seen[key] if key else seen
+        if not _holds(array.dtype, values):
+            raise ValueError(
+                f"{_where(name, key)} is of {array.dtype} in its observation_space, which does not hold what the "
+                f"environment returns, {values.dtype} from {values.min()} to {values.max()}; let both say the same"
+            )
+
+
+def _holds(dtype: np.dtype[Any], values: np.ndarray) -> bool:
+    """Return whether values fit into a type; what floats round does not count."""
+    if values.dtype == dtype or (np.issubdtype(dtype, np.floating) and values.dtype.kind in "biuf"):
+        return True
+    with np.errstate(invalid="ignore"):  # of what is no number
+        return np.array_equal(values.astype(dtype), values)
+
+
+def _parts(space: spaces.Space[Any]) -> dict[str, spaces.Space[Any]]:
+    """Return the key of each part of a space -> the part; "" if the space is one."""
+    return dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
+
+
+def _where(name: str, key: str) -> str:
+    """Return the words for a part of an agent's observations."""
+    return f"the observation of {name!r}" + (f", key {key!r}," if key else "")
 
 
 def _has_state(env: Any) -> bool:

@@ -14,6 +14,7 @@ from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
+from chmarl_pb.learning.runs.run import BEST, LAST
 
 ALL = ("bc", *ALGORITHMS, "dagger-mappo")
 
@@ -82,8 +83,9 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         (["--algo", "bc", "--batch-size", "0"], "batch_size=0: must be at least 1"),
         (["--algo", "qmix", "--threads", "0"], "threads=0: must be at least 1"),
         (["--algo", "qmix", "--device", "abacus"], "device='abacus'"),
-        (["--algo", "vdn", "--mixer", "magic"], "mixer='magic' is not known"),
-        (["--algo", "vdn", "--mixer", "torch.nn:Linear"], "mixer='torch.nn:Linear': makes a Linear, not a Mixer"),
+        (["--algo", "qmix", "--mixer", "magic"], "mixer='magic' is not known"),
+        (["--algo", "iql", "--mixer", "qmix"], "mixer='qmix': that makes another algorithm of iql; use qmix"),
+        (["--algo", "qmix", "--mixer", "torch.nn:Linear"], "mixer='torch.nn:Linear': makes a Linear, not a Mixer"),
         (["--algo", "vdn", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
         (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),
         (["--algo", "dagger-mappo", "--imitation.numbers-past"], "Unrecognized options: --imitation.numbers-past"),
@@ -116,6 +118,31 @@ def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.Monke
     assert (first, imitation.seed, imitation.episodes, begun) == ("imitation", 4, 5, tmp_path / "imitation")
     assert (second, mappo.seed, mappo.episodes, folder) == ("mappo", 4, 6, tmp_path)
     assert mappo.start == str(tmp_path / "imitation" / "best.pt")
+
+
+def test_dagger_mappo_goes_on_without_the_imitator_that_it_has_begun_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from chmarl_pb.cli import train as command
+
+    trained = []
+    monkeypatch.setattr(command, "train", lambda env_fn, algorithm, *arguments, **options: trained.append(algorithm))
+    (tmp_path / LAST).touch()
+    assert main(["--algo", "dagger-mappo", "--image-encoder", "cnn", "--out", str(tmp_path)]) == 0
+    assert trained == ["mappo"]
+
+
+def test_a_finished_run_without_its_best_weights_is_not_announced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--algo", "vdn", "--episodes", "1", "--envs", "1", "--features", "8", "--hidden", "8", "--max-steps", "1"]
+    words += ["--home", "home_1", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert "Evaluate them with" in capsys.readouterr().out
+    (tmp_path / BEST).unlink()
+    assert main(words) != 0
+    shown = capsys.readouterr()
+    assert shown.out == "" and f"{BEST}: the best weights are gone" in shown.err
 
 
 def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
 from chmarl_pb.learning.algorithms.value import Config
+from chmarl_pb.learning.config import HOME, TRAINED_IN
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
@@ -269,6 +270,9 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
         make_learner("mappo", interface, replace(MAPPO, hidden=9, start=str(tmp_path / BEST)))
     with pytest.raises(CheckpointError, match="was trained with messages=None, not True"):
         check_first_weights(replace(MAPPO, start=str(tmp_path / BEST)), {"messages": True})
+    check_first_weights(
+        replace(MAPPO, start=str(tmp_path / BEST)), {TRAINED_IN: {"split": "generated"}, HOME: "home_1"}
+    )
     train(UnevenEnv, "iql", SMALL, tmp_path / "values")
     with pytest.raises(CheckpointError, match="iql learns no policy"):
         make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))

@@ -114,6 +114,27 @@ def test_an_interrupted_run_ends_with_the_same_numbers(
         clone(config, cut, data)
 
 
+def test_best_weights_that_are_gone_are_written_again_or_missed(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def examine(*_: Any) -> dict[str, float]:
+        score = next(scores)
+        if score < 0:
+            raise KeyboardInterrupt
+        return {"score": score}
+
+    monkeypatch.setattr(cloning.Examiner, "examine", examine)
+    scores = iter([0.5, -1.0])
+    with pytest.raises(KeyboardInterrupt):
+        clone(SMALL, tmp_path, data)
+    (tmp_path / "best.pt").unlink()
+    scores = iter([0.3])
+    assert clone(SMALL, tmp_path, data)["score"] == load(tmp_path / "best.pt")["figures"]["score"] == 0.3
+    (tmp_path / "best.pt").unlink()
+    with pytest.raises(CheckpointError, match="the best weights are gone"):
+        clone(SMALL, tmp_path, data)
+
+
 @pytest.mark.parametrize("dropout", [0.0, 0.3])
 def test_a_run_that_is_asked_to_end_goes_on_from_its_last_batch(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dropout: float

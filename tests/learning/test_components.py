@@ -51,7 +51,21 @@ def test_shapes_and_masks_of_two_heads() -> None:
     assert (values["teller"][..., 1, 2] == NEVER).all()
     assert (batch.actions["teller"][..., 0] > 0).all(), "the mask is about the first head"
     assert set(batch.actions["teller"][..., 1].unique().tolist()) == {0, 1}
-    assert mask_of({}, 3).tolist() == [[True] * 3] and mask_of({"action_mask": [0, 0]}, 2).all()
+    assert mask_of("doer", {}, 3).tolist() == [[True] * 3]
+    assert mask_of("doer", {"doer": {"action_mask": [0, 0]}}, 2).all()
+
+
+@pytest.mark.parametrize(
+    ("info", "words"),
+    [
+        (None, "info of 'doer' is None; return a dict"),
+        ({"action_mask": np.ones(7)}, r"action_mask of 'doer' has the shape \(7,\); give it \(3,\)"),
+        ({"action_mask": [1]}, r"action_mask of 'doer' has the shape \(1,\)"),
+    ],
+)
+def test_masks_that_are_not_about_the_actions_are_refused(info: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        mask_of("doer", {"doer": info}, 3)
 
 
 def test_a_heads_outputs_are_the_sum_and_not_the_product() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.cli.program import main
+from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.runs.validation import SEEDS_FROM, by_home, home_tasks
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
@@ -47,6 +48,8 @@ def test_a_training_in_a_home_validates_there(tmp_path: Path, home: str) -> None
 def test_sb3_validates_in_its_home(home: str) -> None:
     tasks = validation_tasks(2, home)
     assert tasks == home_tasks(home, 4, TEAM, None)
+    alike = validation_tasks(14, "home_7", track=GROUNDED)  # the last of which is another one among lookalikes
+    assert alike == home_tasks("home_7", 14, TEAM, None, lookalikes=True) != home_tasks("home_7", 14, TEAM, None)
     env = make_validation("CHMARL/SceneGraph-v0", tasks, 2, {"max_steps": 3, "home": home})
     _, info = env.reset(seed=0)
     assert info["humanoid"]["task_id"] == tasks[0].id and env.step(env.action_space.sample())[1] == 0

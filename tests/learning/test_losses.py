@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from torch import nn
 
 from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, best_action, mean_square, td_loss
-from chmarl_pb.learning.algorithms.mixers import Independent, QMixer, Sum
+from chmarl_pb.learning.algorithms.mixers import DeepQMixer, Independent, QMixer, Sum
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
@@ -57,11 +57,11 @@ def test_qmix_equals_torchrl_with_equal_weights() -> None:
 
 
 def test_a_mixer_is_chosen_by_name() -> None:
-    learner = make_learner("vdn", interface_of(TwoStepGame()), Config(mixer="qmix"))
-    assert isinstance(learner, ValueLearner) and isinstance(learner.mixer, QMixer)
+    learner = make_learner("qmix", interface_of(TwoStepGame()), Config(mixer="qmix-deep"))
+    assert isinstance(learner, ValueLearner) and isinstance(learner.mixer, DeepQMixer)
     for wrong in ("magic", "tests.no_such_module:Mixer", "chmarl_pb.learning.algorithms.mixers:NoMixer"):
         with pytest.raises(ValueError, match=f"mixer='{wrong}'"):
-            make_learner("vdn", interface_of(TwoStepGame()), Config(mixer=wrong))
+            make_learner("qmix", interface_of(TwoStepGame()), Config(mixer=wrong))
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_a_mixer_is_chosen_by_name() -> None:
 def test_what_makes_no_network_is_refused(option: str, name: str, words: str) -> None:
     given: dict[str, Any] = {option: name}
     with pytest.raises(ValueError, match=f"{option}='{name}'.*{words}"):
-        make_learner("vdn", interface_of(TwoStepGame()), Config(**given))
+        make_learner("qmix", interface_of(TwoStepGame()), Config(**given))
 
 
 def test_settings_that_a_learner_would_not_use_are_refused() -> None:
@@ -83,6 +83,23 @@ def test_settings_that_a_learner_would_not_use_are_refused() -> None:
         make_learner("qtran", interface_of(TwoStepGame()), Config(mixer="vdn"))
     with pytest.raises(ValueError, match="at least 2"):
         make_learner("qmix", interface_of(TwoStepGame()), Config(mixer="qmix-deep", embedding=1))
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "mixer", "instead"),
+    [
+        ("iql", "qmix", "qmix"), ("iql", "vdn", "vdn"), ("vdn", "qmix-deep", "qmix"), ("qmix", "iql", "iql"),
+        ("vdn", "examples.new_mixer:WeightedSum", "qmix"),
+    ],
+)  # fmt: skip
+def test_nothing_else_is_trained_under_the_name_of_an_algorithm(algorithm: str, mixer: str, instead: str) -> None:
+    with pytest.raises(ValueError, match=f"mixer='{mixer}': .* another algorithm of {algorithm}; use {instead}$"):
+        make_learner(algorithm, interface_of(TwoStepGame()), Config(mixer=mixer))
+
+
+def test_an_algorithm_may_name_its_own_mixer() -> None:
+    for algorithm in ("iql", "vdn", "qmix"):
+        make_learner(algorithm, interface_of(TwoStepGame()), Config(mixer=algorithm))
 
 
 @given(st.lists(NUMBERS, min_size=9, max_size=9))

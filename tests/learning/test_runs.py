@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Dict, Discrete, MultiBinary, MultiDiscrete
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete
 
 from chmarl_pb.errors import ResultError
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.benchmark_env import benchmark
+from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
@@ -136,6 +138,33 @@ def test_of_equal_validations_the_last_weights_are_kept(scores: list[float], tmp
     assert load(tmp_path / "best.pt")["episodes"] == 4 * (best + 1)
 
 
+def test_best_weights_that_are_gone_are_written_again_or_missed(tmp_path: Path) -> None:
+    def validate(*_: Any) -> dict[str, float]:
+        score = next(scores)
+        if score < 0:
+            raise KeyboardInterrupt
+        return {"score": score}
+
+    config = replace(SMALL, episodes=12, envs=4, validation_interval=4)
+    go_on = partial(train, UnevenEnv, "vdn", config, tmp_path, validate)
+    scores = iter([0.5, -1.0])
+    with pytest.raises(KeyboardInterrupt):
+        go_on()
+    (tmp_path / BEST).unlink()
+    scores = iter([0.2, 0.1])
+    assert go_on().best_score == 0.2 and load(tmp_path / BEST)["episodes"] == 8
+    (tmp_path / BEST).unlink()
+    with pytest.raises(CheckpointError, match=rf"{BEST}: the best weights are gone, and the run is over"):
+        go_on()
+
+
+def test_a_score_that_is_no_number_ends_a_run_with_a_word(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="validation after 16 episodes has the score nan"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path, validate=lambda *_: {"score": float("nan")})
+    train(UnevenEnv, "vdn", SMALL, tmp_path)  # by another validation it goes on
+    assert (tmp_path / BEST).is_file()
+
+
 @pytest.mark.parametrize("algorithm", CONFIGS)
 def test_killed_run_ends_with_the_same_numbers(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = CONFIGS[algorithm]
@@ -216,6 +245,87 @@ def test_multi_discrete_and_multi_binary_observations_are_learned_from(monkeypat
     assert len(interface.state(env, {name: seen.sample() for name in spaces})) == 9 * len(spaces)
 
 
+class LateEnv(UnevenEnv):
+    """The short agent comes after the first step."""
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
+        super().reset(seed)
+        self.agents = ["long"]
+        return self._observe(), self._infos()
+
+    def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
+        observations, *rest, infos = super().step(actions)
+        if self._time == 1:
+            self.agents = ["long", "short"]
+            observations, infos = self._observe(), self._infos()
+        return observations, *rest, infos
+
+
+def test_agents_that_join_later_are_refused() -> None:
+    with pytest.raises(ValueError, match="'short' acts in step 2 of an episode and not in the step before"):
+        train(LateEnv, "vdn", SMALL)
+
+
+def observing(space: Any, *values: Any) -> type[UnevenEnv]:
+    """Return an environment whose long agent has a space, and observes values in turn."""
+
+    class Env(UnevenEnv):
+        def observation_space(self, agent: str) -> Any:
+            return space if agent == "long" else super().observation_space(agent)
+
+        def _observe(self) -> dict[str, Any]:
+            seen = super()._observe()
+            return seen | ({"long": values[min(self._time, len(values) - 1)]} if "long" in seen else {})
+
+    return Env
+
+
+SHORT, KEYED = Box(0, 1, (2,), np.int8), Dict({"bits": Box(0, 1, (2,), np.uint8)})
+
+
+@pytest.mark.parametrize(
+    ("space", "values", "words"),
+    [
+        (SHORT, [[1, 0, 1]], r"observation of 'long' has the shape \(2,\) .* shape \(3,\)"),
+        (SHORT, [[1, 0], [1]], r"observation of 'long' has the shape \(2,\) .* shape \(1,\)"),
+        (KEYED, [{"bit": [0, 1]}], r"'long', key 'bits', has the shape \(2,\) .* nothing of that kind"),
+        (KEYED, [[0, 1]], r"'long', key 'bits', has the shape \(2,\) .* nothing of that kind"),
+        (SHORT, [{"bits": [0, 1]}], r"'long' has the shape \(2,\) .* nothing of that kind"),
+        (SHORT, [[0, 1], [400, -5]], "'long' is of int8 .* int64 from -5 to 400"),
+        (KEYED, [{"bits": [0.0, 0.5]}], r"'long', key 'bits', is of uint8 .* float64 from 0\.0 to 0\.5"),
+        (KEYED, [{"bits": [0.0, np.nan]}], "'long', key 'bits', is of uint8 .* float64"),
+    ],
+)
+def test_observations_that_are_not_of_their_space_are_refused(space: Any, values: list[Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        train(observing(space, *values), "vdn", SMALL)
+
+
+@pytest.mark.parametrize(
+    ("space", "value"), [(SHORT, [0, 1]), (KEYED, {"bits": [True, False]}), (KEYED, {"bits": [1.0, 0]})]
+)
+def test_lists_that_fit_are_observations(space: Any, value: Any) -> None:
+    env = observing(space, value)
+    collector = Collector(env, 1)
+    replay = ReplayBuffer(collector.interface, 5, 1, 1.0)
+    replay.add(collector.play(learner(collector).agents, epsilon_greedy(1.0), np.random.default_rng(0), [0])[0])
+    kept = replay.sample(1, np.random.default_rng(0)).observations["long"]
+    kept, value = (kept["bits"], value["bits"]) if isinstance(value, dict) else (kept, value)
+    assert kept[0, -1].tolist() == [int(number) for number in value]
+
+
+@pytest.mark.parametrize(
+    ("lengths", "words"), [((0,), r"state\(\) is empty"), ((2, 3), r"state\(\) has 3 numbers, and 2")]
+)
+def test_a_state_has_one_length(lengths: tuple[int, ...], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def state(env: UnevenEnv) -> np.ndarray:
+        return np.zeros(lengths[min(env._time, len(lengths) - 1)])
+
+    monkeypatch.setattr(UnevenEnv, "state", state)
+    with pytest.raises(ValueError, match=words):
+        train(UnevenEnv, "qmix", SMALL)
+
+
 def test_text_is_no_checkpoint(tmp_path: Path) -> None:
     for text in ("hello", "RRR"):
         (tmp_path / "text.pt").write_text(text)
@@ -234,6 +344,26 @@ def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:
         train(UnevenEnv, "vdn", replace(SMALL, gamma=0.5), tmp_path)
     with pytest.raises(CheckpointError, match="settings: messages=None, not True; go on"):
         train(UnevenEnv, "vdn", SMALL, tmp_path, setting={"messages": True})
+
+
+def test_run_of_another_split_is_refused_but_an_older_one_does_not_tell(tmp_path: Path) -> None:
+    def go_on(**options: Any) -> None:
+        train(UnevenEnv, "vdn", SMALL, tmp_path, setting=benchmark("scene_graph", **options)[1])
+
+    go_on()
+    go_on(split="train")
+    for options, words in (
+        ({"split": "generated"}, "split='train', not 'generated'"), ({"task": "tidy"}, "task=None, not 'tidy'"),
+        ({"execution": "simulated"}, "execution=None, not 'simulated'"),
+        ({"max_steps": 9}, "rules=None, not {'max_steps': 9}"),
+        ({"robots": ("humanoid", "humanoid")}, "robots=None, not "), ({"home": "home_1"}, "home=None, not 'home_1'"),
+    ):  # fmt: skip
+        with pytest.raises(CheckpointError, match=rf"other settings: .*{words}"):
+            go_on(**options)
+    content = load(tmp_path / LAST)
+    assert load(tmp_path / BEST)["setting"].pop(TRAINED_IN) == content["setting"].pop(TRAINED_IN) == {"split": "train"}
+    save(tmp_path / LAST, content.pop("kind"), content)
+    go_on(split="generated")
 
 
 def test_finished_run_is_loaded_and_keeps_no_replay(tmp_path: Path) -> None:

@@ -239,6 +239,30 @@ def test_killed_run_ends_with_the_same_numbers(
         run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
 
 
+def test_best_weights_that_are_gone_are_written_again_or_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = Config("recurrent-ppo", HUMANOID, steps=24, interval=8, **TINY)
+    scores = iter([0.5, 0.3, 0.1])
+
+    def validate(*_: Any, callback: Any, **__: Any) -> tuple[list[float], list[int]]:
+        callback({"done": True, "info": {"is_success": False}}, {})
+        return [next(scores)], [4]
+
+    monkeypatch.setattr("stable_baselines3.common.callbacks.evaluate_policy", validate)
+    with monkeypatch.context() as patch:
+        patch.setattr(Bar, "say", killed_at_call(3))  # after the title and the first validation
+        with pytest.raises(KeyboardInterrupt):
+            run(config, tmp_path, workers=0)
+    (tmp_path / BEST).unlink()
+    scores = iter([0.3, 0.1])
+    run(config, tmp_path, workers=0)
+    assert json.loads((tmp_path / RESULT).read_text())["best"]["plw"] == 0.3
+    (tmp_path / BEST).unlink()
+    with pytest.raises(CheckpointError, match="the best weights are gone"):
+        run(config, tmp_path, workers=0)
+
+
 def test_a_run_that_is_killed_after_a_validation_logs_it_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = Config("recurrent-ppo", HUMANOID, steps=16, interval=8, **TINY)
     with monkeypatch.context() as patch:

@@ -35,6 +35,7 @@ from chmarl_pb.learning.runs.validation import spread_tasks
 from chmarl_pb.robots.registry import TEAM, listed
 
 BEST, LAST = "best.pt", "last.pt"
+_NOTHING = {"score": -1.0}  # figures before the first validation
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
 #: Split of the data -> those that the best epoch is chosen on: where homes are to be known by heart, these homes alone.
 VALIDATION = {"train": ("val-seen", "val-unseen"), "train-limited": ("val-limited",)}
@@ -67,7 +68,8 @@ def clone(
     Raises:
         Interrupted: a signal asked the run to end.
         DatasetError: the data set is missing or damaged.
-        CheckpointError: ``last.pt`` is damaged or of other settings, or another process trains in the folder.
+        CheckpointError: ``last.pt`` is damaged or of other settings, another process trains in the folder, or the run
+            is over and its best weights are gone.
     """
     recipe = Recipe(config.split, config.observation, config.noise, robots=listed(config.robots))
     signals, where = Signals(), find_device(device)
@@ -83,6 +85,7 @@ def clone(
                 except Asked:
                     run.save()
                     raise signals.interrupted(f"{run.epoch} epochs and {run.batch} batches", folder / LAST) from None
+    checkpoint.check_kept(folder / BEST)
     return run.best
 
 
@@ -111,7 +114,7 @@ class _Run:
         )
         batches = -(-len(data.lengths) // config.batch_size)
         self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimizer, config.epochs * batches)
-        self.epoch, self.best = 0, {"score": -1.0}
+        self.epoch, self.best = 0, _NOTHING
         self._saved = time.monotonic()
         self._begin_epoch()
 
@@ -196,7 +199,7 @@ class _Run:
             checkpoint.fill(self.actors, content["actors"], path)
             self.optimizer.load_state_dict(content["optimizer"])
             self.schedule.load_state_dict(content["schedule"])
-            self.epoch, self.best = content["epoch"], content["best"]
+            self.epoch, self.best = content["epoch"], content["best"] if (self.folder / BEST).is_file() else _NOTHING
             self._begin_epoch()
             if "batch" in content:  # older checkpoints were written between two epochs alone
                 self.batch, self._total = content["batch"], content["total"]

@@ -136,5 +136,8 @@ def _bent(numbers: Tensor) -> Tensor:
     return torch.cat([nn.functional.elu(convex), -nn.functional.elu(-concave)], dim=-1)
 
 
+#: Algorithms that are nothing but their mixer.
+BY_MIXER = ("iql", "vdn")
+
 #: Name, that of the algorithm whose default it is -> mixer.
 MIXERS: dict[str, type[Mixer]] = {"iql": Independent, "vdn": Sum, "qmix": QMixer, "qmix-deep": DeepQMixer}

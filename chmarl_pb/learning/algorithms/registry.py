@@ -13,7 +13,7 @@ from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
-from chmarl_pb.learning.config import HOME, RunConfig
+from chmarl_pb.learning.config import HOME, TRAINED_IN, RunConfig
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.spaces import Interface
 
@@ -81,7 +81,7 @@ def make_learner(algorithm: str, interface: Interface, config: RunConfig, resume
 
 
 def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
-    """Check that the weights to begin with were learned in the same setting, in whatever home: messages, images.
+    """Check that the weights to begin with were learned in the same setting, in whatever homes: messages, images.
 
     Raises:
         CheckpointError: they were not, or the file is damaged.
@@ -92,7 +92,7 @@ def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
     with reading(path):
         theirs = dict(load(path, "value")["setting"])
     for name, own in setting.items():
-        if name != HOME and theirs.get(name) != own:
+        if name not in (HOME, TRAINED_IN) and theirs.get(name) != own:
             raise CheckpointError(
                 f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
             )

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
-from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
+from chmarl_pb.learning.algorithms.mixers import BY_MIXER, MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
 from chmarl_pb.learning.lookup import make_network
@@ -32,7 +32,7 @@ from chmarl_pb.learning.spaces import Interface
 class Config(RunConfig):
     """Value factorisation; the defaults are the papers' settings, see ``docs/training.md`` for stronger ones.
 
-    >>> config = Config(mixer="vdn", gamma=0.95, episodes=500)
+    >>> config = Config(mixer="qmix-deep", gamma=0.95, episodes=500)
     >>> config.episodes
     500
     >>> Config(gamma=2.0)
@@ -40,7 +40,8 @@ class Config(RunConfig):
     ValueError: ...
 
     Attributes:
-        mixer: a name in ``algorithms.mixers.MIXERS``, or ``module:name``; "" for that of the algorithm.
+        mixer: of QMIX: a name in ``algorithms.mixers.MIXERS``, or ``module:name``; "" for its own. IQL, VDN and QTRAN
+            take no other than their own.
         gradient_steps: after each rollout.
         gamma: discount of one step.
         exploration_initial_eps: share of random actions at first.
@@ -106,9 +107,17 @@ class ValueLearner:
         self.updates = 0
 
     def make_mixer(self, interface: Interface) -> nn.Module:
-        """Return what joins the agents' values."""
+        """Return what joins the agents' values.
+
+        Raises:
+            ValueError: the settings name a mixer that makes another algorithm of it, or there is none of this name.
+        """
+        algorithm, mixer = self.algorithm, self.config.mixer or self.algorithm
+        if mixer != algorithm and algorithm in MIXERS and (algorithm in BY_MIXER or mixer in BY_MIXER):
+            instead = mixer if mixer in BY_MIXER else "qmix"
+            raise ValueError(f"mixer={mixer!r}: that makes another algorithm of {algorithm}; use {instead}")
         given = (len(interface.agents), interface.state_size, self.config.embedding)
-        return make_network("mixer", self.config.mixer or self.algorithm, MIXERS, *given, kind=Mixer)
+        return make_network("mixer", mixer, MIXERS, *given, kind=Mixer)
 
     def to(self, device: torch.device) -> None:
         """Move the networks to a device, before the first gradient step."""

@@ -82,6 +82,19 @@ def _with_present_names(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
+def check_kept(best: Path) -> None:
+    """Check that the best weights of a run that is over are there.
+
+    Raises:
+        CheckpointError: they are not, and no validation will write them again.
+    """
+    if not best.is_file():
+        raise CheckpointError(
+            f"{best}: the best weights are gone, and the run is over; put the file back, or train again in another "
+            "folder"
+        )
+
+
 def check_whole(path: Path) -> None:
     """Check that a file is as it was written.
 

@@ -12,7 +12,7 @@ from chmarl_pb.learning.components import Counts, as_action, as_row, mask_of, of
 from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
-from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, tree_map, zeros
+from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, zeros
 from chmarl_pb.policies.expert import Expert, as_expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
@@ -209,7 +209,7 @@ class Explorer:
                 continue
             index = torch.tensor([episodes[row] for row in rows])
             values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
-            mask = torch.from_numpy(np.stack([mask_of(infos[row].get(name, {}), counts) for row in rows]))
+            mask = torch.from_numpy(np.stack([mask_of(name, infos[row], counts) for row in rows]))
             labels = self._labels_of(name, [episodes[row] for row in rows])
             actions = self._choose(values, mask, labels, self._rng)
             self._player.remember(name, index, torch.from_numpy(actions))
@@ -234,7 +234,11 @@ def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ..
 
 
 def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, step: tuple[Any, ...]) -> None:
-    """Record a step, which has returned five things."""
+    """Record a step, which has returned five things.
+
+    Raises:
+        ValueError: an agent acts that did not in the step before.
+    """
     names = interface.agents
     observations, rewards, terminated, _, infos = step
     episode.actions.append(
@@ -244,9 +248,24 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, 
         }
     )
     episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
-    episode.acted.append(np.array([name in actions for name in names]))
+    episode.acted.append(_acting(names, episode, actions))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
     _look(interface, episode, env, observations, infos)
+
+
+def _acting(names: Sequence[str], episode: Episode, actions: Actions) -> np.ndarray:
+    """Return which agents (N) act; those who have not from the first step on have no whole history to learn from.
+
+    Raises:
+        ValueError: one of them joins later.
+    """
+    acting = np.array([name in actions for name in names])
+    if episode.acted and (joined := acting & ~episode.acted[-1]).any():
+        raise ValueError(
+            f"{names[joined.argmax()]!r} acts in step {len(episode)} of an episode and not in the step before; agents "
+            "may leave before the others, but not join later: let it be there from the reset on, and mask its actions"
+        )
+    return acting
 
 
 def _first_action(counts: Counts) -> Any:
@@ -257,14 +276,12 @@ def _first_action(counts: Counts) -> Any:
 def _look(
     interface: Interface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
 ) -> None:
-    seen = {
-        name: tree_map(np.array, observation) for name, observation in observations.items()
-    }  # envs may reuse theirs
     episode.observations.append(
-        {name: seen[name] if name in seen else zeros(space) for name, space in interface.observations.items()}
+        {
+            name: interface.observed(name, observations[name]) if name in observations else zeros(space)
+            for name, space in interface.observations.items()
+        }
     )
     episode.states.append(interface.state(env, observations))
-    episode.action_mask.append(
-        {name: mask_of(infos.get(name, {}), counts) for name, counts in interface.actions.items()}
-    )
+    episode.action_mask.append({name: mask_of(name, infos, counts) for name, counts in interface.actions.items()})
     episode.info = infos

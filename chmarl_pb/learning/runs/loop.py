@@ -11,13 +11,13 @@ from torch import nn
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm
 from chmarl_pb.learning.config import RunConfig
-from chmarl_pb.learning.runs.checkpoint import load, reading
+from chmarl_pb.learning.runs.checkpoint import check_kept, load, reading
 from chmarl_pb.learning.runs.collect import Collector
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
-from chmarl_pb.learning.runs.run import LAST, Run
+from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import Validate, by_return
 from chmarl_pb.policies.expert import Expert
@@ -84,7 +84,8 @@ def train(
     Raises:
         Interrupted: a signal asked the run to end.
         ValueError: the algorithm or the environment is of another kind, there is nobody to imitate, or no such device.
-        CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
+        CheckpointError: the folder's checkpoint is damaged or of other settings, another process trains there, or the
+            run is over and its best weights are gone.
     """
     row = find_algorithm(algorithm)
     if row.imitates and expert is None:
@@ -111,4 +112,6 @@ def train(
             except Asked:
                 run.save()
                 raise signals.interrupted(f"{run.episodes} episodes", last) from None
+        if folder is not None:
+            check_kept(folder / BEST)
         return Result(run.learner, run.learner.agents, run.best_score)

@@ -8,7 +8,7 @@ import torch
 
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.components import as_row, of_each
-from chmarl_pb.learning.spaces import Interface, Tree, stack, tree_map, zeros
+from chmarl_pb.learning.spaces import Interface, Tree, check_values, stack, tree_map, zeros
 
 GIB = 2**30
 
@@ -95,7 +95,7 @@ class ReplayBuffer:
         """Keep an episode, in the place of the oldest if there is no other.
 
         Raises:
-            ValueError: it has more steps than ``horizon``.
+            ValueError: it has more steps than ``horizon``, or observations that their space does not hold.
         """
         steps = len(episode)
         if steps > self.horizon:
@@ -103,6 +103,7 @@ class ReplayBuffer:
         place, kept = self.added % self.capacity, self._kept
         for name, counts in self._interface.actions.items():
             seen = stack([observation[name] for observation in episode.observations])
+            check_values(name, kept["observations"][name], seen)
             tree_map(lambda array, new: _write(array, place, new), kept["observations"][name], seen)
             _write(kept["actions"][name], place, np.array([action[name] for action in episode.actions]))
             labels = [label.get(name, -1) for label in episode.labels] or [-1] * steps

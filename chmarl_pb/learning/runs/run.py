@@ -12,7 +12,7 @@ import torch
 
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.config import TRAINED_IN, RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import check_same, load, save
 from chmarl_pb.learning.runs.collect import Collector
@@ -71,6 +71,7 @@ class Run:
 
         Raises:
             Asked: the run is to end; its state is that of before the rollout, or of before its validation.
+            ValueError: the score of a validation is no number.
         """
         if self._unreported is None:
             before = self.episodes
@@ -113,7 +114,7 @@ class Run:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Go on from a state.
+        """Go on from a state; an older one, which does not tell the split that it was trained in, with whatever split.
 
         Args:
             state: made by ``state``.
@@ -124,6 +125,7 @@ class Run:
         """
         theirs, own = dict(state), self._settings()
         self._begun_with = state.get("begun_with", {})  # nothing in older ones
+        theirs["setting"] = {TRAINED_IN: self.setting.get(TRAINED_IN), **state["setting"]}
         if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
             first = self.config.first_weights
             if first and Path(first).is_file() and file_hash(Path(first)) == self._begun_with.get("sha256"):
@@ -137,6 +139,8 @@ class Run:
         for name, stream in self._streams.items():
             stream.bit_generator.state = json.loads(state["streams"][name])
         self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
+        if self.folder is not None and not (self.folder / BEST).is_file():
+            self.best_score = -np.inf  # the best weights are gone, so the next ones are the best that there are
         self._window = defaultdict(list, state["window"])
         self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
 
@@ -182,8 +186,17 @@ class Run:
         self._clock["updates"] += time.perf_counter() - start
 
     def _score(self) -> dict[str, float]:
-        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures."""
+        """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures.
+
+        Raises:
+            ValueError: the score is no number.
+        """
         figures = self._validate(self._collector, self.learner.agents)
+        if np.isnan(figures["score"]):
+            raise ValueError(
+                f"the validation after {self.episodes} episodes has the score nan, by which no weights can be chosen; "
+                "see to what `validate` returns, or to the rewards of the environment"
+            )
         if figures["score"] >= self.best_score:
             self.best_score = figures["score"]
             if self.folder is not None:

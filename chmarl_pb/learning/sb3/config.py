@@ -147,7 +147,8 @@ class Config:
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         learning_rate: of the optimizer; None: that of the algorithm.
         interval: steps between two validations, each with a checkpoint.
-        tasks: number of validation tasks of each of the two splits; twice as many are drawn for a home.
+        tasks: number of validation tasks of each split that weights are chosen on, two in the paper's track, one in the
+            grounded; for a home as many are drawn as of all of them.
         max_steps: of an episode.
         robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
         home: name or path of a home to train in instead of the split's.

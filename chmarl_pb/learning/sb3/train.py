@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -19,6 +20,7 @@ import chmarl_pb
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.runs.checkpoint import check_kept
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Asked, Signals
 from chmarl_pb.learning.runs.lock import run_lock
@@ -62,7 +64,8 @@ def run(
 
     Raises:
         Interrupted: a signal asked the run to end.
-        CheckpointError: the folder's checkpoint is damaged or of other settings, or another process trains there.
+        CheckpointError: the folder's checkpoint is damaged or of other settings, another process trains there, or the
+            run is over and its best weights are gone.
     """
     where = find_device(device)
     tasks = validation_tasks(config.tasks, config.home, listed(config.robots), config.catalog, config.track)
@@ -114,6 +117,8 @@ def _learn(
         validation, folder / LAST, asdict(config), config.seed, config.interval, journal, own_log, signals.check
     )
     milestones.resume(model)
+    if not (folder / BEST).is_file():
+        validation.best_mean_reward = -np.inf  # if there were any, they are gone: the next are the best that there are
     first = model.num_timesteps
     rows = validation.rows()
     model.set_logger(make_logger(folder, first, int(rows[-1]["steps"]) if rows else 0))
@@ -128,8 +133,9 @@ def _learn(
                     raise
                 milestones.save()
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
+    check_kept(folder / BEST)
     rows = validation.rows()
-    best = max(reversed(rows), key=lambda row: row["plw"])  # of equals the last, whose weights are kept
+    best = next(row for row in reversed(rows) if row["plw"] >= validation.best_mean_reward)  # whose weights are kept
     splits = (config.home,) if config.home else SPLITS[config.track]
     result = {
         "config": asdict(config), "splits": splits, "best": best, "validations": rows, "steps": model.num_timesteps,

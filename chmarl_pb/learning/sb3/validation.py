@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
-from chmarl_pb.envs.tracks import GROUNDED, PAPER
+from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
@@ -68,10 +68,10 @@ def validation_tasks(
         home: name or path; None: the splits.
         robots: that are to solve the drawn tasks.
         catalog: catalogue file of own things.
-        track: whose splits are meant.
+        track: whose splits are meant, and by whose rules tasks are drawn.
     """
     if home is not None:
-        return home_tasks(home, len(SPLITS[track]) * most, robots, catalog)
+        return home_tasks(home, len(SPLITS[track]) * most, robots, catalog, TRACKS[track]["lookalikes"])
     return [task for split in SPLITS[track] for task in spread_tasks(split, most)]
 
 
