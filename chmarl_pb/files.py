@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import os
+import shutil
 import socket
 import tempfile
 import warnings
@@ -86,11 +87,18 @@ def check_apart(path: Path, sources: Iterable[Path]) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside ``path`` that takes its place at the end; nothing is left after an error.
 
-    The folder is made if it is missing.
+    The folder is made if it is missing. Links are followed; a device or a pipe, as ``/dev/null``, is written to.
 
     Raises:
         WriteError: the disk is full, or refuses it for another reason.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        with tempfile.TemporaryDirectory() as folder, writing(path, Path(folder)):
+            yield (made := Path(folder) / "made")
+            with made.open("rb") as source, path.open("wb") as device:
+                shutil.copyfileobj(source, device)
+        return
+    path = path.resolve() if path.is_symlink() else path
     _make_folder(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}-", suffix=".tmp", dir=path.parent)

@@ -2,7 +2,7 @@
 
 import hashlib
 import inspect
-import io
+import math
 import pickle
 import sys
 from collections.abc import Iterable
@@ -11,6 +11,9 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from chmarl_pb.files import file_hash
+
+_PROTOCOL = 5  # of pickle; a fixed one, so that hashes stay
+_REPEATED = 4  # times the length of an object, that it may have when shared parts are read as often as they are met
 
 
 def sha256_of(parts: Iterable[bytes]) -> str:
@@ -30,25 +33,56 @@ def name_of(given: object) -> str:
 def fingerprint(given: object) -> str | None:
     """Return the sha256 of an object.
 
-    Of a function or a class of a module it is that of the file; of anything else it covers the files of all classes and
-    functions in it, and what it holds: two objects of one class with other numbers, or other weights, differ.
+    It covers what the object holds, and the files of all classes and functions in it, with those around decorated ones:
+    two objects of one class with other numbers, or other weights, differ.
 
     Returns:
         None if that cannot be told: it holds what cannot be pickled, or there is no file, as in a notebook.
     """
-    if isinstance(given, type | FunctionType) and _is_named(given):
-        path = _file_of(given)
-        return None if path is None else file_hash(path)
-    for fast in (True, False):  # fast: equal parts read alike, one object or several; it cannot do cycles
-        buffer = io.BytesIO()
-        reader = _Reader(buffer)
-        reader.fast = fast
-        try:
-            reader.dump(given)
-        except Exception:  # whatever the methods raise by which objects say what they hold
-            continue
-        return sha256_of([buffer.getvalue(), *(file_hash(path).encode() for path in sorted(reader.files))])
-    return None
+    files = set[Path]()
+    try:
+        content = _content(given, files)
+    except Exception:  # whatever the methods raise by which objects say what they hold
+        return None
+    return sha256_of([content, *(file_hash(path).encode() for path in sorted(files))])
+
+
+def _content(given: object, files: set[Path]) -> bytes:
+    """Return the hash of what an object holds; note the files of classes and functions."""
+    told = _Digest()
+    _Reader(told, files).dump(given)
+    alike = _Digest(limit=_REPEATED * told.size)
+    reader = _Reader(alike, files)
+    reader.fast = True  # equal parts read alike, one object or several
+    try:
+        reader.dump(given)
+    except (ValueError, RecursionError, _TooLongError):  # of cycles, and of much that is reached in many ways
+        return told.sha256.digest()
+    return alike.sha256.digest()
+
+
+class _TooLongError(Exception):
+    """More was written than is let."""
+
+
+class _Digest:
+    """A file of which only the hash is kept.
+
+    Attributes:
+        sha256: of all that was written.
+        size: of the same, in bytes.
+    """
+
+    def __init__(self, limit: float = math.inf):
+        """Let as many bytes be written."""
+        self.sha256, self.size, self._limit = hashlib.sha256(), 0, limit
+
+    def write(self, data: bytes) -> None:
+        """Take some bytes."""
+        self.size += len(data)
+        if self.size > self._limit:
+            raise _TooLongError
+        self.sha256.update(data)
 
 
 def _is_named(given: Any) -> bool:
@@ -60,12 +94,24 @@ def _is_named(given: Any) -> bool:
 
 
 def _file_of(given: Any) -> Path | None:
-    """Return the file that defines a class or a function."""
+    """Return the file of a class, a function or a module."""
     try:
         path = inspect.getsourcefile(given)
     except (OSError, TypeError):
         return None
     return Path(path) if path and Path(path).is_file() else None
+
+
+def _layers(given: Any) -> list[Any]:
+    """Return what a class inherits, or what a callable is wrapped around, and itself; nothing for other objects."""
+    if isinstance(given, type):
+        return list(given.__mro__)
+    if not callable(given) or not isinstance(getattr(given, "__qualname__", None), str):
+        return []
+    layers = [given]
+    while (inner := getattr(layers[-1], "__wrapped__", None)) is not None and all(inner is not one for one in layers):
+        layers.append(inner)
+    return layers
 
 
 def _told(code: CodeType) -> tuple[Any, ...]:
@@ -81,17 +127,17 @@ class _Reader(pickle.Pickler):
         files: of the classes and functions that it came by.
     """
 
-    def __init__(self, buffer: io.BytesIO):
-        """Write what is read to a buffer."""
-        super().__init__(buffer, pickle.HIGHEST_PROTOCOL)
-        self.files: set[Path] = set()
+    def __init__(self, written: _Digest, files: set[Path]):
+        """Write what is read, and note files."""
+        super().__init__(written, _PROTOCOL)
+        self.files = files
 
     def persistent_id(self, given: Any) -> Any:
         """Return what stands for a set, whose order is no one's, and for a tensor, whose bytes name an address."""
-        for part in given.__mro__ if isinstance(given, type) else [given] if isinstance(given, FunctionType) else []:
+        for part in _layers(given):
             self._note(part)
         if type(given) in (set, frozenset):
-            return type(given).__name__, sorted(map(repr, given))
+            return type(given).__name__, sorted(_content(one, self.files) for one in given)
         torch: Any = sys.modules.get("torch")
         if torch is not None and isinstance(given, torch.Tensor):
             flat = given.detach().cpu().contiguous().reshape(-1).view(torch.uint8)
@@ -99,11 +145,11 @@ class _Reader(pickle.Pickler):
         return None
 
     def _note(self, part: Any) -> None:
-        path = _file_of(part)
-        if path is not None:
-            self.files.add(path)
-        elif part.__module__ == "__main__":
+        module = getattr(part, "__module__", None)  # beside its own: a decorator may be another file's
+        found = {path for one in (part, sys.modules.get(str(module))) if (path := _file_of(one)) is not None}
+        if not found and module == "__main__":
             raise pickle.PicklingError(f"{part} has no file")
+        self.files |= found
 
     def reducer_override(self, given: Any) -> Any:
         """Return how a function or a class is read that has no name in its module."""

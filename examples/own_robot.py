@@ -4,7 +4,7 @@ python examples/own_robot.py [FOLDER]
 
 The same from a shell, once ``rover.urdf`` and ``rover.toml`` are there:
 
-chmarl-pb evaluate --policy search --robots rover.toml,drone --split val-unseen --draw 10
+chmarl-pb evaluate --policy search --robots rover.toml,drone --split val-unseen
 """
 
 import shutil

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,24 @@ from chmarl_pb import files
 from chmarl_pb.errors import BusyError, WriteError
 from chmarl_pb.files import Lock, append_line, replacing, sealed, unsealed, write_atomically, writing
 from tests.helpers.disk import full_disk
+
+
+def test_links_and_pipes_are_written_to_and_stay(tmp_path: Path) -> None:
+    """Nothing takes the place of /dev/null or /dev/stdout."""
+    pipe, link, target = tmp_path / "pipe", tmp_path / "link.json", tmp_path / "results" / "target.json"
+    link.symlink_to(target)
+    for text in ("new", "newer"):
+        write_atomically(link, text)
+        assert link.is_symlink() and target.read_text() == text
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor(1) as reader:
+        heard = reader.submit(pipe.read_text)
+        write_atomically(pipe, "heard")
+        assert heard.result() == "heard" and pipe.is_fifo()
+    write_atomically(Path(os.devnull), "gone")
+    assert Path(os.devnull).is_char_device()
+    assert {path.name for path in tmp_path.rglob("*")} == {"pipe", "link.json", "results", "target.json"}
+
 
 # Locks
 

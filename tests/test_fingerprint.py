@@ -1,6 +1,7 @@
 """What tells the user's own objects apart."""
 
 import functools
+import importlib
 import subprocess
 import sys
 import threading
@@ -23,6 +24,12 @@ class Lossy(Board):
 @dataclass
 class Holder:
     parts: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Quiet:
+    name: str
+    rate: float = field(repr=False)
 
 
 def maker(rate: float, scale: float = 1.0) -> Any:
@@ -66,15 +73,74 @@ def test_equal_objects_are_alike_and_others_are_not(make: Any) -> None:
     assert one is not None and one == same and one != other
 
 
-def test_a_class_of_a_module_is_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+OWN = """
+import functools
+from dataclasses import dataclass, field
+from wrapping import logged
+
+class Own:
+    rate = {rate}
+
+def make(env): return Own()
+
+@logged
+def decorated(env): return Own()
+
+@functools.lru_cache
+def cached(env): return Own()
+
+@dataclass(frozen=True)
+class Quiet:
+    rate: float = field(default={rate}, repr=False)
+
+quiet = {{Quiet()}}
+"""
+LOGGED = """
+import functools
+
+def logged(call):
+    @functools.wraps(call)
+    def wrapped(*given): return call(*given)
+    return wrapped
+"""
+
+
+def test_other_files_make_other_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # files of one second have one date
+    (tmp_path / "wrapping.py").write_text(LOGGED)
+    importlib.import_module("wrapping")
+    seen = []
+    for rate in (0.25, 0.5, 0.25):
+        (tmp_path / "own.py").write_text(OWN.format(rate=rate))
+        monkeypatch.delitem(sys.modules, "own", raising=False)
+        importlib.invalidate_caches()
+        own = importlib.import_module("own")
+        given = own.Own, own.Own(), own.make, own.decorated, own.cached, own.quiet
+        seen.append([fingerprint(one) for one in given])
+    first, other, again = seen
+    assert first == again and None not in first and len(set(first + other)) == 2 * len(first)
+    (tmp_path / "wrapping.py").write_text(LOGGED + "# changed")
+    assert fingerprint(own.decorated) != again[3] and fingerprint(own.cached) == again[4]
+
+
+def test_elements_of_sets_are_told_apart() -> None:
+    one, same, other = ({Quiet("x", rate), Quiet("y", 0)} for rate in (0.25, 0.25, 0.5))
+    assert fingerprint(one) == fingerprint(same) != fingerprint(other)
+
+
+def test_shared_parts_are_read_in_bounded_time() -> None:
+    """A grid of 20 x 20 nodes has more ways through it than could ever be read."""
     seen = set()
-    for number in range(2):
-        (tmp_path / f"own_{number}.py").write_text(f"class Own:\n    rate = {number}\n\ndef make(env): return Own()\n")
-        module = __import__(f"own_{number}")
-        seen |= {fingerprint(module.Own), fingerprint(module.Own())}
-        assert fingerprint(module.make) == fingerprint(module.Own)
-    assert len(seen) == 4 and None not in seen
+    for rate in (0.25, 0.25, 0.5):
+        nodes: list[list[Holder]] = []
+        for row in range(20):
+            nodes.append([])
+            for column in range(20):
+                before = [*nodes[row - 1][column : column + 1]] if row else [rate]
+                nodes[row].append(Holder({"up": before, "left": nodes[row][-1:]}))
+        seen.add(fingerprint(nodes[-1][-1]))
+    assert len(seen) == 2 and None not in seen
 
 
 def test_what_nothing_tells_apart() -> None:

@@ -92,6 +92,8 @@ def _fault(report: Report) -> str:
         return f"it has {settings['options']['max_steps']} steps; leave out --max-steps"
     seeds = settings["seeds"]
     once = report.run.get("deterministic") or settings["policy"] in DETERMINISTIC
+    if seeds == [0] and not once and "deterministic" not in report.run:
+        return "it does not say whether its policy draws its actions; evaluate again with this version"
     if seeds != list(range(max(len(seeds), 1 if once else len(SEEDS)))):
         return f"it has the seeds {seeds}; leave out --seeds: a policy that draws its actions plays {len(SEEDS)}"
     if any(home_hash(home) != digest for home, digest in settings["homes_sha256"].items()):

@@ -272,7 +272,8 @@ class OutputFile:
     def __call__(self, text: str) -> Path:
         """Return the path."""
         path = _writable(Path(text), Path(text).is_dir(), "is a folder; name a file in it")
-        if self.ending and path.suffix.lower() != self.ending:
+        is_device = path.exists() and not path.is_file()  # as /dev/null
+        if self.ending and path.suffix.lower() != self.ending and not is_device:
             raise argparse.ArgumentTypeError(f"{path}: let the file's name end in {self.ending}")
         return path
 

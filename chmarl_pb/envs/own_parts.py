@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import name_of
@@ -57,11 +58,13 @@ class CheckedSensor:
         given = self._sensor.observe(view)
         if not isinstance(given, Mapping) or given.keys() != self._spaces.keys():
             raise _wrong(f"{self.name}.observe()", given, f"a dict with the keys {sorted(self._spaces)}")
-        for key, value in given.items():
-            space = self._spaces[key]
-            if not isinstance(value, str) or space.dtype != np.uint8 or len(space.shape) != 1:  # texts are bytes
-                _require_in(space, value, f"{self.name}.observe()[{key!r}]")
-        return dict(given)
+        return {key: self._checked(key, value) for key, value in given.items()}
+
+    def _checked(self, key: str, value: Any) -> Any:
+        space = self._spaces[key]
+        if isinstance(value, str) and space.dtype == np.uint8 and len(space.shape) == 1:  # texts are bytes
+            return value
+        return _in(space, value, f"{self.name}.observe()[{key!r}]")
 
 
 class CheckedChannel:
@@ -97,9 +100,7 @@ class CheckedChannel:
 
     def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
         """Return what a robot hears."""
-        heard: Messages = self._channel.hear(messages, robot, rng)
-        _require_in(self._space, heard, f"{self._name}.hear()")
-        return heard
+        return _in(self._space, self._channel.hear(messages, robot, rng), f"{self._name}.hear()")
 
     def _like(self, method: str, given: Any) -> Messages:
         shape, dtype = self._kept
@@ -215,9 +216,13 @@ def checked_kind(kind: TaskKind, options: "Options") -> TaskKind:
     return CheckedKind(kind, options.lookalikes) if "task" in options.own() else kind
 
 
-def _require_in(space: spaces.Space[Any], value: Any, what: str) -> None:
-    if not isinstance(value, np.ndarray) or value.dtype != space.dtype or not space.contains(value):
-        raise _wrong(what, value, f"a value of its space, {space}")
+def _in(space: spaces.Space[Any], value: Any, what: str) -> NDArray[Any]:
+    """Return an array, or a number of NumPy's, in the type of its space, if nothing of it is lost thereby."""
+    if isinstance(value, np.ndarray | np.generic) and np.can_cast(value.dtype, space.dtype or value.dtype):
+        held = np.asarray(value, space.dtype)
+        if space.contains(held):
+            return held
+    raise _wrong(what, value, f"a value of its space, {space}")
 
 
 def _wrong(what: str, given: Any, wanted: str) -> OptionError:

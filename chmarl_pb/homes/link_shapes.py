@@ -16,12 +16,13 @@ from chmarl_pb.homes.source import Source
 #: Vertices of the mesh of one collision, and of all: of their convex hulls.
 MOST_HULL_POINTS, MOST_POINTS_OF_HULLS = 4000, 20_000
 #: Of all textures, three a pixel, as often as they are used: TinyRenderer copies one for each.
-MOST_PICTURE_BYTES = 128 * 2**20
+MOST_PICTURE_BYTES = 256 * 2**20
 
 #: Shapes of one kind of a link, each with its number among them, counted from 1.
 Numbered = list[tuple[int, Shape]]
 
 _SMALLEST = 1e-5  # metres
+_LONGEST = 40  # characters of an element's name in a message
 #: Element -> attribute -> how many finite numbers it holds.
 Rules = Mapping[str, Mapping[str, int]]
 _NUMBERS: Rules = {
@@ -148,8 +149,9 @@ class Shapes:
         """
         elements = list(part.iter())
         for element in elements:
-            if element.tag == "geometry" and (len(element) != 1 or element[0].tag not in SIZES):
-                raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}; give it just one")
+            if element.tag == "geometry" and [child.tag in SIZES for child in element] != [True]:
+                held = ", ".join(f"<{child.tag[:_LONGEST]}>" for child in element) or "nothing"
+                raise ValueError(f"a <geometry> has one of {', '.join(sorted(SIZES))}, and nothing else; it has {held}")
         self._check_elements(elements)
         for element in elements:
             if element.tag == "mesh":

@@ -109,8 +109,9 @@ def find_policy(policy: str | Factory | Policy) -> Source:
             published weights,
             ``module:callable`` (the callable takes the environment and returns a ``Policy``), the path of a
             checkpoint, such a callable itself, or a ``Policy`` that drives whatever environment it is given. With the
-            attribute ``deterministic = True`` it is played once for each task; for ``privileged`` and ``centralized``
-            see :mod:`chmarl_pb.policies.seats`.
+            attribute ``deterministic = True`` it is played once for each task; a string ``fingerprint`` tells it apart
+            from others of its name, in place of :func:`chmarl_pb.fingerprint.fingerprint`; for ``privileged`` and
+            ``centralized`` see :mod:`chmarl_pb.policies.seats`.
 
     Raises:
         OptionError: there is no such policy, or it cannot be loaded.
@@ -119,7 +120,7 @@ def find_policy(policy: str | Factory | Policy) -> Source:
         return policy
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
-        return Source(name_of(policy), make, *_declared(policy, fingerprint(policy)))
+        return Source(name_of(policy), make, *_declared(policy, _own_hash(policy)))
     if policy in BUILT_IN:
         make = partial(make_policy, policy)
         privileged, needs_graphs = policy in PRIVILEGED, policy in SEEING
@@ -142,7 +143,7 @@ def find_policy(policy: str | Factory | Policy) -> Source:
             "a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    return Source(policy, factory, *_declared(factory, fingerprint(factory)))
+    return Source(policy, factory, *_declared(factory, _own_hash(factory)))
 
 
 def _with_eyes(name: str, eyes: str) -> Source:
@@ -179,6 +180,12 @@ def _declared(made_by: object, sha256: str | None) -> tuple[bool, str | None, bo
         bool(getattr(made_by, name, False)) for name in ("deterministic", "privileged", "centralized")
     )
     return deterministic, sha256, privileged, centralized
+
+
+def _own_hash(made_by: object) -> str | None:
+    """Return what tells a policy of the user's, or what makes it, apart."""
+    declared = getattr(made_by, "fingerprint", None)
+    return declared if isinstance(declared, str) else fingerprint(made_by)
 
 
 def _given(policy: Policy, env: Any) -> Policy:

@@ -192,7 +192,7 @@ def test_only_one_process_makes_a_data_set(root: Path, tmp_path: Path) -> None:
 
 
 def test_full_disk_leaves_no_data_set(tmp_path: Path) -> None:
-    with full_disk(5_000), pytest.raises(WriteError, match=r"test-unseen-000\.hdf5: cannot be written"):
+    with full_disk(5_000), pytest.raises(WriteError, match=r"test-unseen-00\d\.hdf5: cannot be written"):
         generate(RECIPE, tmp_path, 1)
     with full_disk(500_000), pytest.raises(WriteError, match=r"noise30-v0: cannot be written"):
         generate(RECIPE, tmp_path, 1)

@@ -612,6 +612,9 @@ def test_nothing_is_reused_where_nothing_tells_what_was_played(tmp_path: Path) -
                 reuse=True,
             )  # fmt: skip
         assert report.settings["policy_sha256"].startswith("unknown-")
+    maker.fingerprint = "what it is"  # type: ignore[attr-defined]
+    report = evaluate(maker, "test-unseen", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0])
+    assert report.settings["policy_sha256"] == "what it is"
 
 
 class Errands(Rearrange):

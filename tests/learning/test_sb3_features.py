@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -208,7 +209,7 @@ def test_goal_features_without_the_goal() -> None:
     ("name", "env_id", "options"),
     [("PPO", HUMANOID, {}), ("A2C", JOINT, {}), ("DQN", JOINT, {"flat_actions": True}), ("DQN", HUMANOID, {})],
 )
-def test_models_are_policies(name: str, env_id: str, options: dict[str, Any]) -> None:
+def test_models_are_policies(name: str, env_id: str, options: dict[str, Any], tmp_path: Path) -> None:
     env = vec(env_id, **options)
     settings: dict[str, Any] = {"buffer_size": 50} if name == "DQN" else {"n_steps": 4}
     if name == "PPO":
@@ -226,6 +227,12 @@ def test_models_are_policies(name: str, env_id: str, options: dict[str, Any]) ->
     report = chmarl_pb.evaluate(policies, goal=True, **given)
     assert len(report.episodes) == (1 if name == "DQN" else 2)  # the best actions, or drawn ones
     assert report.episodes == chmarl_pb.evaluate(policies, goal=True, **given).episodes
+    model.save(tmp_path / "model")
+    loaded = getattr(sb3, name).load(tmp_path / "model", device="cpu")
+    assert policies.fingerprint == policy_of(loaded, "search").fingerprint == report.settings["policy_sha256"]
+    with torch.no_grad():
+        next(iter(loaded.policy.parameters())).add_(1.0)
+    assert policies.fingerprint != policy_of(loaded, "search").fingerprint
     with pytest.raises(OptionError, match="goal=True"):
         chmarl_pb.evaluate(policies, **given)
     env.close()

@@ -14,6 +14,7 @@ from stable_baselines3.common.policies import BasePolicy
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
+from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import GOAL, IMAGE, named
 from chmarl_pb.learning.policies.batched import BatchOfOne
@@ -24,6 +25,8 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, gras
 from chmarl_pb.policies.registry import make_policy
 
 _COMMON = {"instruction", "feedback", "messages", "self", "node_class", "rgb", GOAL}  # keys of one robot
+
+_TRAINING = {"lr_schedule", "optimizer_class", "optimizer_kwargs"}  # what a network is made from, to be trained
 
 
 def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicies":
@@ -66,6 +69,14 @@ class ModelPolicies:
         keys = set(_keys_of(self._network))
         self.centralized = not _COMMON & keys  # keys of all robots have their names before them
         self.privileged = not self.centralized and IMAGE in keys  # the others are told what is in view, as in training
+
+    @property
+    def fingerprint(self) -> str | None:
+        """Hash of what chooses the actions; how it was trained, and whether it is being trained, are no part of it."""
+        network = self._network
+        shape = {key: value for key, value in network._get_constructor_parameters().items() if key not in _TRAINING}
+        spoken = {key: repr(value) if isinstance(value, spaces.Space) else value for key, value in shape.items()}
+        return fingerprint((type(network), spoken, dict(network.state_dict()), self._partner))
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
