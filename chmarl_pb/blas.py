@@ -1,6 +1,6 @@
 """Threads of NumPy's matrix products: products as small as ours only wait for more than one."""
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 
 from threadpoolctl import ThreadpoolController
@@ -8,11 +8,14 @@ from threadpoolctl import ThreadpoolController
 
 def one_thread() -> AbstractContextManager[object]:
     """Return a context in which matrix products use one thread, so that their sums depend on no count of cores."""
-    limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
+    libraries = _libraries()
+    if all(library.num_threads == 1 for library in libraries.lib_controllers):
+        return nullcontext()  # to set it again takes as long as a product
+    limits: AbstractContextManager[object] = libraries.limit(limits=1)
     return limits
 
 
 @cache
-def _controller() -> ThreadpoolController:
+def _libraries() -> ThreadpoolController:
     """Return what knows NumPy's libraries; finding them takes some milliseconds, so once in a process."""
-    return ThreadpoolController()
+    return ThreadpoolController().select(user_api="blas")

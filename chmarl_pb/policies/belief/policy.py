@@ -10,7 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from chmarl_pb.blas import one_thread
 from chmarl_pb.catalog import BENCHMARK, Catalog, class_of
 from chmarl_pb.policies.aiming import nodes_of
 from chmarl_pb.policies.belief.guide import SPAN, Guide
@@ -153,13 +152,11 @@ class BeliefPolicy:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action, each from its own observation and info alone."""
-        with one_thread():
-            return {name: self.parts[name].act(seen, infos[name]) for name, seen in observations.items()}
+        return {name: self.parts[name].act(seen, infos[name]) for name, seen in observations.items()}
 
     def propose(self, observations: Observations, infos: Infos) -> Actions:
         """Return what all would do now; to be followed by :meth:`note`."""
-        with one_thread():
-            return {name: self.parts[name].propose(seen, infos[name]) for name, seen in observations.items()}
+        return {name: self.parts[name].propose(seen, infos[name]) for name, seen in observations.items()}
 
     def note(self, actions: Actions) -> None:
         """Go on from what the robots have done."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.blas import one_thread
 from chmarl_pb.policies.belief.knowledge import OVERLOOKED, Find
 from chmarl_pb.policies.belief.statistics import FLIGHT_NUMBERS, FLIGHTS, REACH, Bits, Statistics, statistics
 from chmarl_pb.policies.code import UNKNOWN
@@ -176,7 +177,7 @@ def _shows(rooms: tuple[str, ...]) -> _Shows:
     return _Shows(views, (which[: len(keys[0])], which[len(keys[0]) :]))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=2**13)
 def _plan(
     rooms: tuple[str, ...], targets: frozenset[str], open_rows: tuple[bool, ...], looked: tuple[int, ...],
     taken: tuple[int, ...], start: Place | None,
@@ -200,12 +201,13 @@ def _plan(
     beam: list[tuple[float, Steps]] = [(0.0, ())]
     remains = left[None]
     for _ in range(_DEPTH):
-        gains = remains @ views.T
-        totals = remains.sum(axis=1)
+        with one_thread():
+            gains = remains @ views.T
+        misses = (remains.sum(axis=1)[:, None] - gains).tolist()
         ways: dict[tuple[float, Place], tuple[int, str]] = {}
         for number, (missed, steps) in enumerate(beam):
             for action, place in _steps(rooms, steps[-1][1] if steps else start):
-                value = missed + float(totals[number] - gains[number, _view(place)])
+                value = missed + misses[number][_view(place)]
                 ways.setdefault((round(value, 6), place), (number, action))
         chosen = sorted(ways.items(), key=lambda way: way[0])[:_WIDTH]
         remains = np.stack([remains[number] * (1 - views[_view(place)]) for (_, place), (number, _) in chosen])
@@ -229,17 +231,19 @@ def _set_bits(bits: int) -> Iterator[int]:
     return (number for number in range(len(FLIGHTS)) if bits >> number & 1)
 
 
-def _steps(rooms: tuple[str, ...], place: Place | None) -> Iterator[tuple[str, Place]]:
-    """Yield the actions of a robot that flies, and where they lead."""
-    for number, room in enumerate(rooms):
-        yield f"goto_{room}", (number, (0, 0))
+@lru_cache(maxsize=1024)
+def _steps(rooms: tuple[str, ...], place: Place | None) -> Steps:
+    """Return the actions of a robot that flies, and where they lead."""
+    steps: list[tuple[str, Place]] = [(f"goto_{room}", (number, (0, 0))) for number, room in enumerate(rooms)]
     if place is not None:
         here, (right, forward) = place
         for action, (x, y) in MOVES.items():
             if max(abs(right + x), abs(forward + y)) <= REACH:
-                yield action, (here, (right + x, forward + y))
+                steps.append((action, (here, (right + x, forward + y))))
+    return tuple(steps)
 
 
+@cache
 def _view(place: Place) -> int:
     """Return the number of a view."""
     return place[0] * len(FLIGHTS) + FLIGHT_NUMBERS[place[1]]

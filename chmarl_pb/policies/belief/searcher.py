@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.blas import one_thread
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.belief.follower import Follower
@@ -95,7 +96,8 @@ class Searcher:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         self._way = []
         self._follower.begin()
-        self._proposed = self._choose(observation, info)
+        with one_thread():
+            self._proposed = self._choose(observation, info)
         return number_of(self.actions, self._proposed)
 
     def note(self, action: int) -> None:
