@@ -89,7 +89,10 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BrokenProcessPool as error:
-        raise WorkerError("a process died (out of memory?); run the command again, with fewer workers") from error
+        raise WorkerError(
+            "a process died (out of memory?); run the command again, with fewer workers; a script must do such work "
+            "under `if __name__ == '__main__':`"
+        ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         deadline = time.monotonic() + _PATIENCE

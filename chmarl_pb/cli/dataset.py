@@ -50,7 +50,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="what is stored (default: %(default)s)",
     )  # fmt: skip
     making.add_argument("--noise", type=float, default=0.0, metavar="EPS", help="share of random actions (default 0)")
-    making.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random actions (default: 0)")
+    making.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the random actions, and of drawn tasks (default: 0)"
+    )
     making.add_argument("--limit", type=int, metavar="N", help="play only the first N tasks of each split")
     add_robots(making)
     add_home(making, "tasks are drawn for it, --limit or 100")

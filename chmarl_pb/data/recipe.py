@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS, Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks, stream_tasks
@@ -31,10 +32,11 @@ class Recipe:
             ``limit`` or 100 tasks are drawn, ten in each home.
         observation: "scene_graph" or "visual".
         noise: probability of a random action, for each robot and step: 0, 0.01, ... 1.
-        seed: of the random actions.
+        seed: of the random actions, and of what tasks are drawn.
         limit: number of tasks, from the first; None plays all.
-        robots: see :class:`chmarl_pb.envs.options.Options`, but no objects.
-        home: name or path of a home, for which tasks are drawn in place of the split's, ``limit`` or 100 of them.
+        robots: see :class:`chmarl_pb.envs.options.Options`, but no objects; files are kept by their whole paths.
+        home: name of a home, or path of one, which is kept whole, for which tasks are drawn in place of the split's,
+            ``limit`` or 100 of them.
         catalog: catalogue file of own things; None: the one that ``CHMARL_CATALOG`` names, if any.
     """
 
@@ -55,7 +57,9 @@ class Recipe:
             AssetError: there is no such robot.
         """
         team_of(self.robots)
-        object.__setattr__(self, "catalog", Options(catalog=self.catalog).catalog)
+        for name, file in (("home", self.home), ("catalog", Options(catalog=self.catalog).catalog)):
+            object.__setattr__(self, name, None if file is None else _wherever(file))
+        object.__setattr__(self, "robots", tuple(_wherever(robot) for robot in self.robots))
         for name, value, known in (
             ("split", self.split, SPLITS),
             ("observation", self.observation, OBSERVATIONS),
@@ -75,9 +79,9 @@ class Recipe:
 
         Other robots than the benchmark's are named, too: ``chmarl/visual-train-humanoid-drone-drone-v0``.
         """
-        robots = "" if self.robots == TEAM else "".join(f"-{Path(robot).stem}" for robot in self.robots)
+        robots = "" if self.robots == TEAM else "".join(map(_word, self.robots))
         noise = f"-noise{round(100 * self.noise)}" if self.noise else ""
-        own = "".join(f"-{Path(file).stem.replace('-', '_')}" for file in (self.home, self.catalog) if file)
+        own = "".join(_word(file) for file in (self.home, self.catalog) if file)
         return f"{NAMESPACE}/{self.observation.replace('_', '-')}-{self.split}{noise}{robots}{own}-v{FORMAT}"
 
     @property
@@ -134,7 +138,18 @@ class Recipe:
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
 
 
+def _wherever(file: str | Path) -> str:
+    """Return a name as it is, and the path of a file such that it leads there from any folder."""
+    path = Path(file)
+    return str(path.resolve()) if path.is_file() and not (SCENES_DIR / f"{file}.urdf").exists() else str(file)
+
+
+def _word(file: str) -> str:
+    """Return a file's name as part of a data set's: Minari takes letters, digits and underscores there."""
+    return "-" + re.sub(r"\W", "_", Path(file).stem, flags=re.ASCII)
+
+
 def is_dataset_name(name: str) -> bool:
     """Return whether a folder's name is one that :attr:`Recipe.dataset_id` gives."""
     modes, splits = ("|".join(names).replace("_", "-") for names in (OBSERVATIONS, SPLITS))
-    return re.fullmatch(rf"({modes})-({splits})(-noise\d+)?(-[A-Za-z]\w*)*-v{FORMAT}", name) is not None
+    return re.fullmatch(rf"({modes})-({splits})(-noise\d+)?(-\w+)*-v{FORMAT}", name, re.ASCII) is not None

@@ -1,8 +1,8 @@
 """Play one episode of a data set and put all that is stored of it into arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Union
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, Union
 
 import gymnasium
 import numpy as np
@@ -16,9 +16,20 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, core
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.replay import ReplayPolicy
 from chmarl_pb.robots.registry import TEAM
+from chmarl_pb.tasks.splits import split_of
 from chmarl_pb.tasks.task import Task
 
 Arrays = dict[str, Union[np.ndarray, "Arrays"]]
+
+
+class Labelled(Policy, Protocol):
+    """A policy that notes what the planner would do in every state.
+
+    Attributes:
+        labels: the planner's actions, one for each state since the reset.
+    """
+
+    labels: list[Actions]
 
 
 class NoisyPlanner:
@@ -56,6 +67,30 @@ class NoisyPlanner:
         }
 
 
+class Repeated:
+    """Repeats actions that were stored, and notes what the planner would do in every state.
+
+    Attributes:
+        labels: the planner's actions, one for each state since the reset.
+    """
+
+    def __init__(self, env: HouseholdEnv, actions: np.ndarray):
+        """Repeat actions (T, robots) in an environment."""
+        self._planner, self._replay = make_policy("planner", env), ReplayPolicy(actions.tolist(), env)
+        self.labels: list[Actions] = []
+
+    def reset(self, seed: int | None) -> None:
+        """Plan the episode that has just begun."""
+        self._planner.reset(seed)
+        self._replay.reset(seed)
+        self.labels = []
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return the next of the actions."""
+        self.labels.append(self._planner.act(observations, infos))
+        return self._replay.act(observations, infos)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One episode as it is stored; T is its number of steps.
@@ -77,16 +112,16 @@ def make_env(recipe: Recipe) -> gymnasium.Env:
     return gymnasium.make(recipe.env_id, split=recipe.split, disable_env_checker=True, **options)
 
 
-def record(env: gymnasium.Env, planner: NoisyPlanner, task: Task) -> Recording:
+def record(env: gymnasium.Env, policy: Labelled, task: Task) -> Recording:
     """Play one task and return what is stored of it."""
-    episode, hashes = _played(env, planner, task)
-    planner.act(episode.observations[-1], episode.infos[-1])  # the state after the last step has a label too
-    return Recording(_arrays(episode, hashes, planner.labels), _metadata(episode))
+    episode, hashes = _played(env, policy, task)
+    policy.act(episode.observations[-1], episode.infos[-1])  # the state after the last step has a label too
+    return Recording(_arrays(episode, hashes, policy.labels), _metadata(episode))
 
 
-def replay(env: gymnasium.Env, actions: np.ndarray, task: Task) -> Arrays:
-    """Repeat the stored actions (T, robots) of a task and return what would be stored, without the planner's labels."""
-    return _arrays(*_played(env, ReplayPolicy(actions.tolist(), core_of(env)), task), None)
+def replay(env: gymnasium.Env, actions: np.ndarray, task: Task) -> Recording:
+    """Repeat the stored actions (T, robots) of a task and return what would be stored."""
+    return record(env, Repeated(core_of(env), actions), task)
 
 
 def _played(env: gymnasium.Env, policy: Policy, task: Task) -> tuple[Episode, list[str]]:
@@ -96,7 +131,7 @@ def _played(env: gymnasium.Env, policy: Policy, task: Task) -> tuple[Episode, li
     return episode, hashes
 
 
-def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
+def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions]) -> Arrays:
     steps, robots = len(episode), tuple(episode.infos[0])
     ended = np.arange(1, steps + 1) == steps
     return {
@@ -113,12 +148,10 @@ def _arrays(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] |
     }
 
 
-def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | None) -> Arrays:
+def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions]) -> Arrays:
     robots = tuple(episode.infos[0])
     shared = [info[robots[0]] for info in episode.infos]
-    infos: Arrays = {"state_hash": _texts(hashes)}
-    if labels is not None:
-        infos["planner_action"] = _rows(labels, robots)
+    infos: Arrays = {"state_hash": _texts(hashes), "planner_action": _rows(labels, robots)}
     infos["potential"] = np.array([info["potential"] for info in shared], dtype=np.float64)
     infos["instruction"] = _texts([info["instruction"] for info in shared])
     for robot in robots:
@@ -133,10 +166,11 @@ def _infos(episode: Episode, hashes: Sequence[str], labels: Sequence[Actions] | 
 
 def _metadata(episode: Episode) -> dict[str, Any]:
     task, (first, *_) = episode.task, episode.infos[0].values()
+    fields = {f"options/task/{name}": value for name, value in asdict(task).items()}
     return {
         "total_steps": len(episode),
         "seed": task.seed,
-        "options/task": task.id,
+        **({"options/task": task.id} if split_of(task.id) else fields),  # nobody finds a drawn one by its id
         "home": task.home,
         "graspable": task.graspable,
         "source": task.source,

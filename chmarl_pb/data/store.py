@@ -19,6 +19,7 @@ from chmarl_pb.evaluation.provenance import versions
 from chmarl_pb.extras import needs
 from chmarl_pb.files import file_hash, replacing, write_atomically, writing
 from chmarl_pb.robots.registry import TEAM, team_of
+from chmarl_pb.tasks.splits import STREAM
 
 with needs("a data set", "data"):
     import h5py
@@ -178,8 +179,7 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
         "total_steps": steps,
         "dataset_size": megabytes(path),
         "algorithm_name": who,
-        "description": f"{_team(recipe)} solve the tasks of {recipe.split} in simulated homes, driven by the "
-        f"{who}. One episode for each task, in the order of the task file.",
+        "description": f"{_team(recipe)} solve {_which(recipe)}, driven by the {who}. One episode for each task.",
         "requirements": ["chmarl-pb"],
         "sha256": file_hash(path),
         "recipe": recipe.facts(),
@@ -189,6 +189,14 @@ def _metadata(recipe: Recipe, episodes: int, steps: int, path: Path) -> dict[str
 
 def _team(recipe: Recipe) -> str:
     return "A humanoid and a drone" if recipe.robots == TEAM else f"Robots ({', '.join(team_of(recipe.robots))})"
+
+
+def _which(recipe: Recipe) -> str:
+    if recipe.home is not None:
+        return f"tasks that were drawn for the home {Path(recipe.home).stem}"
+    if recipe.split == STREAM:
+        return "tasks that were drawn in generated homes"
+    return f"the tasks of {recipe.split} in simulated homes, in the order of the task file"
 
 
 def _describe_namespace(root: Path) -> None:

@@ -19,7 +19,7 @@ from chmarl_pb.tasks.task import Task
 
 Progress = Callable[[int], Any]
 
-_NOT_REPLAYED = "infos/planner_action"  # a replay does not plan
+_LONGEST = 100  # characters of a wrong value in a message
 
 
 def chosen(episodes: int, share: float) -> list[int]:
@@ -90,21 +90,20 @@ def _replay(file: Path, recipe: Recipe, job: tuple[int, Task, Arrays, dict[str, 
     """Replay a stored episode; the file is only named in errors."""
     number, task, stored, metadata = job
     place = f"{file}: episode {number}"
-    if metadata.get("options/task") != task.id:
-        raise DatasetError(f"{place} is of task {metadata.get('options/task')!r} instead of {task.id!r}")
     actions = stored["actions"]
     assert isinstance(actions, np.ndarray)
     replayed = replay(environment(recipe), actions, task)
-    difference = first_difference(stored, replayed)
+    difference = first_difference(stored, replayed.arrays)
     if difference:
         raise DatasetError(f"{place} ({task.id}): the replay differs in {difference}")
+    for name, value in replayed.metadata.items():
+        if metadata.get(name) != value:
+            raise DatasetError(f"{place} has {name} {str(metadata.get(name))[:_LONGEST]!r} instead of {value!r}")
 
 
 def first_difference(stored: Arrays, replayed: Arrays) -> str | None:
     """Return the name of the first array that differs and the first step at which it does; None if all are equal."""
     mine, other = dict(_flat(stored)), dict(_flat(replayed))
-    for labels in (mine, other):
-        labels.pop(_NOT_REPLAYED, None)
     if mine.keys() != other.keys():
         return "the names of its arrays: " + ", ".join(sorted(mine.keys() ^ other.keys()))
     for name in sorted(mine, key=lambda name: name != "infos/state_hash"):  # the most telling first

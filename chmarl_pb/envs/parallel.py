@@ -170,7 +170,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
 
         Args:
             seed: fixes which task is drawn now and by later resets without a seed.
-            options: ``{"task": Task or its id}`` plays that task.
+            options: ``{"task": Task, its fields as a dict, or its id}`` plays that task.
 
         Raises:
             OptionError: the seed is not a whole number from 0 on, or ``options`` is not a dict.

@@ -27,6 +27,17 @@ def numbers_in(robot: str, action: Any) -> NDArray[Any]:
         raise ActionError(f"{robot}: action {action!r} is not an array of numbers") from error
 
 
+def number_of(robot: str, action: Any, symbols: int) -> int:
+    """Return the number of an action that an environment has taken, without the symbol that goes with it.
+
+    Args:
+        robot: its name, for messages.
+        action: a number, an array of one, or a pair of numbers.
+        symbols: how many there are; 0: nothing can be said.
+    """
+    return int(numbers_in(robot, parted(robot, action, symbols)[0]).item())
+
+
 def parted(robot: str, action: Any, symbols: int) -> tuple[Any, int]:
     """Return a robot's action and the symbol that it says; an action alone says nothing.
 

@@ -8,6 +8,8 @@ import numpy as np
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.provenance import robots_hash
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.simulation import Simulation
@@ -20,7 +22,6 @@ _IN_A_HOME = 10  # tasks of the endless split that are drawn in each home, as ma
 _MOST_HOMES = 10**6  # of one draw, so that draws of other seeds have others
 
 
-@lru_cache(maxsize=16)
 def draw_tasks(
     home: str,
     count: int,
@@ -51,6 +52,19 @@ def draw_tasks(
     if count < 1:
         raise OptionError(f"{count} tasks: draw at least one")
     options = Options(home=home, robots=robots, catalog=catalog, lookalikes=lookalikes, track=track)
+    files = load_home(home, options.things).content, *_files(options)
+    return _draw_tasks(files, home, count, seed, options, seeds_from)
+
+
+def _files(options: Options) -> tuple[object, ...]:
+    """Return what the files of robots and things hold: draws are kept only while these and the home are the same."""
+    return options.things.content, *sorted(robots_hash(options.models.values()).items())
+
+
+@lru_cache(maxsize=16)
+def _draw_tasks(
+    files: tuple[object, ...], home: str, count: int, seed: int, options: Options, seeds_from: int
+) -> tuple[Task, ...]:  # fmt: skip
     rng = np.random.default_rng(seed)
     simulation = Simulation(home, options.models, known=options.things, lookalikes=options.lookalikes)
     try:
@@ -62,7 +76,6 @@ def draw_tasks(
     return tuple(task for task in tasks if isinstance(task, Task))
 
 
-@lru_cache(maxsize=16)
 def stream_tasks(
     count: int,
     seed: int = 0,
@@ -81,6 +94,11 @@ def stream_tasks(
         TaskError: several homes in a row offer no task that can be solved.
     """
     options = Options(split=STREAM, robots=robots, catalog=catalog)
+    return _stream_tasks(_files(options), count, seed, options)
+
+
+@lru_cache(maxsize=16)
+def _stream_tasks(files: tuple[object, ...], count: int, seed: int, options: Options) -> tuple[Task, ...]:
     source = TaskSource(STREAM, None, options.kind, options.things)
     simulations, tasks = Simulations(partial(Simulation, models=options.models, known=options.things), 1), []
     try:

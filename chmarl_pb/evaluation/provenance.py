@@ -13,7 +13,6 @@ from types import ModuleType
 
 import chmarl_pb
 from chmarl_pb.fingerprint import name_of, sha256_of
-from chmarl_pb.homes.content import content_hash
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.splits import fixed_homes
@@ -22,9 +21,8 @@ from chmarl_pb.tasks.tidy_task import AnyTask
 _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
 
 
-@cache
 def home_hash(home: str) -> str:
-    """Return the sha256 of a home: its URDF and all files that it names.
+    """Return the sha256 of a home as its files are now: its URDF and all files that it names.
 
     A generated home with fixed tasks is not made for this: that it has the hash is checked when it is played in.
 
@@ -34,7 +32,7 @@ def home_hash(home: str) -> str:
     Raises:
         HomeError: the home cannot be used.
     """
-    return fixed_homes().get(home) or content_hash(load_home(home))
+    return fixed_homes().get(home) or load_home(home).content
 
 
 def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:

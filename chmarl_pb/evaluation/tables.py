@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from statistics import fmean
 
 import numpy as np
@@ -16,6 +17,7 @@ from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.policies.registry import SEARCHES, SEEING, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
+from chmarl_pb.tasks.splits import STREAM, homes_of
 
 _NONE = "-"
 
@@ -63,11 +65,12 @@ def _stands_beside(row: Row, report: Report) -> bool:
 
 
 def _other_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
-    """Return rows of our results of the table's observation that stand beside none of its rows."""
+    """Return rows of our results of the table's observation and splits that stand beside none of its rows."""
     observation = table.rows[0].observation
     left: dict[str, list[Report]] = {}
     for report in reports:
-        if report.settings["observation"] == observation and not any(_stands_beside(row, report) for row in table.rows):
+        fits = report.settings["observation"] == observation and not _other_homes(report)
+        if fits and not any(_stands_beside(row, report) for row in table.rows):
             left.setdefault(title_of(report), []).append(report)
     whose = '<td class="whose">ours</td>'
     return [f'<tr class="ours"><th>{escape(name)}</th>{whose}{_our_cells(same)}</tr>' for name, same in left.items()]
@@ -139,8 +142,9 @@ def _result_row(report: Report) -> str:
     settings, summary = report.settings, report.summary
     gain = report.cooperation
     share = _NONE if gain is None or gain.share is None else f"{100 * gain.share:.0f} %"
+    where = escape(_other_homes(report)) or settings["split"]
     values = (
-        settings["split"], settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
+        where, settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
         _rate(summary.success_rate), _rate(summary.plw), _both(report), _plain(summary.length_on_success),
         _plain(summary.final_potential), share, points(gain_of(report)) or _NONE,
     )  # fmt: skip
@@ -182,6 +186,13 @@ def title_of(report: Report) -> str:
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
 
 
+def _other_homes(report: Report) -> str:
+    """Return the names of the homes of a result that its split does not play in, as those of the user's are."""
+    split, homes = report.settings["split"], report.settings["homes_sha256"]
+    known = homes if split == STREAM else homes_of(split)
+    return ", ".join(Path(home).stem for home in homes if home not in known)
+
+
 def _apart(report: Report) -> list[str]:
     """Return why a result cannot stand beside the paper's: other options, chosen tasks, a changed environment."""
     settings, options = report.settings, report.settings["options"]
@@ -192,6 +203,7 @@ def _apart(report: Report) -> list[str]:
         f"changed: {report.changed}": bool(report.changed),
         f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
         f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
+        f"in {_other_homes(report)}": bool(_other_homes(report)),
         f"at most {options['max_steps']} steps": options["max_steps"] != report.rules["max_steps"],
     }
     return [note for note, holds in notes.items() if holds]

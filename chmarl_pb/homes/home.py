@@ -1,9 +1,12 @@
 """A home as data, derived from its URDF alone: rooms, things and the solids that they are made of."""
 
 import re
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -181,12 +184,8 @@ class Reading:
     found: Findings
 
 
-class _FaultyError(Exception):
-    """What was read has errors: it is not kept, for its files may be mended."""
-
-
 def load_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Home:
-    """Read a home by name or path; an unchanged file is read once per process and catalogue.
+    """Read a home by name or path; while none of its files changes it is read once per process and catalogue.
 
     Args:
         name_or_path: of the home.
@@ -209,25 +208,46 @@ def read_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Reading:
         HomeError: there is no such home.
     """
     path = home_path(name_or_path)
-    try:
-        return _read(path, path.stat().st_mtime_ns, known)
-    except _FaultyError as faulty:
-        reading: Reading = faulty.args[0]
-        return reading
+    kept = _kept(path, known)
+    if not kept or kept[0].stamps != _stamps(kept[0].stamps):
+        before, reading = _stamps([path]), _read(path, known)
+        if reading.home is None or reading.found.errors:
+            return reading  # is not kept: its files may be mended
+        kept[:] = [_Kept(_stamps(reading.home.files) | before, reading)]
+    return kept[0].reading
+
+
+class _Kept(NamedTuple):
+    """What a home's files gave, and when they were changed last, with their numbers and sizes."""
+
+    stamps: dict[Path, tuple[int, ...]]
+    reading: Reading
 
 
 @lru_cache(maxsize=32)
-def _read(path: Path, _modified: int, known: Catalog) -> Reading:
+def _kept(path: Path, known: Catalog) -> list[_Kept]:
+    """Return the list that has what is kept of a home; empty at first."""
+    return []
+
+
+def _stamps(files: Iterable[Path]) -> dict[Path, tuple[int, ...]]:
+    """Return file -> what changes with it; nothing for one that is gone."""
+    found: dict[Path, tuple[int, ...]] = {}
+    for file in files:
+        with suppress(OSError):
+            state = file.stat()
+            found[file] = (state.st_mtime_ns, state.st_size, state.st_ino)
+    return found
+
+
+def _read(path: Path, known: Catalog) -> Reading:
     found = Findings(path)
     try:
         home = _home(path, found, known)
     except Refused as refused:
         found.error(*refused.args)
         home = None
-    reading = Reading(path, home, found)
-    if found.errors:
-        raise _FaultyError(reading)
-    return reading
+    return Reading(path, home, found)
 
 
 def _home(path: Path, found: Findings, known: Catalog) -> Home | None:

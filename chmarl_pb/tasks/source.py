@@ -1,8 +1,9 @@
 """Which task an episode plays: one that is named, one of a split, or one made up for a home."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from chmarl_pb.tasks.generated_homes import EPISODES_IN_A_HOME, HomeStream
 from chmarl_pb.tasks.kinds import REARRANGE, TaskKind, named_task
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.splits import STREAM, homes_of
-from chmarl_pb.tasks.tidy_task import AnyTask
+from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 _DRAWS = 100  # tasks that are tried for a home before it counts as unplayable
 _HOMES = 5  # of the endless split that are tried for an episode
@@ -42,16 +43,18 @@ class TaskSource:
         fixed = () if split == "train" and known != BENCHMARK else kind.tasks(split)
         self._tasks = [task for task in fixed if home is None or task.home == self._homes[0]]
 
-    def named(self, task: AnyTask | str) -> AnyTask:
-        """Return a task given by itself or by its id.
+    def named(self, task: AnyTask | Mapping[str, Any] | str) -> AnyTask:
+        """Return a task given by itself, by its fields or by its id.
 
         Raises:
             TaskError: there is no such task.
         """
         if isinstance(task, AnyTask):
             return task
+        if isinstance(task, Mapping):
+            return _of_fields(task)
         if not isinstance(task, str):
-            raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task or a task's id")
+            raise TaskError(f"options={{'task': ...}} got {type(task).__name__}; give a Task, its fields or its id")
         return named_task(self._kind, self._split, task)
 
     def begin(self, seed: int) -> None:
@@ -87,6 +90,14 @@ class TaskSource:
             except (HomeError, TaskError):
                 home = stream.skip()
         return draw_solvable(simulation_of(home), home, rng, kind=self._kind)
+
+
+def _of_fields(row: Mapping[str, Any]) -> AnyTask:
+    """Return the task that ``dataclasses.asdict`` has made a row of, which may have been stored meanwhile."""
+    try:
+        return task_of({name: value.item() if isinstance(value, np.generic) else value for name, value in row.items()})
+    except TypeError as error:
+        raise TaskError(f"options={{'task': ...}} has not the fields of a Task ({error}); give all of them") from error
 
 
 def draw_solvable(

@@ -35,6 +35,7 @@ from chmarl_pb.files import Lock, file_hash
 from chmarl_pb.policies.policy import core_of
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.task import Task
 from tests.helpers.disk import full_disk
 
 RECIPE = Recipe("test-unseen", noise=0.3, limit=3)
@@ -68,8 +69,38 @@ def test_a_data_set_of_the_endless_split(tmp_path: Path) -> None:
     recipe = Recipe("generated", limit=2)
     dataset = generate(recipe, tmp_path, workers=1)
     assert dataset.dataset_id == "chmarl/scene-graph-generated-v0" and find_datasets(tmp_path)[0].episodes == 2
-    assert {dataset.episode(number)[1]["options/task"] for number in (0, 1)} == {task.id for task in recipe.tasks}
+    assert {dataset.episode(number)[1]["options/task/id"] for number in (0, 1)} == {task.id for task in recipe.tasks}
     assert verify(dataset, 1.0, 1, lambda _: None) == 2
+    assert starts(dataset) == recipe.tasks
+
+
+def starts(dataset: Dataset) -> list[Task]:
+    """Return the tasks of the episodes that the stored seeds and options begin, in an environment that Minari makes."""
+    data = minari.MinariDataset(dataset.folder / "data")
+    env, begun = data.recover_environment(), []
+    for row in data.storage.get_episode_metadata(range(dataset.episodes)):
+        env.reset(seed=row["seed"], options=row["options"])
+        begun.append(core_of(env).task)
+    env.close()
+    return begun
+
+
+@pytest.mark.parametrize("name", ["my cabin", "2nd", "a-b.v2", "haus"])
+def test_a_data_set_of_an_own_home(
+    name: str, tmp_path: Path, small_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has a name for Minari, and is the same from wherever it is looked at."""
+    home, data, elsewhere = tmp_path / f"{name}.urdf", tmp_path / "data", tmp_path / "elsewhere"
+    small_home.rename(home)
+    elsewhere.mkdir()
+    monkeypatch.chdir(tmp_path)
+    dataset = generate(Recipe(home=home.name, limit=1), data, 1)
+    monkeypatch.chdir(elsewhere)
+    assert minari.dataset.minari_dataset.parse_dataset_id(dataset.dataset_id)[0] == "chmarl"
+    (found,) = find_datasets(data)
+    assert verify(found, 1.0, 1) == 1 and starts(found) == Recipe(home=str(home), limit=1).tasks
+    assert generate(Recipe(home=f"../{home.name}", limit=1), data, 1).sha256 == dataset.sha256
+    assert "drawn for the home" in dataset.metadata["description"]
 
 
 def test_a_data_set_of_limited_layouts(tmp_path: Path) -> None:
@@ -255,7 +286,7 @@ def test_pictures_are_stored_without_loss(
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     episode = minari.load_dataset(recipe.dataset_id)[0]
     env = make_env(recipe)
-    again = replay(env, episode.actions, recipe.tasks[0])
+    again = replay(env, episode.actions, recipe.tasks[0]).arrays
     env.close()
     stored = episode.observations["humanoid_image"]
     assert stored.shape[1:] == (128, 128, 3)
@@ -338,6 +369,21 @@ def test_changed_action_is_found_by_the_replay(dataset: Dataset) -> None:
         actions[0] = (actions[0] + 1) % (10, 9)
     rewrite(dataset)
     with pytest.raises(DatasetError, match=r"main_data\.hdf5: episode 1 \(test-unseen-001\): the replay differs in"):
+        verify(Dataset(dataset.folder), workers=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("infos/planner_action", None), ("success", False), ("seed", 1), ("optimal_steps", 1), ("target", "bed")],
+)
+def test_changed_label_or_fact_is_found_by_the_replay(dataset: Dataset, name: str, value: Any) -> None:
+    with h5py.File(dataset.main, "a") as file:
+        if value is None:
+            file[f"episode_1/{name}"][...] = 8
+        else:
+            file["episode_1"].attrs[name] = value
+    rewrite(dataset)
+    with pytest.raises(DatasetError, match=rf"main_data\.hdf5: episode 1 .*{name}"):
         verify(Dataset(dataset.folder), workers=1)
 
 

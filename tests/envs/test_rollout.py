@@ -4,6 +4,7 @@ import doctest
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 import pytest
 from pettingzoo.utils import BaseParallelWrapper
 
@@ -66,6 +67,18 @@ def test_what_counts_is_what_happened(env: HouseholdEnv) -> None:
     episode = rollout(Twice(env), policy, seed=0, task=TASK)
     assert (len(episode), episode.steps, episode.success) == (14, 28, False)
     assert episode.potential == env.outcome.potential and "potential" not in episode.infos[-1]["humanoid"]
+
+
+class Arrays(ReplayPolicy):
+    """Answers with arrays of one number, as policies of vectors do."""
+
+    def act(self, observations: Any, infos: Any) -> dict[str, Any]:
+        return {robot: np.array([action]) for robot, action in super().act(observations, infos).items()}
+
+
+def test_actions_are_numbers_or_arrays_of_one(env: HouseholdEnv, plain: Episode) -> None:
+    rows = [tuple(actions.values()) for actions in plain.actions]
+    assert same(plain, rollout(env, Arrays(rows, env), seed=3, task=TASK))
 
 
 def test_watching(env: HouseholdEnv, plain: Episode) -> None:

@@ -16,6 +16,7 @@ from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper, plots, tables
 from chmarl_pb.evaluation.cooperation import reference_scores
+from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.groups import grouped
 from chmarl_pb.evaluation.metrics import Figure
@@ -191,6 +192,14 @@ def test_a_label_puts_a_result_beside_the_papers(results: Path) -> None:
     beside = html[html.index("QMIX + messages") :]
     assert "100.00" in beside[: beside.index("QTRAN")]
     assert "100.00" not in paper_table(paper.VISUAL, [report], others=True)
+
+
+def test_results_in_other_homes_stand_in_no_table_of_the_paper(small_home: Path) -> None:
+    report = evaluate("planner", tasks=draw_tasks(str(small_home), 2), workers=1)
+    assert "in small" in title_of(report)
+    for others in (True, False):
+        assert "100.00" not in paper_table(paper.SCENE_GRAPH, [report], others)
+    assert "<td>small</td>" in tables.result_table([report]) and "test-unseen" not in tables.result_table([report])
 
 
 def test_what_is_no_result_of_the_benchmark_stands_beside_nothing(results: Path) -> None:

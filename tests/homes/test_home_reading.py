@@ -12,6 +12,8 @@ import trimesh
 from chmarl_pb.cli import main
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import HomeError
+from chmarl_pb.evaluation.drawn import draw_tasks
+from chmarl_pb.evaluation.provenance import home_hash
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.navigation.free_space import space_of
@@ -72,6 +74,31 @@ def test_unchanged_file_is_read_once_and_a_changed_one_anew(write_home: Write) -
     before = load_home(path)
     path.write_text(GOOD.replace("desk_1", "bench_1"))
     assert load_home(path) is not before and "livingroom/bench_1" in load_home(path).receptacles
+
+
+def test_a_changed_mesh_is_noticed(tmp_path: Path, write_home: Write) -> None:
+    path = write_home(home_text(extra=collision('<mesh filename="shape.obj"/>')))
+    heights, contents = [], set()
+    for height in (0.8, 0.4, 0.8):
+        trimesh.creation.box((0.4, 0.4, height)).export(tmp_path / "shape.obj")
+        home = load_home(path)
+        (solid,) = next(thing for thing in home.things if thing.class_name == "box").solids
+        heights.append(float(solid.top - solid.bottom))
+        contents.add(home.content)
+    assert heights == pytest.approx([0.8, 0.4, 0.8]) and len(contents) == 2 and home_hash(str(path)) in contents
+    (tmp_path / "shape.obj").unlink()
+    with pytest.raises(HomeError, match=r"shape\.obj"):
+        load_home(path)
+
+
+def test_tasks_are_drawn_anew_for_a_changed_home(write_home: Write) -> None:
+    path = write_home(home_text())
+    first, content = draw_tasks(str(path), 3), home_hash(str(path))
+    assert draw_tasks(str(path), 3) is first
+    path.write_text(home_text().replace("desk_1", "bench_1"))
+    other = draw_tasks(str(path), 3)
+    assert home_hash(str(path)) != content
+    assert "desk" not in {name for task in other for name in (task.source, task.target)} and first != other
 
 
 @pytest.mark.parametrize(

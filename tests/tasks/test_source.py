@@ -63,7 +63,7 @@ def test_tasks_by_name() -> None:
     assert source.named(task.id) == task and source.named(task) is task
     with pytest.raises(TaskError, match="no-such-task"):
         source.named("no-such-task")
-    with pytest.raises(TaskError, match="got int; give a Task or a task's id"):
+    with pytest.raises(TaskError, match="got int; give a Task, its fields or its id"):
         source.named(3)  # type: ignore[arg-type]
 
 

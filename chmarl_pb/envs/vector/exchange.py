@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.vector.batch import Part
 from chmarl_pb.envs.vector.engine import AnyEngine
 from chmarl_pb.errors import ActionError, OptionError
@@ -16,15 +17,15 @@ def seeds_of(seed: Seeds, count: int) -> list[int | None]:
     """Return a seed for each environment: those from a number on, or those of a list.
 
     Raises:
-        OptionError: they are not as many as the environments.
+        OptionError: they are not as many as the environments, or no whole numbers from 0 on.
     """
     if seed is None:
         return [None] * count
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + number for number in range(count)]
+    if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray):
+        return [checked_seed(seed) + number for number in range(count)]
     if len(seed) != count:
         raise OptionError(f"reset got {len(seed)} seeds for {count} environments")
-    return [None if one is None else int(one) for one in seed]
+    return [None if one is None else checked_seed(one) for one in seed]
 
 
 def write_actions(engine: AnyEngine, actions: Any, numbers: np.ndarray | None = None) -> None:

@@ -16,6 +16,7 @@ Change = tuple[dict[Path, Any], list[Path]]
 _PLAIN = frozenset((bool, int, float, str, type(None)))
 _SIMPLE = _PLAIN - {float}  # those that are the same if they are equal
 _NOTHING = object()
+_WHOLE = "final_obs"  # key whose values stay whole, each by itself, as Gymnasium has it
 
 
 class ChangeFinder:
@@ -38,7 +39,7 @@ class ChangeFinder:
             old = last.get(key, _NOTHING)
             if type(value) in _SIMPLE and type(old) is type(value) and old == value:
                 continue  # as most of them, at little cost
-            inner = isinstance(value, dict) and key != "final_obs"  # observations stay whole, as Gymnasium has it
+            inner = isinstance(value, dict) and key != _WHOLE
             if inner is not isinstance(old, ChangeFinder):
                 self._forget(key, change)
                 old = last[key] = ChangeFinder((*self._prefix, key)) if inner else _NOTHING
@@ -147,7 +148,7 @@ class InfoTable:
 
     def _fit(self, entry: _Entry, value: Any) -> None:
         """Make or widen a column so that it can hold a value."""
-        dtype, shape = _kind(value)
+        dtype, shape = _kind(value) if entry.key != _WHOLE else (np.dtype(object), ())
         if entry.values is None:
             entry.values = np.full((self._count, *shape), _filler(dtype), dtype)
         elif entry.values.dtype != dtype:

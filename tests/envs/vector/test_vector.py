@@ -55,6 +55,15 @@ def test_equals_gymnasium(make: Callable[..., Any], workers: int, mode: Autorese
 
 
 @EVERYWHERE
+@pytest.mark.parametrize("seeds", [[1.9, 2, 3, 4, 5], [True, 2, 3, 4, 5], True, 1.5, "1", -1, [-1, 2, 3, 4, 5], [1, 2]])
+def test_seeds_are_whole_numbers(make: Callable[..., Any], workers: int, seeds: Any) -> None:
+    env = make(workers=workers)
+    with pytest.raises(OptionError, match="seed"):
+        env.reset(seed=seeds)
+    env.reset(seed=np.arange(5))
+
+
+@EVERYWHERE
 def test_a_step_in_two_calls_is_a_step(make: Callable[..., Any], workers: int) -> None:
     first, second = make(workers=workers), make(workers=workers)
     rng = np.random.default_rng(0)

@@ -20,6 +20,7 @@ INFOS = st.fixed_dictionaries(
         "things": st.tuples(st.sampled_from("ab"), st.sampled_from("ab")),
         "row": st.lists(st.integers(0, 2), max_size=2),
         "array": st.integers(0, 2).map(lambda value: np.full(2, value, np.int16)),
+        "final_obs": st.integers(0, 2).map(lambda value: np.full(2, value, np.int16)),
         "robot": st.fixed_dictionaries({"name": st.text(max_size=1)}, optional={"held": st.booleans()}),
     },
 )  # fmt: skip
