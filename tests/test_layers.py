@@ -13,6 +13,7 @@ ROWS = (
         "extras",
         "files",
         "fingerprint",
+        "kept",
         "progress",
         "reading",
         "compiled",

@@ -15,6 +15,7 @@ import chmarl_pb
 from chmarl_pb.fingerprint import name_of, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.plain_robot import robot_hash
 from chmarl_pb.tasks.splits import fixed_homes
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -36,13 +37,17 @@ def home_hash(home: str) -> str:
 
 
 def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
-    """Return kind of robot -> sha256 of what is known of it and of its URDF."""
+    """Return kind of robot -> sha256 of what is known of it and of its files."""
 
     def known(model: RobotModel) -> str:
         make = None if model.make is None else name_of(model.make)
         return repr({**vars(model), "urdf": model.urdf.name, "make": make})
 
-    return {model.name: sha256_of([known(model).encode(), model.urdf.read_bytes()]) for model in models}
+    def parts(model: RobotModel) -> list[bytes]:
+        files = robot_hash(model.urdf)
+        return [known(model).encode(), model.urdf.read_bytes(), *([files.encode()] if files else [])]
+
+    return {model.name: sha256_of(parts(model)) for model in models}
 
 
 def tasks_hash(tasks: Iterable[AnyTask]) -> str:

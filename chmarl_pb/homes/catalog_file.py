@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +15,7 @@ from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.source import Source, shown
 from chmarl_pb.homes.things import read_thing
 from chmarl_pb.homes.urdf import read_whole
+from chmarl_pb.kept import Kept
 from chmarl_pb.reading import read_regular
 
 if sys.version_info >= (3, 11):
@@ -31,6 +31,7 @@ KEYS: dict[OwnKind, tuple[str, ...]] = {
     "scenery": ("models", "names", "held_out", "states"),
 }
 
+_KEPT: Kept[Catalog] = Kept(16)
 _MOST_BYTES = 2**18
 _MOST_ROWS = 200
 _MOST_WORDS = 16  # names, states or models of a row
@@ -40,15 +41,13 @@ _STATE = re.compile(r"[a-z][a-z_]{0,30}")
 
 
 def load_catalog(path: str | Path) -> Catalog:
-    """Return the benchmark's classes with those of a catalogue file after them; an unchanged file is read once.
+    """Return the benchmark's classes with those of a catalogue file after them; files are read once while unchanged.
 
     Raises:
         AssetError: the file or a URDF that it names cannot be used.
     """
     path = Path(path)
-    content = _content(path)
-    named = [path.parent / name for row in _rows(path, content) for name in row.files]
-    return _load(path.resolve(), content, tuple(_stamp(file) for file in named))
+    return _KEPT.get(path.absolute(), path, lambda: _load(path))
 
 
 def _content(path: Path) -> bytes:
@@ -58,24 +57,16 @@ def _content(path: Path) -> bytes:
         raise AssetError(f"{path}: {error}; `chmarl-pb things add` makes catalogue files") from error
 
 
-def _stamp(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except (OSError, ValueError):  # it is missed, or no name at all: its row will say so
-        return 0
-
-
-@lru_cache(maxsize=16)
-def _load(path: Path, content: bytes, _stamps: tuple[int, ...]) -> Catalog:
-    known, hashes = _Known(), [content]
-    rows = []
-    for row in _rows(path, content):
-        rows.append(row.read(known))
-        hashes += [hash_.encode() for hash_ in known.contents]
-        known.contents.clear()
-    for row, made in zip(_rows(path, content), rows, strict=True):
+def _load(path: Path) -> tuple[Catalog, list[Path]]:
+    """Return the classes, and the files that they were read from."""
+    content, path = _content(path), path.resolve()
+    known = _Known()
+    rows = [(row, row.read(known)) for row in _rows(path, content)]
+    for row, made in rows:
         row.check_places(made, known)
-    return BENCHMARK.extended(rows, sha256_of(hashes), known.furniture)
+    hashes = [content, *(source.content.encode() for source in known.sources)]
+    files = [path, *(file for source in known.sources for file in source.files)]
+    return BENCHMARK.extended([made for _, made in rows], sha256_of(hashes), known.furniture), files
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +77,7 @@ class _Known:
         kinds: class -> its kind.
         words: name -> the class that it names.
         furniture: model -> class and URDF.
-        contents: hashes of what the last row has read.
+        sources: what rows have read, in their order.
     """
 
     kinds: dict[str, str] = field(default_factory=lambda: {row.name: row.kind for row in BENCHMARK.rows})
@@ -96,7 +87,7 @@ class _Known:
         }
     )
     furniture: dict[str, tuple[str, Path]] = field(default_factory=dict)
-    contents: list[str] = field(default_factory=list)
+    sources: list[Source] = field(default_factory=list)
 
 
 def _rows(path: Path, content: bytes) -> list["_Row"]:
@@ -153,12 +144,6 @@ class _Row:
 
     def __init__(self, path: Path, kind: OwnKind, number: int, values: Mapping[str, Any]):
         self.path, self.kind, self.number, self.values = path, kind, number, values
-
-    @property
-    def files(self) -> list[str]:
-        """The URDFs that the row names, as far as they are names."""
-        named = self.values.get("models", []), [self.values.get("urdf")]
-        return [name for names in named if isinstance(names, list) for name in names if isinstance(name, str)]
 
     def read(self, known: _Known) -> ThingClass:
         """Return the class, and note what it names."""
@@ -227,7 +212,7 @@ class _Row:
             thing = read_thing(source)
         except AssetError as error:
             raise self.error(f"urdf: {error}") from error
-        known.contents.append(source.content)
+        known.sources.append(source)
         return tuple(thing.files(name).items())
 
     def _furniture(self, name: str, known: _Known) -> tuple[tuple[str, bytes], ...]:
@@ -239,7 +224,7 @@ class _Row:
                 raise self.error(f"models: {error}") from error
             if source.urdf.stem in known.furniture:
                 raise self.error(f"models: a model {source.urdf.stem!r} stands twice; rename one of the files")
-            known.contents.append(source.content)
+            known.sources.append(source)
             known.furniture[source.urdf.stem] = name, source.urdf.resolve()
         return ()
 

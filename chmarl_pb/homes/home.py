@@ -1,12 +1,9 @@
 """A home as data, derived from its URDF alone: rooms, things and the solids that they are made of."""
 
 import re
-from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,12 +18,14 @@ from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
+from chmarl_pb.kept import Kept
 
 #: Metres that a home may measure from one end of its floors to the other: its lattice must fit into memory.
 WIDEST = 60
 #: Square metres of all floors, for the same reason; the benchmark's homes have 71 to 105.
 LARGEST = 400
 
+_KEPT: Kept["Reading"] = Kept(32)
 _LONGEST_NAME = 400  # characters of a home's name or path in messages
 _LEVEL = 0.01  # metres that a floor's top may lie off z = 0
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
@@ -208,36 +207,14 @@ def read_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Reading:
         HomeError: there is no such home.
     """
     path = home_path(name_or_path)
-    kept = _kept(path, known)
-    if not kept or kept[0].stamps != _stamps(kept[0].stamps):
-        before, reading = _stamps([path]), _read(path, known)
+
+    def read() -> tuple[Reading, tuple[Path, ...] | None]:
+        reading = _read(path, known)
         if reading.home is None or reading.found.errors:
-            return reading  # is not kept: its files may be mended
-        kept[:] = [_Kept(_stamps(reading.home.files) | before, reading)]
-    return kept[0].reading
+            return reading, None  # its files may be mended
+        return reading, reading.home.files
 
-
-class _Kept(NamedTuple):
-    """What a home's files gave, and when they were changed last, with their numbers and sizes."""
-
-    stamps: dict[Path, tuple[int, ...]]
-    reading: Reading
-
-
-@lru_cache(maxsize=32)
-def _kept(path: Path, known: Catalog) -> list[_Kept]:
-    """Return the list that has what is kept of a home; empty at first."""
-    return []
-
-
-def _stamps(files: Iterable[Path]) -> dict[Path, tuple[int, ...]]:
-    """Return file -> what changes with it; nothing for one that is gone."""
-    found: dict[Path, tuple[int, ...]] = {}
-    for file in files:
-        with suppress(OSError):
-            state = file.stat()
-            found[file] = (state.st_mtime_ns, state.st_size, state.st_ino)
-    return found
+    return _KEPT.get((path, known), path, read)
 
 
 def _read(path: Path, known: Catalog) -> Reading:

@@ -5,23 +5,24 @@ PyBullet's importers end the process on many a broken mesh, and only plain meshe
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
 from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.errors import AssetError
-from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.homes.paint import Part, parts_of
 from chmarl_pb.homes.plain import plain_mesh
-from chmarl_pb.homes.source import MOST_URDF_BYTES, Source
-from chmarl_pb.reading import read_regular
+from chmarl_pb.homes.source import Source
+from chmarl_pb.kept import Kept
 from chmarl_pb.robots.robot_urdf import Piece, read_robot
 
 #: The robots of the package.
 FOLDER = URDF_DIR / "robots"
+
+_KEPT: Kept["_Robot"] = Kept(64)
 
 
 def plain_robot(urdf: Path) -> Path:
@@ -30,19 +31,38 @@ def plain_robot(urdf: Path) -> Path:
     Raises:
         AssetError: its URDF or one of its meshes cannot be used.
     """
-    if urdf.parent == FOLDER:
-        return urdf
+    return urdf if urdf.parent == FOLDER else _read(urdf).plain
+
+
+def robot_hash(urdf: Path) -> str | None:
+    """Return the sha256 of the files of a robot; None if it is the package's, or the URDF is the only one.
+
+    Raises:
+        AssetError: its URDF or one of its meshes cannot be used.
+    """
+    return None if urdf.parent == FOLDER else _read(urdf).content
+
+
+class _Robot(NamedTuple):
+    """A robot of the user's: the URDF that PyBullet gets, and the sha256 of its files if they are several."""
+
+    plain: Path
+    content: str | None
+
+
+def _read(urdf: Path) -> _Robot:
     try:
-        return _copied(urdf, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]))
+        return _KEPT.get(urdf, urdf, lambda: _copied(urdf))
     except ValueError as error:
         raise error if isinstance(error, AssetError) else AssetError(f"{urdf}: {str(error)[:500]}") from error
 
 
-@lru_cache(maxsize=64)
-def _copied(urdf: Path, _hash: str) -> Path:
-    """Return the copy of a URDF, or itself where none is needed."""
-    copy = _Copy(*read_robot(Source(urdf, "robot")))
-    return _written(urdf, copy.files) if copy.files else urdf
+def _copied(urdf: Path) -> tuple[_Robot, tuple[Path, ...]]:
+    """Return a robot, with a copy of its URDF where one is needed, and its files."""
+    source = Source(urdf, "robot")
+    copy = _Copy(*read_robot(source))
+    plain, files = _written(urdf, copy.files) if copy.files else urdf, source.files
+    return _Robot(plain, source.content if len(files) > 1 else None), files
 
 
 def _written(urdf: Path, files: Mapping[str, bytes]) -> Path:
