@@ -203,7 +203,7 @@ def _print_notes(console: Console, report: Report) -> None:
     share = "-" if gain.share is None else f"{100 * gain.share:.0f} %"
     pair = "-" if gain.share_pair is None else f"{100 * gain.share_pair:.0f} %"
     console.print(
-        f"cooperation: {share} of the possible gain in PLW over the lone humanoid (search pair: {pair}); "
+        f"cooperation: {share} of the possible gain in PLW over the lone humanoid (belief pair: {pair}); "
         f"{gain.steps_saved:.1f} of {gain.steps_possible:.1f} steps saved a task"
     )
 

@@ -8,7 +8,7 @@ from statistics import fmean
 
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.result import Report
-from chmarl_pb.evaluation.tables import title_of
+from chmarl_pb.evaluation.tables import title_of, where_of
 
 _Key = tuple[str, str, str, str]
 
@@ -19,7 +19,7 @@ class Group:
 
     Attributes:
         title: name and what sets the setting apart.
-        split: that was played.
+        split: that was played, or other homes than its own.
         observation: "scene_graph" or "visual".
         reports: the results, one for each training seed.
     """
@@ -63,7 +63,7 @@ def grouped(reports: Sequence[Report]) -> list[Group]:
 def _key(report: Report) -> _Key:
     settings = report.settings
     homes = hashlib.sha256(str(settings.get("homes_sha256")).encode()).hexdigest()[:4]
-    return title_of(report), settings["split"], settings["observation"], homes
+    return title_of(report), where_of(report), settings["observation"], homes
 
 
 def bar_of(group: Group, value: Callable[[Report], float | None], interval: Callable[[Report], Figure]) -> Bar | None:

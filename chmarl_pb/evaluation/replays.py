@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.errors import AssetError
+from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode, save_episode
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import episode_seed
@@ -69,11 +69,11 @@ def _card(report: Report, episode: Played, folder: Path) -> str:
     home = episode.task.home
     if report.foreign or not isinstance(episode.task, Task):
         return f"<details>{head}<p>Played in a changed environment: {escape(report.foreign)}.</p></details>"
-    if report.settings["homes_sha256"].get(home) != home_hash(home):
-        return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"
     try:
+        if report.settings["homes_sha256"].get(home) != home_hash(home):
+            return f"<details>{head}<p>{escape(home)} has changed since.</p></details>"
         env = HouseholdEnv(report.settings["observation"], home=home, **report.settings["options"])
-    except AssetError as error:  # robots that are not here
+    except (AssetError, HomeError) as error:  # robots, things or the home are not here
         return f"<details>{head}<p>{escape(str(error))}</p></details>"
     try:
         ways, policy = _Ways(), ReplayPolicy(episode.actions, env)

@@ -13,7 +13,7 @@ from chmarl_pb.evaluation.groups import Group, grouped
 from chmarl_pb.evaluation.plots import cooperation_bars, score_bars, success_curves
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
-from chmarl_pb.evaluation.tables import group_table, paper_table, result_table, title_of
+from chmarl_pb.evaluation.tables import group_table, paper_table, result_table, title_of, where_of
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import SPLITS
@@ -78,7 +78,7 @@ def _order(report: Report) -> tuple[int, str, int, str]:
 
 
 def _scores(groups: Sequence[Group]) -> Iterator[str]:
-    known = {group.split: reference_scores(group.split, MAX_STEPS) for group in groups}
+    known = {group.split: reference_scores(group.split, MAX_STEPS) for group in groups if group.split in SPLITS}
     blind = {split: {_BLIND: scores[_BLIND].plw} for split, scores in known.items() if _BLIND in scores}
     for observation, same in _by_observation(groups).items():
         yield f"<h3>{_words(observation)}</h3><div class='wide plot'>{score_bars(same, blind)}</div>"
@@ -87,7 +87,7 @@ def _scores(groups: Sequence[Group]) -> Iterator[str]:
 def _curves(groups: Sequence[Group]) -> Iterator[str]:
     for split in dict.fromkeys(group.split for group in groups):
         for observation, same in _by_observation([group for group in groups if group.split == split]).items():
-            yield f"<h3>{split}, {_words(observation)}</h3><div class='wide plot'>{success_curves(same)}</div>"
+            yield f"<h3>{escape(split)}, {_words(observation)}</h3><div class='wide plot'>{success_curves(same)}</div>"
 
 
 def _cooperation(groups: Sequence[Group]) -> Iterator[str]:
@@ -109,7 +109,7 @@ def _words(observation: str) -> str:
 
 
 def _groups(report: Report) -> str:
-    name = f"{title_of(report)}, {report.settings['split']}, {_words(report.settings['observation'])}"
+    name = f"{title_of(report)}, {where_of(report)}, {_words(report.settings['observation'])}"
     tables = [group_table("wording", report.per_wording), group_table("home", report.per_home)]
     tables += [group_table(role, summaries) for role, summaries in report.per_class.items()]
     return f"<details><summary>{escape(name)}</summary>{''.join(tables)}</details>"
@@ -119,7 +119,7 @@ def _source(report: Report) -> str:
     run, settings = report.run, report.settings
     versions = ", ".join(f"{name} {version}" for name, version in run["versions"].items())
     lines = (
-        f"{title_of(report)}, {settings['split']}: {run['command']}",
+        f"{title_of(report)}, {where_of(report)}: {run['command']}",
         f"{run['date']}, {run['seconds']} s with {run['workers']} workers on {run['machine']['processor']}",
         f"tasks {settings['tasks_sha256'][:12]}, source {settings['source_sha256'][:12]}; {versions}",
     )

@@ -142,9 +142,8 @@ def _result_row(report: Report) -> str:
     settings, summary = report.settings, report.summary
     gain = report.cooperation
     share = _NONE if gain is None or gain.share is None else f"{100 * gain.share:.0f} %"
-    where = escape(_other_homes(report)) or settings["split"]
     values = (
-        where, settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
+        escape(where_of(report)), settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
         _rate(summary.success_rate), _rate(summary.plw), _both(report), _plain(summary.length_on_success),
         _plain(summary.final_potential), share, points(gain_of(report)) or _NONE,
     )  # fmt: skip
@@ -184,6 +183,11 @@ def title_of(report: Report) -> str:
     off = [f"no {name}" for name in report.without]
     notes = [*off, *_apart(report), *([report.declared] if report.declared else [])]
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
+
+
+def where_of(report: Report) -> str:
+    """Return where a result was played: the split, or the homes that are none of its own."""
+    return _other_homes(report) or str(report.settings["split"])
 
 
 def _other_homes(report: Report) -> str:

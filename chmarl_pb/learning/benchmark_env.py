@@ -6,7 +6,10 @@ from typing import Any, Literal
 
 import chmarl_pb
 from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
+from chmarl_pb.evaluation.provenance import robots_hash
+from chmarl_pb.homes.home import load_home
 from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, RULES, TRAINED_IN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
@@ -55,8 +58,28 @@ def benchmark(
     own |= {GOAL: True} if options.get(GOAL) else {}
     own |= {HOME: str(options[HOME])} if options.get(HOME) else {}
     own |= {RULES: rules} if (rules := rules_of(asked)) else {}
-    own |= {TRAINED_IN: {name: recorded[name] for name in _TRAINED_IN if name in recorded}}
+    own |= {TRAINED_IN: trained_in(asked)}
     return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
+
+
+def trained_in(options: Options) -> dict[str, Any]:
+    """Return what a run has to go on with: the split and the like, and what the files of its home and robots hold."""
+    recorded = options.recorded()
+    files: dict[str, Any] = {}
+    if options.home is not None:
+        files["home_sha256"] = load_home(options.home, options.things).content
+    if "robots" in recorded:
+        files["robots_sha256"] = robots_hash(options.models.values())
+    return {name: recorded[name] for name in _TRAINED_IN if name in recorded} | files
+
+
+def setting_of(env: Any) -> dict[str, Any]:
+    """Return the setting of policies that are trained in an environment; nothing of one that is not the benchmark's."""
+    core = getattr(env, "unwrapped", None)
+    if not isinstance(core, HouseholdEnv):
+        return {}
+    recorded = core.options.recorded()
+    return {TRAINED_IN: trained_in(core.options) | {name: recorded[name] for name in ("messages", "feedback")}}
 
 
 def rules_of(options: Options) -> dict[str, Any]:

@@ -1,8 +1,11 @@
 """Registries of what a user can add: looked up by name, or imported from ``module:name``."""
 
 import inspect
+import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
@@ -10,6 +13,24 @@ from typing import Any, TypeVar
 from torch import nn
 
 T = TypeVar("T")
+
+#: Names, as ``module:name`` with commas between them, that checkpoints may have imported, which runs their code.
+TRUSTED = "CHMARL_TRUSTED"
+_at_reading: ContextVar[bool] = ContextVar("_at_reading", default=False)
+
+
+class UntrustedError(ValueError):
+    """A file names code that would be run."""
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Within, import nothing but what the user trusts: names come from a file."""
+    before = _at_reading.set(True)
+    try:
+        yield
+    finally:
+        _at_reading.reset(before)
 
 
 def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
@@ -22,11 +43,14 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
 
     Raises:
         ValueError: the registry has no such name, or there is nothing to import.
+        UntrustedError: a file names it that is being read, and the user has not said that it may be imported.
     """
     if name in registry:
         return registry[name]
     if ":" not in name:
         raise ValueError(f"{option}={name!r} is not known; use one of: {', '.join(registry)}; or module:name")
+    if _at_reading.get() and name not in os.environ.get(TRUSTED, "").split(","):
+        raise UntrustedError(f"{option}={name!r} is code, which would be run; if you trust it, set {TRUSTED}={name}")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
         sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
     try:

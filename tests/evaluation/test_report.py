@@ -202,6 +202,15 @@ def test_results_in_other_homes_stand_in_no_table_of_the_paper(small_home: Path)
     assert "<td>small</td>" in tables.result_table([report]) and "test-unseen" not in tables.result_table([report])
 
 
+def test_a_result_in_a_home_that_is_gone_is_shown_without_its_replay(small_home: Path, tmp_path: Path) -> None:
+    evaluate("planner", tasks=draw_tasks(str(small_home), 2), workers=1, out=tmp_path / "small.json")
+    small_home.unlink()
+    write_report([tmp_path / "small.json"], tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "small.urdf: no such home" in page and "small, scene graph" in page
+    assert "test-unseen, scene graph" not in page
+
+
 def test_what_is_no_result_of_the_benchmark_stands_beside_nothing(results: Path) -> None:
     reports = [load_result(results / f"{name}.json") for name in ("planner", "qmix")]
     html = paper_table(paper.SCENE_GRAPH, reports, others=True)

@@ -1,6 +1,7 @@
 """Checkpoints as policies of the benchmark."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,76 @@ def test_unfit_checkpoints_are_refused(folder: Path, env: HouseholdEnv, tmp_path
     save(tmp_path / "x.pt", "other", {})
     with pytest.raises(CheckpointError, match="kind 'other'"):
         load_policy(tmp_path / "x.pt")
+
+
+def flat(space: Any, size: int, image_encoder: str, graph_pool: str) -> torch.nn.Module:
+    """Return an encoder of one's own, which keeps the dimensions that come before an observation's own."""
+
+    class Flat(torch.nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.layer = torch.nn.Linear(space["self"].shape[0], size)
+
+        def forward(self, observation: Any) -> torch.Tensor:
+            found: torch.Tensor = self.layer(observation["self"])
+            return found
+
+    return Flat()
+
+
+def narrow(space: Any, size: int, image_encoder: str, graph_pool: str) -> torch.nn.Module:
+    return flat(space, size - 1, image_encoder, graph_pool)
+
+
+def test_code_that_a_checkpoint_names_is_run_for_who_trusts_it_alone(
+    env: HouseholdEnv, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"{__name__}:flat"
+    train(make_env, "qmix", replace(TINY, encoder=name), tmp_path)
+    with pytest.raises(CheckpointError, match=rf"{BEST}: encoder='{name}' is code, .* set CHMARL_TRUSTED={name}$"):
+        load_policy(tmp_path / BEST)(env)
+    monkeypatch.setenv("CHMARL_TRUSTED", f"a:b,{name}")
+    policy = load_policy(tmp_path / BEST)(env)
+    observations, infos = env.reset(seed=0)
+    policy.reset(0)
+    assert policy.act(observations, infos).keys() == {"humanoid", "drone"}
+
+
+def test_an_encoder_gives_as_many_numbers_as_it_is_asked_for() -> None:
+    with pytest.raises(ValueError, match=r"the encoder Flat gives \(.*7\); it is to give \(\.\.\., 8\)"):
+        train(make_env, "qmix", replace(TINY, encoder=f"{__name__}:narrow"))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"observation": "visual"}, r"those of the humanoid with edges, node_.*; without image; give the options"),
+        ({"goal": True}, r"those of the humanoid without goal; give"),
+        ({"robots": ("humanoid",)}, r"of the robots humanoid, drone, not humanoid$"),
+    ],
+)
+def test_other_observations_are_named(folder: Path, options: dict[str, Any], words: str) -> None:
+    other = make_env(**options)
+    with pytest.raises(CheckpointError, match=f"was trained with other observations, {words}"):
+        load_policy(folder / BEST)(other)
+    other.close()
+
+
+def test_a_run_goes_on_where_it_was_trained(tmp_path: Path, small_home: Path) -> None:
+    """Also if nobody says so: environments of the benchmark tell their homes, robots and rules."""
+    path = tmp_path / "run"
+    make = partial(make_env, home=small_home)
+    train(make, "qmix", TINY, path)
+    train(make, "qmix", TINY, path)
+    for options, words in (
+        ({"messages": False}, "messages=True, not False"), ({"feedback": "planner"}, "feedback=True, not 'planner'"),
+        ({"home": "home_6"}, "home_sha256="),
+    ):  # fmt: skip
+        with pytest.raises(CheckpointError, match=words):
+            train(partial(make, **options), "qmix", TINY, path)
+    small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
+    with pytest.raises(CheckpointError, match="home_sha256="):
+        train(make, "qmix", TINY, path)
 
 
 def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:

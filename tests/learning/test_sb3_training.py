@@ -239,6 +239,23 @@ def test_killed_run_ends_with_the_same_numbers(
         run(Config(algo, HUMANOID, steps=24, interval=8, seed=1, **TINY), tmp_path / "killed", workers=0)
 
 
+def test_a_run_goes_on_in_the_same_home_alone(tmp_path: Path, small_home: Path) -> None:
+    config = Config("a2c", HUMANOID, steps=8, interval=8, home=str(small_home), **TINY)
+    run(config, tmp_path / "run", workers=0)
+    run(config, tmp_path / "run", workers=0)
+    small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
+    with pytest.raises(CheckpointError, match="home_sha256="):
+        run(config, tmp_path / "run", workers=0)
+
+
+def test_folders_are_named_after_homes_and_robots() -> None:
+    folders = {str(parse(["--algo", "ppo", *options])[1]) for options in (
+        [], ["--home", "my/cabin.urdf"], ["--home", "den.urdf"], ["--catalog", "own.toml"],
+        ["--robots", "humanoid,scout.toml"],
+    )}  # fmt: skip
+    assert len(folders) == 5 and "out/sb3/ppo-scenegraph-messages-feedback-goal-seed0" in folders
+
+
 def test_best_weights_that_are_gone_are_written_again_or_missed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

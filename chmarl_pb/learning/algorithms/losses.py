@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.mixers import Mixer
+from chmarl_pb.learning.algorithms.mixers import Mixer, mixed
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.components import taken
 from chmarl_pb.learning.networks.agents import NO_ACTION
@@ -182,7 +182,7 @@ def td_loss(
 def q_loss(online: Unrolled, mixer: Mixer, batch: Batch, y: Tensor, mask: Tensor) -> dict[str, Tensor]:
     """Return the mean squared error of the mixed values of what was done against targets; both (B, T, M)."""
     q_taken = chosen(before(online.values), batch.actions) * batch.acted
-    q = mixer(q_taken, batch.states[:, :-1])
+    q = mixed(mixer, q_taken, batch.states[:, :-1])
     return {"loss": mean_square(q - y, mask), "q": mean(q.detach(), mask)}
 
 
@@ -203,7 +203,7 @@ def td_targets(
     next_mask = batch.not_done if per_agent else batch.next_mask
     reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if per_agent else batch.team()
     aim.take_in(reward, not_done, mask)
-    q_next = aim.real(target_mixer(chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
+    q_next = aim.real(mixed(target_mixer, chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
     return lambda_returns(reward, not_done, q_next, mask, aim.gamma, aim.td_lambda), mask
 
 

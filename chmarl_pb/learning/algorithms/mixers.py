@@ -37,6 +37,22 @@ class Mixer(nn.Module):
         super().__init__()
 
 
+def mixed(mixer: Mixer, values: Tensor, states: Tensor) -> Tensor:
+    """Return what a mixer makes of values (B, T, N) and states (B, T, S).
+
+    Raises:
+        ValueError: that has another shape than it should.
+    """
+    found: Tensor = mixer(values, states)
+    wanted = (*values.shape[:2], values.shape[2] if mixer.per_agent else 1)
+    if found.shape != wanted:
+        raise ValueError(
+            f"the mixer {type(mixer).__name__} gives {tuple(found.shape)} for values {tuple(values.shape)}; it is to "
+            f"give {wanted}"
+        )
+    return found
+
+
 class Independent(Mixer):
     """IQL (Tan 1993; Tampuu et al. 2017): each agent learns by itself, the others are part of its surroundings."""
 

@@ -41,6 +41,7 @@ class Agent(nn.Module):
         outputs = sum(of_each(actions))
         self._history = self.past + outputs if config.history_past else 0
         self.state_size = config.hidden + self._history
+        self._encoded = config.features + self.past
         read = config.features + self.past + self._history
         self.memory = nn.GRU(read + outputs, config.hidden, batch_first=True)
         self.head = nn.Linear(config.hidden + self.past + self._history, outputs)
@@ -76,11 +77,23 @@ class Agent(nn.Module):
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
         """Return features (B * T, F), zeros where there is only padding."""
         if real is None:
-            encoded: Tensor = self.encoder(observation)
-            return encoded
+            return self._checked(self.encoder(observation))
         rows = real.flatten().nonzero().squeeze(1)
-        encoded = self.encoder(tree_map(lambda part: part.flatten(0, 1)[rows], observation))
+        encoded = self._checked(self.encoder(tree_map(lambda part: part.flatten(0, 1)[rows], observation)))
         return encoded.new_zeros(real.numel(), encoded.shape[1]).index_copy(0, rows, encoded)
+
+    def _checked(self, encoded: Tensor) -> Tensor:
+        """Return features with one leading dimension.
+
+        Raises:
+            ValueError: they are not as many as are wanted.
+        """
+        if encoded.dim() < 2 or encoded.shape[-1] != self._encoded:
+            raise ValueError(
+                f"the encoder {type(self.encoder).__name__} gives {tuple(encoded.shape)}; it is to give (..., "
+                f"{self._encoded}) for observations with the dimensions (...) before their own"
+            )
+        return encoded.flatten(0, -2)
 
 
 def _most_so_far(numbers: Tensor, before: Tensor | None) -> Tensor:

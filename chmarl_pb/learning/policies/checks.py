@@ -1,5 +1,6 @@
 """What a policy has to be given again as it was in training."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.learning.config import CATALOG
 from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from chmarl_pb.tasks.symbols import Talk
+
+_PART = re.compile(r"'([^']+)': (\w+\(.*?\))(?=, '|\)$)")  # of the text of a Dict space
+_LONGEST = 100  # characters of a space in a message
 
 
 def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
@@ -34,6 +38,26 @@ def image_size_of(setting: Mapping[str, Any]) -> dict[str, int]:
     """Return the option ``image_size`` of a training, if it is not the usual one."""
     size = setting.get("image_size", Options().image_size)
     return {} if size == Options().image_size else {"image_size": size}
+
+
+def differences(theirs: Mapping[str, str], own: Mapping[str, str]) -> str:
+    """Return how the spaces of a training differ from those of an environment, in words.
+
+    Args:
+        theirs: robot -> its space, as text.
+        own: the same of the environment.
+    """
+    if theirs.keys() != own.keys():
+        return f"of the robots {', '.join(theirs)}, not {', '.join(own)}"
+    robot = next(robot for robot in own if theirs[robot] != own[robot])
+    was, now = (dict(_PART.findall(space)) for space in (theirs[robot], own[robot]))
+    if was == now:
+        return f"the {robot} had {theirs[robot][:_LONGEST]}, not {own[robot][:_LONGEST]}"
+    told = [f"with {', '.join(names)}" for names in [sorted(was.keys() - now.keys())] if names]
+    told += [f"without {', '.join(names)}" for names in [sorted(now.keys() - was.keys())] if names]
+    same = sorted(key for key in was.keys() & now.keys() if was[key] != now[key])
+    told += [f"with {key} {was[key]}, not {now[key]}" for key in same[:3]]
+    return f"those of the {robot} {'; '.join(told)}; give the options of its training, as --observation"
 
 
 def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:

@@ -14,7 +14,14 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
+from chmarl_pb.learning.policies.checks import (
+    check_catalog,
+    check_rules,
+    check_size,
+    differences,
+    image_size_of,
+    silenced,
+)
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.runs.collect import Explorer, greedy
 from chmarl_pb.learning.runs.threads import threads
@@ -89,9 +96,11 @@ class ValuePolicies:
         check_rules(env, self.rules, self.path)
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)
         seen = {name: str(space) for name, space in observations.items()}
-        for what, own in (("observations", seen), ("actions", actions)):
-            if content[what] != own:
-                raise CheckpointError(f"{self.path}: was trained with the {what} {content[what]}, not {own}")
+        if content["observations"] != seen:
+            other = differences(content["observations"], seen)
+            raise CheckpointError(f"{self.path}: was trained with other observations, {other}")
+        if content["actions"] != actions:
+            raise CheckpointError(f"{self.path}: was trained with the actions {content['actions']}, not {actions}")
         agents = make_agents(observations, actions, config)
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()

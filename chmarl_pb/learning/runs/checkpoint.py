@@ -15,6 +15,7 @@ from torch import nn
 
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.files import replacing
+from chmarl_pb.learning.lookup import UntrustedError, guarded
 from chmarl_pb.learning.runs.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
@@ -160,15 +161,18 @@ def _differing(theirs: Mapping[str, Any], own: Mapping[str, Any]) -> Iterator[tu
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Refuse a file in which the block misses something, or finds it of another kind.
+    """Refuse a file in which the block misses something, or finds it of another kind, or which names code to be run.
 
     Raises:
         CheckpointError: it does.
     """
     try:
-        yield
+        with guarded():
+            yield
     except CheckpointError:
         raise
+    except UntrustedError as error:
+        raise CheckpointError(f"{path}: {error}") from error
     except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
         raise CheckpointError(
             f"{path}: does not hold what this version looks for ({repr(error)[:200]}); train it again, or read it with "

@@ -10,6 +10,7 @@ from torch import nn
 
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm
+from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs.checkpoint import check_kept, load, reading
 from chmarl_pb.learning.runs.collect import Collector
@@ -74,7 +75,8 @@ def train(
         config: everything else that fixes the run; of the class that the algorithm has there.
         folder: for checkpoints and metrics; None: nothing is written.
         validate: chooses the best weights; the mean return of greedy episodes if None.
-        setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`.
+        setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`;
+            None: where an environment of the benchmark was trained in, with which alone a run goes on.
         quiet: whether no progress is shown.
         expert: makes what is imitated in an environment: a policy, or an expert that observes the actions taken in its
             place, see :class:`chmarl_pb.policies.expert.Expert`.
@@ -100,7 +102,8 @@ def train(
         closing(Collector(env_fn, config.envs, expert, config.horizon, signals.check)) as collector,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
-        run = Run(collector, algorithm, config, folder, validate or by_return(), setting or {}, where, resumed)
+        setting = setting_of(collector.envs[0]) if setting is None else setting
+        run = Run(collector, algorithm, config, folder, validate or by_return(), setting, where, resumed)
         if last is not None and resumed:
             with reading(last):
                 run.restore(load(last, "run"), last)

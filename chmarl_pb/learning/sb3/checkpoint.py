@@ -76,6 +76,10 @@ class Sb3Policies:
         Raises:
             CheckpointError: the model was trained with other observations, actions or frozen weights.
         """
+        with reading(self.path):
+            return self._policy(env)
+
+    def _policy(self, env: HouseholdEnv) -> Policy:
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
         check_catalog(env, asdict(config), self.path)

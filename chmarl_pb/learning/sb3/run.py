@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
+from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import check_same, load, reading, save
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
@@ -62,14 +63,17 @@ class Validation(EvalCallback):
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
         # EvalCallback keeps what is better; of equals the last weights are to be kept, which have learned for longer.
-        self.best_mean_reward = float(np.nextafter(self.best_mean_reward, -np.inf))
+        kept = self.best_mean_reward
+        self.best_mean_reward = float(np.nextafter(kept, -np.inf))
         torch.manual_seed(0)  # training begins its own stream anew after this
         file = Path(f"{self.log_path}.npz")
         try:
             with writing(file):
                 going_on = super()._on_step()
-        except WriteError:
-            file.unlink(missing_ok=True)  # half of it would be worse than none; the checkpoint has its contents
+        except BaseException as error:
+            self.best_mean_reward = kept  # it will be validated again
+            if isinstance(error, WriteError):
+                file.unlink(missing_ok=True)  # half of it would be worse than none; the checkpoint has its contents
             raise
         row = self.rows()[-1]
         self._say(f"steps {row['steps']:,}  validation: SR {100 * row['sr']:.1f}  PLW {100 * row['plw']:.1f}")
@@ -140,7 +144,8 @@ class Milestones(BaseCallback):
             self._restore(model, load(self.path, KIND))
 
     def _restore(self, model: BaseAlgorithm, content: dict[str, Any]) -> None:
-        check_same({**BEFORE_PRESETS, **content["settings"]}, self.settings, self.path)
+        before = {TRAINED_IN: self.settings[TRAINED_IN], **BEFORE_PRESETS}
+        check_same({**before, **content["settings"]}, self.settings, self.path)
         model.set_parameters(content["parameters"])
         kept = content.get("moment")
         for name, value in (kept or content)["counters"].items():

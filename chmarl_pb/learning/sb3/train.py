@@ -17,8 +17,11 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecTransposeImage
 
 import chmarl_pb
+from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
+from chmarl_pb.learning.benchmark_env import trained_in
+from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.runs.checkpoint import check_kept
 from chmarl_pb.learning.runs.device import find_device
@@ -86,6 +89,12 @@ def run(
         return _learn(config, folder, env, journal, validation, signals, bar, where)
 
 
+def _settings(config: Config) -> dict[str, Any]:
+    """Return what a run has to go on with."""
+    given = {name: value for name, value in config.env_options.items() if name in ("home", "robots", "catalog")}
+    return asdict(config) | {TRAINED_IN: trained_in(Options(track=config.track, **given))}
+
+
 def _wrapped(env: VecEnv, config: Config, reward_scale: float = 1.0) -> VecEnv:
     if config.frozen:
         env = encode_pictures(env, frozen_encoder(config.image_encoder))
@@ -114,7 +123,7 @@ def _learn(
     )
     own_log = 0 if config.replays else _log_interval(config)
     milestones = Milestones(
-        validation, folder / LAST, asdict(config), config.seed, config.interval, journal, own_log, signals.check
+        validation, folder / LAST, _settings(config), config.seed, config.interval, journal, own_log, signals.check
     )
     milestones.resume(model)
     if not (folder / BEST).is_file():
