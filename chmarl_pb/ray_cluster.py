@@ -24,7 +24,8 @@ with needs("work on a Ray cluster", "scale"):
 _PACKAGE = Path(__file__).parent
 _ASSETS = {"urdf": URDF_DIR, "scenes": SCENES_DIR, "weights": WEIGHTS_DIR}
 _BESIDE = ("meshes", "textures")  # folders that the files of homes and things name
-_SET = ("CHMARL_CACHE", "CHMARL_CACHE_LIMIT", "CHMARL_TRUSTED", "CHMARL_VIEW_MEMORY")  # go to the nodes where they are set here
+#: Variables that go to the nodes where they are set here.
+_SET = ("CHMARL_CACHE", "CHMARL_CACHE_LIMIT", "CHMARL_TRUSTED", "CHMARL_VIEW_MEMORY")
 _CODE = "machine_code"  # not __pycache__, which Ray leaves out
 _MOST = 200  # MB that are shipped; Ray itself refuses more than 500
 

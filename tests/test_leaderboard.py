@@ -102,6 +102,14 @@ def test_seeds_are_not_chosen(
         assert sent(tmp_path / "mine.json").plw == pytest.approx(report.plw)
 
 
+def test_names_of_trained_rows_are_taken(tmp_path: Path) -> None:
+    report = load_result(GOOD)
+    run = {**report.run, "label": "Imitation of belief, generated homes"}
+    replace(report, run=run).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match="name of a row that was trained here; give another by --label"):
+        sent(tmp_path / "mine.json")
+
+
 def test_what_was_changed_by_hand_is_refused(tmp_path: Path) -> None:
     text = GOOD.read_text(encoding="utf-8")
     (tmp_path / "mine.json").write_text(text.replace('"observation": "scene_graph"', '"observation": "visual"'))

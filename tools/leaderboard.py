@@ -10,6 +10,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -64,7 +65,8 @@ def sent(path: Path) -> Entry:
     """Return the entry of a result file.
 
     Raises:
-        ResultError: it is damaged, or not of all tasks of a track's test split by that track's rules.
+        ResultError: it is damaged, not of all tasks of a track's test split by that track's rules, or has the name of
+            one of our rows.
     """
     report = load_result(path)
     fault = _fault(report)
@@ -73,9 +75,12 @@ def sent(path: Path) -> Entry:
     given = [*(f"no {name}" for name in report.without), *filter(None, [report.declared])]
     given += ["goal"] if report.settings["options"].get("goal") else []
     observation = str(report.settings["observation"])
-    return Entry(
+    entry = Entry(
         report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw, gain_of(report)
     )
+    if entry.row in {other.row for other in trained()}:
+        raise ResultError(f"{path}: {entry.name!r} is the name of a row that was trained here; give another by --label")
+    return entry
 
 
 def _fault(report: Report) -> str:
@@ -101,10 +106,11 @@ def _fault(report: Report) -> str:
     return ""
 
 
-def trained() -> list[Entry]:
+@cache
+def trained() -> tuple[Entry, ...]:
     """Return the entries of the learners' tables."""
     files = [(path, track) for table, track in TABLES.items() for path in (ROOT / "results" / table).glob("*.json")]
-    return [_of_training(json.loads(path.read_text(encoding="utf-8")), track) for path, track in sorted(files)]
+    return tuple(_of_training(json.loads(path.read_text(encoding="utf-8")), track) for path, track in sorted(files))
 
 
 def _of_training(run: dict[str, Any], track: str) -> Entry:
