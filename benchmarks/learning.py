@@ -1,4 +1,4 @@
-"""Joint steps a second of whole trainings, playing and learning: of QMIX in processor time, of PPO on all cores.
+"""Joint steps a second of whole trainings, playing and learning: of QMIX in processor time, of PPO by the clock.
 
     python -m benchmarks.learning                                     # QMIX with messages, and PPO for the humanoid
     python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
@@ -73,24 +73,33 @@ def qmix(episodes: int, envs: int, gradient_steps: int) -> list[str]:
     ]
 
 
-def ppo(steps: int) -> list[str]:
-    """Train PPO for the humanoid by the preset ``goal`` on all cores, and return lines on its speed.
+def ppo(steps: int, workers: int) -> list[str]:
+    """Train PPO for the humanoid by the preset ``goal``, and return lines on its speed.
 
     A short training, which has the same start and the same validation, is taken off a long one.
     """
-    short = _seconds_of_ppo(steps // SHORT)
-    spent = _seconds_of_ppo(steps)
+    short = _seconds_of_ppo(steps // SHORT, workers)
+    spent = _seconds_of_ppo(steps, workers)
     return [
-        f"PPO, all cores, {steps:,} steps with start and last validation: {steps / spent:,.0f} steps/s",
+        f"PPO, environments in {workers} processes, {steps:,} steps with start and last validation: {steps / spent:,.0f} steps/s",
         f"  without these {(steps - steps // SHORT) / (spent - short):,.0f} steps/s",
     ]
 
 
-def _seconds_of_ppo(steps: int) -> float:
+def _seconds_of_ppo(steps: int, workers: int) -> float:
     """Return the seconds that a training takes."""
     from chmarl_pb.cli import main as command
 
-    options: Sequence[Any] = ("--algo", "ppo", "--env", "CHMARL/SceneGraphHumanoid-v1", "--interval", 10**9)
+    options: Sequence[Any] = (
+        "--algo",
+        "ppo",
+        "--env",
+        "CHMARL/SceneGraphHumanoid-v1",
+        "--interval",
+        10**9,
+        "--workers",
+        workers,
+    )
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         if command(["sb3", *map(str, options), "--steps", str(steps), "--out", str(Path(folder) / "run")]):
@@ -106,11 +115,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--envs", type=int, default=Config.envs)
     parser.add_argument("--gradient-steps", type=int, default=Config.gradient_steps)
     parser.add_argument("--steps", type=int, default=120_000, help="of PPO")
+    parser.add_argument("--workers", type=int, default=1, help="processes of the environments of PPO")
     options = parser.parse_args(arguments)
     if options.only != "ppo":
         print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps)), flush=True)
     if options.only != "qmix":
-        print("\n".join(ppo(options.steps)), flush=True)
+        print("\n".join(ppo(options.steps, options.workers)), flush=True)
     return 0
 
 
