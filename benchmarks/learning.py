@@ -81,7 +81,7 @@ def ppo(steps: int, workers: int) -> list[str]:
     short = _seconds_of_ppo(steps // SHORT, workers)
     spent = _seconds_of_ppo(steps, workers)
     return [
-        f"PPO, environments in {workers} processes, {steps:,} steps with start and last validation: {steps / spent:,.0f} steps/s",
+        f"PPO, {steps:,} steps, {workers} processes, with start and last validation: {steps / spent:,.0f} steps/s",
         f"  without these {(steps - steps // SHORT) / (spent - short):,.0f} steps/s",
     ]
 

@@ -69,7 +69,8 @@ _LESSONS = (
         "Imitation of belief", "Imitation of belief, generated homes",
     ),
     _lesson(
-        "**MAPPO after imitation** adds little: {} becomes {} in the five homes.",
+        "**MAPPO after imitation**: {} becomes {} in the five homes; in generated ones it adds nothing on validation "
+        "tasks.",
         "Imitation of belief", "Imitation of belief, then MAPPO",
     ),
     Lesson(
