@@ -107,6 +107,7 @@ def test_trained_model_is_a_policy(algo: AlgorithmName, env_id: str, preset: Pre
     source = find_policy(str(tmp_path / BEST))
     assert source.deterministic == algo.endswith("dqn") and source.sha256
     goal = {"goal": True} if config.env_options.get("goal") else {}
+    assert source.rules.get("goal", False) == bool(goal), "who evaluates it need not say so"
     env = chmarl_pb.parallel_env(config.observation, split="val-unseen", max_steps=4, image_size=32, **goal)
     both = Both(source.make(env), source.make(env))
     episode = chmarl_pb.rollout(env, both, seed=1)

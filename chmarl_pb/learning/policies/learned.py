@@ -13,6 +13,7 @@ from chmarl_pb.learning.config import FROZEN, RULES, RunConfig
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
+from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import (
     check_catalog,
@@ -76,7 +77,8 @@ class ValuePolicies:
         self.path = path
         with reading(path):
             setting = load(path, "value")["setting"]
-            self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting)}
+            goal = {GOAL: True} if setting.get(GOAL) else {}
+            self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting), **goal}
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

@@ -69,6 +69,8 @@ class Sb3Policies:
         self.rules |= image_size_of(asdict(config))
         if config.max_steps != TRACKS[config.track]["max_steps"]:
             self.rules["max_steps"] = config.max_steps
+        if PRESETS[config.preset].goal:
+            self.rules[GOAL] = True
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
