@@ -90,16 +90,8 @@ def _seconds_of_ppo(steps: int, workers: int) -> float:
     """Return the seconds that a training takes."""
     from chmarl_pb.cli import main as command
 
-    options: Sequence[Any] = (
-        "--algo",
-        "ppo",
-        "--env",
-        "CHMARL/SceneGraphHumanoid-v1",
-        "--interval",
-        10**9,
-        "--workers",
-        workers,
-    )
+    env = "CHMARL/SceneGraphHumanoid-v1"
+    options: Sequence[Any] = ("--algo", "ppo", "--env", env, "--interval", 10**9, "--workers", workers)
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         if command(["sb3", *map(str, options), "--steps", str(steps), "--out", str(Path(folder) / "run")]):

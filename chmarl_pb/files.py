@@ -98,7 +98,7 @@ def replacing(path: Path) -> Iterator[Path]:
             with made.open("rb") as source, path.open("wb") as device:
                 shutil.copyfileobj(source, device)
         return
-    path = path.resolve() if path.is_symlink() else path
+    path = Path(os.path.realpath(path)) if path.is_symlink() else path  # of a loop of links, one of them
     _make_folder(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}-", suffix=".tmp", dir=path.parent)

@@ -27,6 +27,11 @@ def test_links_and_pipes_are_written_to_and_stay(tmp_path: Path) -> None:
     for text in ("new", "newer"):
         write_atomically(link, text)
         assert link.is_symlink() and target.read_text() == text
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    write_atomically(loop, "no loop")
+    assert loop.read_text() == "no loop"
+    loop.unlink()
     os.mkfifo(pipe)
     with ThreadPoolExecutor(1) as reader:
         heard = reader.submit(pipe.read_text)

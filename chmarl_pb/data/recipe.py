@@ -7,11 +7,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS, Options
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks, stream_tasks
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
+from chmarl_pb.homes.generate.names import seed_of
+from chmarl_pb.homes.home import home_names, home_path
 from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.tasks.splits import SPLITS, STREAM, load_tasks
 from chmarl_pb.tasks.task import Task
@@ -55,11 +56,15 @@ class Recipe:
         Raises:
             OptionError: an option has a value that it does not know.
             AssetError: there is no such robot.
+            HomeError: there is no such home.
         """
         team_of(self.robots)
-        for name, file in (("home", self.home), ("catalog", Options(catalog=self.catalog).catalog)):
-            object.__setattr__(self, name, None if file is None else _wherever(file))
-        object.__setattr__(self, "robots", tuple(_wherever(robot) for robot in self.robots))
+        catalog = Options(catalog=self.catalog).catalog
+        object.__setattr__(self, "catalog", None if catalog is None else str(Path(catalog).resolve()))
+        robots = (str(Path(robot).resolve()) if Path(robot).suffix else robot for robot in self.robots)  # else a name
+        object.__setattr__(self, "robots", tuple(robots))
+        if self.home is not None and self.home not in home_names() and seed_of(self.home) is None:
+            object.__setattr__(self, "home", str(home_path(self.home)))
         for name, value, known in (
             ("split", self.split, SPLITS),
             ("observation", self.observation, OBSERVATIONS),
@@ -136,12 +141,6 @@ class Recipe:
         tasks = tasks_hash(self._all_tasks)  # of all, so that episodes serve a higher limit as well
         facts = {**self.facts(), "limit": None, "tasks_sha256": tasks, "source": source_hash()}
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
-
-
-def _wherever(file: str | Path) -> str:
-    """Return a name as it is, and the path of a file such that it leads there from any folder."""
-    path = Path(file)
-    return str(path.resolve()) if path.is_file() and not (SCENES_DIR / f"{file}.urdf").exists() else str(file)
 
 
 def _word(file: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from pettingzoo import AECEnv
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.words import number_of
+from chmarl_pb.envs.words import action_number
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.policy import Infos, Observations, Policy, require_policy
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -87,7 +87,7 @@ def rollout(
     while env.agents:
         chosen = policy.act(observations, infos)
         observations, reward, _, _, infos = env.step(chosen)
-        actions.append({name: number_of(name, chosen[name], core.symbols) for name in core.possible_agents})
+        actions.append({name: action_number(name, chosen[name], core.symbols) for name in core.possible_agents})
         said.append(core.said)
         rewards.append(reward[core.possible_agents[0]])
         all_observations.append(observations)

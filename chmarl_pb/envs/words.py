@@ -27,7 +27,7 @@ def numbers_in(robot: str, action: Any) -> NDArray[Any]:
         raise ActionError(f"{robot}: action {action!r} is not an array of numbers") from error
 
 
-def number_of(robot: str, action: Any, symbols: int) -> int:
+def action_number(robot: str, action: Any, symbols: int) -> int:
     """Return the number of an action that an environment has taken, without the symbol that goes with it.
 
     Args:

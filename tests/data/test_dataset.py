@@ -136,6 +136,14 @@ def test_ids(recipe: Recipe, name: str) -> None:
     assert recipe.dataset_id == name
 
 
+def test_names_of_the_package_are_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("humanoid", "drone", "home_6"):
+        (tmp_path / name).touch()
+    recipe = Recipe(home="home_6")
+    assert recipe.home == "home_6" and recipe.dataset_id == "chmarl/scene-graph-train-home_6-v0"
+
+
 @pytest.mark.parametrize(
     "options",
     [{"split": "tests"}, {"observation": "both"}, {"noise": 1.5}, {"noise": 0.123}, {"seed": -1}, {"limit": 0}],

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from chmarl_pb.envs.rollout import Episode, core_of_parallel
-from chmarl_pb.envs.words import number_of
+from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, episode_seed, policy_seed
 from chmarl_pb.learning.policies.batched import BatchedPolicy, as_batched, play_together
@@ -49,7 +49,7 @@ def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> It
         outcomes[number].append(core.outcome)
         if actions is None:
             continue
-        chosen[number].append({name: number_of(name, actions[name], core.symbols) for name in core.possible_agents})
+        chosen[number].append({name: action_number(name, actions[name], core.symbols) for name in core.possible_agents})
         if not envs[number].agents:
             task, seed = jobs[number]
             end = core.outcome.success, core.outcome.potential, core.steps

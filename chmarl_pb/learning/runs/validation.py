@@ -9,7 +9,7 @@ from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of_parallel
-from chmarl_pb.envs.words import number_of
+from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
@@ -162,7 +162,7 @@ def play_tasks(
 
 def _without_words(core: HouseholdEnv, episode: Episode) -> list[dict[str, int]]:
     """Return robot -> number of its action, in every step of an episode."""
-    return [{name: number_of(name, row[name], core.symbols) for name in row} for row in episode.actions]
+    return [{name: action_number(name, row[name], core.symbols) for name in row} for row in episode.actions]
 
 
 def play_greedily(collector: Collector, agents: nn.ModuleDict, seeds: Sequence[int]) -> list[Episode]:
