@@ -176,6 +176,10 @@ BASELINES = (
 _GROUNDED = ("--graph-pool", "grounded", "--word-vectors", "--grounding-coef", "1", "--numbers-past")
 
 
+#: The same, but instructions are read by the rule that the belief search, too, reads them by.
+_PARSED = ("--graph-pool", "parsed", "--word-vectors", "--numbers-past")
+
+
 def _ours(expert: str, observation: str, *options: str) -> Row:
     """Return our learner, which sees pictures by the detector, after an expert."""
     given = ("--algo", "dagger-mappo", "--imitation.expert", expert, *options)
@@ -183,10 +187,12 @@ def _ours(expert: str, observation: str, *options: str) -> Row:
     return Row(name, observation, given, True, seeds=seeds, image_encoder="detector")
 
 
-def _imitator(observation: str, homes: str, *options: str, feedback: bool = True) -> Row:
+def _imitator(
+    observation: str, homes: str, *options: str, feedback: bool = True, reading: tuple[str, ...] = _GROUNDED
+) -> Row:
     """Return what imitation of the belief search alone brings in some homes; pictures are seen by the detector."""
     seeing = ("--image-encoder", "detector") if observation == "visual" else ()
-    given = ("--algo", "imitation", "--expert", "belief", *_GROUNDED, *seeing, *options)
+    given = ("--algo", "imitation", "--expert", "belief", *reading, *seeing, *options)
     name, seeds = f"Imitation of belief{homes}", 3 if feedback else 1
     return Row(name, observation, given, True, feedback, seeds=seeds, image_encoder="detector")
 
@@ -194,6 +200,11 @@ def _imitator(observation: str, homes: str, *options: str, feedback: bool = True
 def _in_generated_homes(observation: str, feedback: bool = True) -> Row:
     """Return our strongest learner, with or without feedback in its training and at test."""
     return _imitator(observation, ", generated homes", "--split", "generated", feedback=feedback)
+
+
+def _told(observation: str) -> Row:
+    """Return the same learner where it need not learn to read."""
+    return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=_PARSED)
 
 
 #: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
@@ -234,6 +245,7 @@ OURS: tuple[Row, ...] = (
     *(_ours("search", observation) for observation in _SEEDS),
     _imitator("scene_graph", ""),
     *map(_in_generated_homes, _SEEDS),
+    *map(_told, _SEEDS),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
 )

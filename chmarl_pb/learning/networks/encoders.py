@@ -12,6 +12,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from chmarl_pb.catalog import BENCHMARK, COLOURS
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
@@ -19,8 +20,9 @@ from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.match import ROOMS, Match
 from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
+from chmarl_pb.learning.networks.parsed import Parsed, ParsedInstruction
 from chmarl_pb.learning.networks.parts import Asked, FlatEncoder, Part, TokenEncoder, flattened, id_count
-from chmarl_pb.learning.networks.tables import Table, shared_map, word_table
+from chmarl_pb.learning.networks.tables import Table, class_table, colour_table, shared_map, word_table
 from chmarl_pb.learning.observation_keys import (
     IMAGE,
     INSTRUCTION,
@@ -38,8 +40,10 @@ from chmarl_pb.learning.observation_keys import (
 from chmarl_pb.learning.spaces import FLAT, FLAT_NAMES
 from chmarl_pb.tasks.language.tokens import vocabulary_size
 
+PARSED = "parsed"  # the pool that is told what instructions name
+
 GRAPH_POOLS: dict[str, type[GraphEncoder]] = {
-    "mean": GraphEncoder, "gated": GatedGraphEncoder, "grounded": GroundedGraphEncoder
+    "mean": GraphEncoder, "gated": GatedGraphEncoder, "grounded": GroundedGraphEncoder, PARSED: GroundedGraphEncoder
 }  # fmt: skip
 
 
@@ -68,8 +72,9 @@ def build_encoder(
         size: number of features.
         image_encoder: of pictures: a name in ``IMAGE_ENCODERS``; where ``FeatureEnv`` gives features in their place,
             the name in ``FROZEN_ENCODERS`` of what they come from.
-        graph_pool: how a scene graph's nodes are pooled: "mean"; "gated" by the instruction; or "grounded", by how
-            likely each is what the instruction calls X and Y.
+        graph_pool: how a scene graph's nodes are pooled: "mean"; "gated" by the instruction; "grounded", by how likely
+            each is what the instruction calls X and Y; or "parsed": the same, but ``parse_instruction`` reads the
+            instruction, of which nothing else is encoded.
         numbers_past: whether our keys of a few numbers, ``messages``, ``self`` and the bits of ``goal``, are also
             appended to the features as they are; see :class:`chmarl_pb.learning.networks.numbers.Numbers`.
         word_vectors: whether words and classes come from static word vectors, of which one linear map is learned, so
@@ -81,7 +86,8 @@ def build_encoder(
             the picture.
 
     Raises:
-        ValueError: the space is of another kind, there is no such encoder, or nothing tells of cells.
+        ValueError: the space is of another kind, there is no such encoder, nothing tells of cells, or there is nothing
+            to teach, as instructions are parsed.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
@@ -115,7 +121,12 @@ class DictEncoder(nn.Module):
         self.meaning = shared_map() if word_vectors else None
         self._tokens, self._beside = tokens(space), _beside(space)
         inside = {key for others in self._beside.values() for key in others if key}
-        make = _Maker(space, look_up("graph_pool", graph_pool, GRAPH_POOLS), image_encoder, self.meaning)
+        self._parses = graph_pool == PARSED
+        if self._parses and taught:
+            raise ValueError(
+                "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
+            )
+        make = _Maker(space, look_up("graph_pool", graph_pool, GRAPH_POOLS), image_encoder, self.meaning, self._parses)
         parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
@@ -145,7 +156,7 @@ class DictEncoder(nn.Module):
     def grounding_loss(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return how badly the classes and colours of X and Y are known from the instructions; 0 without any."""
         losses = [next(self.joint.parameters()).new_zeros(())]
-        for key, match in self.matches.items():
+        for key, match in ({} if self._parses else self.matches).items():
             instruction = _instruction_beside(key)
             flat = flattened(observation[instruction], self.space[instruction].shape)
             losses.append(cast(Match, match).loss(flat, *self._tables(key)))
@@ -154,38 +165,47 @@ class DictEncoder(nn.Module):
     def _part(self, key: str) -> Any:
         return self.parts[self.keys.index(key)]
 
-    def _match(self, key: str) -> Match:
-        return Match(len(self._part(key).classes.weight), self._colours(key) is not None)
+    def _match(self, key: str) -> Match | Parsed:
+        classes, colours = len(self._part(key).classes.weight), self._colours(key)
+        if self._parses:
+            return Parsed(classes, 0 if colours is None else len(colours.weight))
+        return Match(classes, colours is not None)
 
     def _colours(self, key: str) -> Table | None:
         return getattr(self._part(key), "colours", None)
 
     def _tables(self, key: str) -> tuple[Table, Table, Table | None]:
         """Return the tables of words, classes and colours that belong to a part."""
-        return self._words(key).words, self._part(key).classes, self._colours(key)
+        return cast(TokenEncoder, self._words(key)).words, self._part(key).classes, self._colours(key)
 
-    def _words(self, key: str) -> TokenEncoder:
+    def _words(self, key: str) -> TokenEncoder | ParsedInstruction:
         """Return what encodes the instruction beside a part."""
         instruction = _instruction_beside(key)
         if instruction not in self._tokens:
             raise ValueError(f"pooling by the instruction needs its tokens, {instruction!r}, in the observation")
-        return cast(TokenEncoder, self._part(instruction))
+        return cast(TokenEncoder | ParsedInstruction, self._part(instruction))
 
     def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Asked:
         """Return what the instruction beside a part says."""
         words, ids = self._words(key), flat[_instruction_beside(key)]
         if not self._part(key).matches:
             return Asked(words.total(ids))
-        return Asked(words.total(ids), self.matches[key](ids, *self._tables(key)))
+        return Asked(words.total(ids), self.matches[key](ids, *(() if self._parses else self._tables(key))))
 
 
 class _Maker:
     """Makes the parts of an encoder of a space."""
 
     def __init__(
-        self, space: spaces.Dict, pool: type[GraphEncoder], image_encoder: str, meaning: nn.Linear | None
-    ):  # fmt: skip
+        self,
+        space: spaces.Dict,
+        pool: type[GraphEncoder],
+        image_encoder: str,
+        meaning: nn.Linear | None,
+        parses: bool,
+    ):
         self._space, self._pool, self._image_encoder, self._meaning = space, pool, image_encoder, meaning
+        self._parsed = named(space.spaces, INSTRUCTION) if parses else []
         self._graphs, self._tokens, self._goals = graphs(space), tokens(space), goals(space)
         self._pictures = named(space, IMAGE)
         self._tables: dict[int, Table] = {}  # one for each size of vocabulary: instruction and feedback share it
@@ -197,6 +217,8 @@ class _Maker:
             states, _, colours, views = others
             assert states is not None
             return self._pool(box, states, self._meaning, colours, views is not None)
+        if key in self._parsed:
+            return self._parsed_instruction(box)
         if key in self._tokens:
             count = id_count(box)
             return TokenEncoder(self._tables.setdefault(count, word_table(count, self._meaning)))
@@ -205,6 +227,10 @@ class _Maker:
         if key in self._pictures and is_features(box):
             return self._reader(key, box)
         return _flat_or_image(box, self._image_encoder)
+
+    def _parsed_instruction(self, words: spaces.Space[Any]) -> ParsedInstruction:
+        colours = colour_table(len(COLOURS) + 1, self._meaning) if _tells_apart(words) else None
+        return ParsedInstruction(class_table(len(BENCHMARK.rows) + 1, self._meaning), colours)
 
     def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
         """Return what reads the features of a picture; those are known under our own key alone."""
@@ -215,8 +241,13 @@ class _Maker:
                 + " or ".join(map(str, kind.shapes))
             )
         words = self._space.spaces.get(_instruction_beside(key))
-        coloured = words is not None and id_count(words) >= vocabulary_size(attributes=True)
+        coloured = words is not None and _tells_apart(words)
         return kind.reader(features.shape, self._meaning, self._pool is GroundedGraphEncoder, coloured)
+
+
+def _tells_apart(instruction: spaces.Space[Any]) -> bool:
+    """Return whether instructions name X's colour and Y's room, as among lookalikes."""
+    return id_count(instruction) >= vocabulary_size(attributes=True)
 
 
 def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
