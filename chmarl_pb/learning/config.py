@@ -83,12 +83,12 @@ class RunConfig:
         layer_norm: whether an agent's features, and what its GRU gives, are normalised.
         encoder: of observations: a name in ``networks.encoders.ENCODERS``, or ``module:name``.
         image_encoder: of pictures: "cnn" learns; all others are frozen, see ``networks.frozen``.
-        graph_pool: of scene graphs: "mean" (the paper's), "gated" by the instruction, or "grounded": by how likely each
-            node is what the instruction calls X and Y.
+        graph_pool: of scene graphs: "mean" (the paper's), "gated" by the instruction, "grounded": by how likely each
+            node is what the instruction calls X and Y, or "parsed": the same, as ``parse_instruction`` tells.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
         cells_past: whether so does what pointing and guiding take: the cells of the picture in which X and Y can be
-            taken, their directions from another robot, the room that is named; needs the grounded pool.
+            taken, their directions from another robot, the room that is named; needs the grounded or the parsed pool.
         history_past: whether so does the most that each of these numbers, and of the agent's own actions, has been so
             far in the episode.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see

@@ -82,8 +82,8 @@ def build_encoder(
         taught: whether ``grounding_loss`` is to teach which classes the instruction names, whatever the pool.
         cells_past: whether what pointing and guiding take is also appended to the features: the cells of the picture in
             which X and Y can be taken, their directions from another robot, the room of Y that the instruction names,
-            and messages by the robot's own heading; needs the grounded pool, and detections or nodes with places in
-            the picture.
+            and messages by the robot's own heading; needs the grounded or the parsed pool, and detections or nodes
+            with places in the picture.
 
     Raises:
         ValueError: the space is of another kind, there is no such encoder, nothing tells of cells, or there is nothing
@@ -136,7 +136,9 @@ class DictEncoder(nn.Module):
         self.numbers = Numbers(space, cells_past) if numbers_past else None
         self._locating = {key: part.locates for key, part in parts.items() if part.locates} if cells_past else {}
         if cells_past and not self._locating:
-            raise ValueError("cells_past needs graph_pool='grounded', and detections or nodes with a node_view")
+            raise ValueError(
+                "cells_past needs graph_pool='grounded' or 'parsed', and detections or nodes with a node_view"
+            )
         self.past = (self.numbers.size if self.numbers else 0) + sum(self._locating.values())
         self.past += sum(len(ROOMS) for key in self._locating if self._colours(key) is not None)
         self.size = size + self.past

@@ -53,7 +53,7 @@ class CloningConfig:
         hidden: length of the GRU's state.
         past_actions: whether a robot observes its own last action.
         image_encoder: of pictures.
-        graph_pool: of scene graphs: "mean" (the paper's), "gated" or "grounded".
+        graph_pool: of scene graphs: "mean" (the paper's), "gated", "grounded" or "parsed".
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         numbers_past: whether the messages and the robots' own states also go past the encoder, to memory and heads.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y.
