@@ -11,6 +11,7 @@ from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.encoders import ENCODERS
+from chmarl_pb.learning.networks.views import Views
 from chmarl_pb.learning.spaces import Tree, tree_map
 
 NO_ACTION = -1  # last action at the first step
@@ -23,7 +24,8 @@ class Agent(nn.Module):
 
     Numbers that go past the encoder are read by the GRU and by the last layer. With ``history_past`` so is the most
     that each of them, and of the agent's own actions, has been so far in the episode: what has been heard, said, seen
-    and tried, which a GRU would have to learn to keep.
+    and tried, which a GRU would have to learn to keep. With ``views_past`` so is in which directions the robot has
+    looked in which rooms.
 
     Attributes:
         actions: their number, or that of the values of their components.
@@ -39,7 +41,9 @@ class Agent(nn.Module):
         self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, named=asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
-        self._history = self.past + outputs if config.history_past else 0
+        self._views = Views(space) if config.views_past else None
+        self._keeps_all = config.history_past
+        self._history = self._keeps_all * (self.past + outputs) + (self._views.size if self._views else 0)
         self.state_size = config.hidden + self._history
         self._encoded = config.features + self.past
         read = config.features + self.past + self._history
@@ -64,7 +68,9 @@ class Agent(nn.Module):
         before = (None, None) if hidden is None else hidden.split((self._hidden, self._history), dim=-1)
         numbers = features[..., features.shape[-1] - self.past :]
         if self._history:
-            history = _most_so_far(torch.cat([numbers, acted], dim=-1), before[1])
+            kept = [numbers, acted] if self._keeps_all else []
+            kept += [self._views(cast(Mapping[str, Tensor], observation))] if self._views else []
+            history = _most_so_far(torch.cat(kept, dim=-1), before[1])
             features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
         features = self.norms[0](features) if self.norms else features
         histories, state = self.memory(torch.cat([features, acted], dim=-1), before[0])
