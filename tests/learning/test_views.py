@@ -34,7 +34,9 @@ def played(*steps: Tensor) -> dict[str, Tensor]:
 
 
 def test_each_view_has_a_number_of_its_own() -> None:
-    states = [state(room, heading, holds) for room in range(ROOMS) for heading in range(HEADINGS) for holds in (0, 1)]
+    states = [
+        state(room, heading, holds) for room in range(ROOMS) for heading in range(HEADINGS) for holds in (False, True)
+    ]
     seen = Views(SPACE)(played(*states))[0]
     assert Views(SPACE).size == len(states)
     assert torch.equal(seen, torch.eye(len(states)))
