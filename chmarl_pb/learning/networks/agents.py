@@ -24,13 +24,12 @@ class Agent(nn.Module):
 
     Numbers that go past the encoder are read by the GRU and by the last layer. With ``history_past`` so is the most
     that each of them, and of the agent's own actions, has been so far in the episode: what has been heard, said, seen
-    and tried, which a GRU would have to learn to keep. With ``views_past`` so is in which directions the robot has
-    looked in which rooms.
+    and tried, which a GRU would have to learn to keep. With ``views_past`` so is where the robot has looked.
 
     Attributes:
         actions: their number, or that of the values of their components.
         past: numbers that go past the encoder.
-        state_size: numbers of the state that the agent keeps from step to step, that of the GRU and the history.
+        state_size: numbers of the state that the agent keeps from step to step: of the GRU, the history, the views.
     """
 
     def __init__(self, space: spaces.Space[Any], actions: Counts, config: RunConfig):
@@ -41,14 +40,15 @@ class Agent(nn.Module):
         self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, named=asked_of_encoder(config))
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
+        self._history = self.past + outputs if config.history_past else 0
         self._views = Views(space) if config.views_past else None
-        self._keeps_all = config.history_past
-        self._history = self._keeps_all * (self.past + outputs) + (self._views.size if self._views else 0)
-        self.state_size = config.hidden + self._history
+        self._kept = (config.hidden, self._history, self._views.kept if self._views else 0)
+        self.state_size = sum(self._kept)
         self._encoded = config.features + self.past
-        read = config.features + self.past + self._history
+        past = self.past + self._history + (self._views.size if self._views else 0)
+        read = config.features + past
         self.memory = nn.GRU(read + outputs, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden + self.past + self._history, outputs)
+        self.head = nn.Linear(config.hidden + past, outputs)
         sizes = (read, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
@@ -65,20 +65,23 @@ class Agent(nn.Module):
         """
         features = self._encode(observation, real).unflatten(0, last_action.shape[:2])
         acted = one_hot(last_action, self.actions).to(features.dtype)
-        before = (None, None) if hidden is None else hidden.split((self._hidden, self._history), dim=-1)
-        numbers = features[..., features.shape[-1] - self.past :]
+        before = (None, None, None) if hidden is None else hidden.split(self._kept, dim=-1)
+        numbers, kept = [features[..., features.shape[-1] - self.past :]], []
         if self._history:
-            kept = [numbers, acted] if self._keeps_all else []
-            kept += [self._views(cast(Mapping[str, Tensor], observation))] if self._views else []
-            history = _most_so_far(torch.cat(kept, dim=-1), before[1])
-            features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
+            numbers.append(_most_so_far(torch.cat([*numbers, acted], dim=-1), before[1]))
+            kept.append(numbers[-1][:, -1])
+        if self._views:
+            seen = self._views(
+                cast(Mapping[str, Tensor], observation), last_action, None if before[2] is None else before[2][0]
+            )
+            numbers.append(seen.numbers)
+            kept.append(seen.after)
+        features = torch.cat([features, *numbers[1:]], dim=-1)
         features = self.norms[0](features) if self.norms else features
         histories, state = self.memory(torch.cat([features, acted], dim=-1), before[0])
         read = self.norms[1](histories) if self.norms else histories
-        outputs = self.head(torch.cat([read, numbers], dim=-1))
-        if self._history:
-            state = torch.cat([state, history[:, -1].unsqueeze(0)], dim=-1)
-        return apart(outputs, self.actions), histories, state
+        outputs = self.head(torch.cat([read, *numbers], dim=-1))
+        return apart(outputs, self.actions), histories, torch.cat([state, *(part[None] for part in kept)], dim=-1)
 
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
         """Return features (B * T, F), zeros where there is only padding."""
