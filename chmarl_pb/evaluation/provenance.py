@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import chmarl_pb
-from chmarl_pb.fingerprint import name_of, sha256_of
+from chmarl_pb.fingerprint import fingerprint, name_of, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.plain_robot import robot_hash
@@ -40,7 +40,7 @@ def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
     """Return kind of robot -> sha256 of what is known of it and of its files."""
 
     def known(model: RobotModel) -> str:
-        make = None if model.make is None else name_of(model.make)
+        make = None if model.make is None else (name_of(model.make), fingerprint(model.make))
         return repr({**vars(model), "urdf": model.urdf.name, "make": make})
 
     def parts(model: RobotModel) -> list[bytes]:

@@ -49,17 +49,29 @@ def benchmark(
     look_up("image_encoder", image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
     frozen = frozen_encoder(image_encoder) if observation == "visual" and image_encoder in FROZEN_ENCODERS else None
     given = {"messages": messages, "feedback": feedback, "image_size": image_size, **options}
-    asked = Options(observation, **given)
     env_fn = partial(_environment, frozen, observation, **given)
-    recorded = asked.recorded()
+    return env_fn, _setting(Options(observation, **given), frozen)
+
+
+def setting_of(env: Any) -> dict[str, Any]:
+    """Return the setting of policies that are trained in an environment; nothing of one that is not the benchmark's."""
+    core = getattr(env, "unwrapped", None)
+    if not isinstance(core, HouseholdEnv):
+        return {}
+    return _setting(core.options, env.encoder if isinstance(env, FeatureEnv) else None)
+
+
+def _setting(options: Options, frozen: FrozenEncoder | None) -> dict[str, Any]:
+    """Return what a policy has to know of the environment that it was trained in, and of what encodes its pictures."""
+    recorded = options.recorded()
     shared = {name: recorded[name] for name in ("messages", "feedback", "image_size")}
-    known = asked.things.content
+    known = options.things.content
     own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
-    own |= {GOAL: True} if options.get(GOAL) else {}
-    own |= {HOME: str(options[HOME])} if options.get(HOME) else {}
-    own |= {RULES: rules} if (rules := rules_of(asked)) else {}
-    own |= {TRAINED_IN: trained_in(asked)}
-    return env_fn, {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
+    own |= {GOAL: True} if options.goal else {}
+    own |= {HOME: str(options.home)} if options.home else {}
+    own |= {RULES: rules} if (rules := rules_of(options)) else {}
+    own |= {TRAINED_IN: trained_in(options)}
+    return {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 
 def trained_in(options: Options) -> dict[str, Any]:
@@ -71,15 +83,6 @@ def trained_in(options: Options) -> dict[str, Any]:
     if "robots" in recorded:
         files["robots_sha256"] = robots_hash(options.models.values())
     return {name: recorded[name] for name in _TRAINED_IN if name in recorded} | files
-
-
-def setting_of(env: Any) -> dict[str, Any]:
-    """Return the setting of policies that are trained in an environment; nothing of one that is not the benchmark's."""
-    core = getattr(env, "unwrapped", None)
-    if not isinstance(core, HouseholdEnv):
-        return {}
-    recorded = core.options.recorded()
-    return {TRAINED_IN: trained_in(core.options) | {name: recorded[name] for name in ("messages", "feedback")}}
 
 
 def rules_of(options: Options) -> dict[str, Any]:

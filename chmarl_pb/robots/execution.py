@@ -56,7 +56,7 @@ def execute(
     for name, motion in decided.items():
         robot = robots[name]
         free = not robot.neighbours or robot.lattice.cell(motion.pose) not in taken_cells(robot)
-        succeeded[name] = free and name not in missed and robot.finish(motion)
+        succeeded[name] = free and name not in missed and bool(robot.finish(motion))
     return succeeded, snapshots
 
 

@@ -18,7 +18,7 @@ from chmarl_pb.navigation.reach import Reach
 from chmarl_pb.reading import read_regular
 from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
 from chmarl_pb.robots.chain import Joint, Tree, chain_to
-from chmarl_pb.robots.model import CameraMount, RobotModel
+from chmarl_pb.robots.model import FOV, SPEED, CameraMount, RobotModel
 from chmarl_pb.robots.motors import Configuration
 from chmarl_pb.robots.plain_robot import FOLDER as FOLDER
 from chmarl_pb.robots.workspace import BEARING
@@ -33,7 +33,6 @@ MOVES = ("drives", "flies")
 _Read = TypeVar("_Read")
 _MOST_BYTES = 2**16
 _LONGEST_PROBLEM = 500  # characters
-_SPEEDS = (0.05, 10.0)  # m/s
 
 
 def packaged() -> list[str]:
@@ -93,7 +92,7 @@ def _read(path: Path, content: bytes, _urdf_hash: str) -> RobotModel:
 def _flying(rows: "_Table", **facts: Any) -> RobotModel:
     return RobotModel(
         **facts, flies=True, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "drone"),
-        altitude=rows.number("altitude", 2.0, 20.0, 3.5), speed=rows.number("speed", *_SPEEDS, 2.5),
+        altitude=rows.number("altitude", 2.0, 20.0, 3.5), speed=rows.number("speed", *SPEED, 2.5),
     )  # fmt: skip
 
 
@@ -103,7 +102,7 @@ def _driving(rows: "_Table", **facts: Any) -> RobotModel:
     reach, arm = (None, None) if table is None else _arm(table, facts["urdf"], footprint)
     return RobotModel(
         **facts, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "humanoid"), footprint=footprint,
-        speed=rows.number("speed", *_SPEEDS, 1.2),
+        speed=rows.number("speed", *SPEED, 1.2),
         turn_speed=float(np.radians(rows.number("turn_speed", 5.0, 720.0, 126.0))), reach=reach, arm=arm,
     )  # fmt: skip
 
@@ -125,9 +124,7 @@ def _urdf(path: Path, name: str) -> Path:
 
 def _camera(rows: "_Table") -> CameraMount:
     x, y, z = rows.numbers("position", 3, -20.0, 20.0)
-    camera = CameraMount(
-        rows.number("fov", 10.0, 150.0), (x, y, z), float(np.radians(rows.number("pitch", -90, 90, 0)))
-    )
+    camera = CameraMount(rows.number("fov", *FOV), (x, y, z), float(np.radians(rows.number("pitch", -90, 90, 0))))
     rows.finish()
     return camera
 

@@ -1,5 +1,6 @@
 """Robots as data: what is known of one kind of robot, and what follows from it in a home."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.navigation.lattice import FOOTPRINT, AnyLattice, Footprint
@@ -15,6 +17,10 @@ from chmarl_pb.robots.arm_model import ArmModel
 from chmarl_pb.robots.plain_robot import plain_robot
 from chmarl_pb.world import Pose, Vector, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet, quiet
+
+FOV = 10.0, 150.0  # degrees
+SPEED = 0.05, 10.0  # m/s
+TURN_SPEED = math.radians(5.0), math.radians(720.0)  # rad/s
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,26 @@ class RobotModel:
     reach: Reach | None = None
     arm: ArmModel | None = None
     make: Callable[..., Any] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what robot files refuse, too.
+
+        Raises:
+            AssetError: scene graphs know no such class, a number is out of its limits, or ``make`` makes nothing.
+        """
+        object.__setattr__(self, "urdf", Path(self.urdf))
+        known = tuple(BENCHMARK.robots)
+        if self.class_name not in known:
+            raise AssetError(f"robot {self.name!r}: class_name={self.class_name!r}; use one of: {', '.join(known)}")
+        for name, value, (least, most) in (
+            ("camera.fov", self.camera.fov, FOV),
+            ("speed", self.speed, SPEED),
+            ("turn_speed", self.turn_speed, TURN_SPEED),
+        ):
+            if not least <= value <= most:
+                raise AssetError(f"robot {self.name!r}: {name}={value}; use a number from {least:g} to {most:g}")
+        if self.make is not None and not callable(self.make):
+            raise AssetError(f"robot {self.name!r}: make={self.make!r} is no function; name one that makes a robot")
 
     @property
     def lifts_camera(self) -> bool:

@@ -85,8 +85,7 @@ class Rearrange:
 
     def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
         """Put X on its source, other objects somewhere, and draw states and starts."""
-        if not isinstance(task, Task):
-            raise TaskError(f"task {task.id!r} is a {type(task).__name__}; play it in parallel_env(task='tidy')")
+        task = self._own(task)
         return set_up(world, space, task, (task,))
 
     def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
@@ -95,8 +94,12 @@ class Rearrange:
 
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence."""
-        assert isinstance(task, Task)
-        return language.instruction(task, self.catalog, self.templates)
+        return language.instruction(self._own(task), self.catalog, self.templates)
+
+    def _own(self, task: AnyTask) -> Task:
+        if not isinstance(task, Task):
+            raise TaskError(f"task {task.id!r} is a {type(task).__name__}; play it in parallel_env(task='tidy')")
+        return task
 
 
 @dataclass(frozen=True)
@@ -150,8 +153,7 @@ class Tidy:
 
     def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:
         """Put every object on its source, other objects somewhere, and draw states and starts."""
-        if not isinstance(task, TidyTask):
-            raise TaskError(f"task {task.id!r} is of one object; play it in parallel_env(task='rearrange')")
+        task = self._own(task)
         return set_up(world, space, task, task.moves)
 
     def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
@@ -162,8 +164,12 @@ class Tidy:
 
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence for each object."""
-        assert isinstance(task, TidyTask)
-        return " ".join(language.instruction(move, self.catalog, self.templates) for move in task.moves)
+        return " ".join(language.instruction(move, self.catalog, self.templates) for move in self._own(task).moves)
+
+    def _own(self, task: AnyTask) -> TidyTask:
+        if not isinstance(task, TidyTask):
+            raise TaskError(f"task {task.id!r} is of one object; play it in parallel_env(task='rearrange')")
+        return task
 
 
 def _draw_moves(

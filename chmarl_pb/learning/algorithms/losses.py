@@ -5,6 +5,7 @@ if it acts there; a truncated episode is bootstrapped from its last observation,
 """
 
 from dataclasses import dataclass, field
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
@@ -104,12 +105,12 @@ def unroll(agents: nn.ModuleDict, batch: Batch) -> Unrolled:
 def grounding(agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, Tensor]:
     """Return ``grounding_loss``, which teaches encoders the classes that instructions name, times a weight.
 
-    All learners add it to their own loss. There is none if the weight is 0, or no encoder compares words with classes.
+    All learners add it to their own loss. There is none if the weight is 0.
     """
     losses = [
-        agent.encoder.grounding_loss(_first(batch.observations[name]))  # type: ignore[operator]
+        cast(Any, agent).encoder.grounding_loss(_first(batch.observations[name]))
         for name, agent in agents.items()
-        if weight and hasattr(agent.encoder, "grounding_loss")
+        if weight
     ]
     return {"grounding_loss": weight * torch.stack(losses).sum()} if losses else {}
 

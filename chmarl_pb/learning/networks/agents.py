@@ -38,6 +38,11 @@ class Agent(nn.Module):
         self.actions, self._hidden = actions, config.hidden
         given = (space, config.features, config.image_encoder, config.graph_pool)
         self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, named=asked_of_encoder(config))
+        if config.grounding_coef > 0 and not hasattr(self.encoder, "grounding_loss"):
+            raise ValueError(
+                f"grounding_coef={config.grounding_coef}: the encoder {type(self.encoder).__name__} has no "
+                "grounding_loss(observation) by which it could be taught; leave it at 0"
+            )
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
         self._history = self.past + outputs if config.history_past else 0

@@ -38,7 +38,7 @@ from chmarl_pb.learning.observation_keys import (
     tokens,
 )
 from chmarl_pb.learning.spaces import FLAT, FLAT_NAMES
-from chmarl_pb.tasks.language.tokens import vocabulary_size
+from chmarl_pb.tasks.language.tokens import ATTRIBUTES_LENGTH, INSTRUCTION_LENGTH, vocabulary_size
 
 PARSED = "parsed"  # the pool that is told what instructions name
 
@@ -86,8 +86,8 @@ def build_encoder(
             with places in the picture.
 
     Raises:
-        ValueError: the space is of another kind, there is no such encoder, nothing tells of cells, or there is nothing
-            to teach, as instructions are parsed.
+        ValueError: the space is of another kind, there is no such encoder, nothing tells of cells, instructions have
+            words that are not read, or there is nothing to teach, as they are parsed.
         CheckpointError: there are no weights of ResNet-18.
     """
     if isinstance(space, spaces.Dict):
@@ -122,6 +122,10 @@ class DictEncoder(nn.Module):
         self._tokens, self._beside = tokens(space), _beside(space)
         inside = {key for others in self._beside.values() for key in others if key}
         self._parses = graph_pool == PARSED
+        for key in named(space.spaces, INSTRUCTION) if self._parses or taught else ():
+            _check_readable(space[key], self._parses)
+        if self._parses and any(id_count(space[key]) > len(BENCHMARK.rows) + 1 for key in graphs(space)):
+            raise ValueError("graph_pool='parsed' knows the benchmark's classes alone; use 'grounded'")
         if self._parses and taught:
             raise ValueError(
                 "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
@@ -249,7 +253,29 @@ class _Maker:
 
 def _tells_apart(instruction: spaces.Space[Any]) -> bool:
     """Return whether instructions name X's colour and Y's room, as among lookalikes."""
-    return id_count(instruction) >= vocabulary_size(attributes=True)
+    among = instruction.shape is not None and instruction.shape[-1] % INSTRUCTION_LENGTH == ATTRIBUTES_LENGTH
+    return among and id_count(instruction) >= vocabulary_size(attributes=True)
+
+
+def _check_readable(instruction: spaces.Space[Any], parses: bool) -> None:
+    """Refuse instructions that the benchmark's words do not read.
+
+    Raises:
+        ValueError: the ids of colours are others behind a user's own words, or nothing but the rule reads the
+            instruction, and that does not know all of it.
+    """
+    among = _tells_apart(instruction)
+    own_words = id_count(instruction) != vocabulary_size(attributes=among)
+    if own_words and among:
+        raise ValueError(
+            "words of your own among lookalikes: colours are not told apart; leave out the catalogue or "
+            "graph_pool='parsed' and grounding_coef"
+        )
+    length = INSTRUCTION_LENGTH + among * ATTRIBUTES_LENGTH
+    if parses and (own_words or instruction.shape != (length,)):
+        raise ValueError(
+            "graph_pool='parsed' reads instructions of one object in the benchmark's words; use 'grounded'"
+        )
 
 
 def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
