@@ -43,6 +43,7 @@ def add_node(cluster: Any) -> Any:
 def cluster() -> Iterator[Any]:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(prefix="r", dir="/tmp") as folder:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        Path("/tmp/ray").mkdir(exist_ok=True)  # where the test cluster notes its address, whatever its folder
         head = {**NODE, "include_dashboard": False, "temp_dir": folder}
         cluster = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
         cluster.folder = folder

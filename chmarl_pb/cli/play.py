@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
-from chmarl_pb.cli.arguments import add_catalog, add_home, add_robots, add_track, check_home
+from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_track, check_home
 from chmarl_pb.envs.options import SENSORS, SYMBOLS
 from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.extras import check
@@ -48,6 +48,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", action="append", default=[], metavar="P",
         help=f"offer this one, too: a name, a checkpoint or module:callable; beside {', '.join(_POLICIES)}",
     )  # fmt: skip
+    parser.add_argument("--goal", action="store_true", help=GOAL)
     add_page(parser)
 
 
@@ -78,7 +79,7 @@ def _run(options: argparse.Namespace) -> int:
         find_policy(policy)
     choice = Choice(
         options.task, options.home, 0, options.track, options.messages, options.max_steps, options.observation,
-        options.robots, options.catalog,
+        options.robots, options.catalog, {"goal": True} if options.goal else {},
     )  # fmt: skip
     return serve(choice, options.policy, options)
 
@@ -98,7 +99,7 @@ def serve(choice: "Choice", policies: Sequence[str], options: argparse.Namespace
     gate = Gate()
     server = guarded_server(gate, options.host, options.port)
     try:
-        session = Session(server, choice, tuple(dict.fromkeys((*_POLICIES, *policies))))
+        session = Session(server, choice, tuple(dict.fromkeys((*_POLICIES, *policies))), driver)
         try:
             if driver is not None:
                 session.watch(driver)

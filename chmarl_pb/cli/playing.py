@@ -45,8 +45,7 @@ def observation_of(options: argparse.Namespace) -> str:
 def rules_for(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment: those that the policy was trained by, and those that are given."""
     given = {"track": options.track, "lookalikes": options.lookalikes}
-    given = {name: value for name, value in given.items() if value is not OF_TRACK}
-    return {**find_policy(options.policy).rules, **given, **given_of(options)}
+    return find_policy(options.policy).rules_with(given | given_of(options))
 
 
 def task_of(options: argparse.Namespace) -> Task:

@@ -69,7 +69,8 @@ def _draw_tasks(
     simulation = Simulation(home, options.models, known=options.things, lookalikes=options.lookalikes)
     try:
         name = simulation.home.name
-        ids = [f"drawn-{name}-{number:03d}" for number in range(count)]
+        draw = f"drawn-{name}-{seed}" if seed else f"drawn-{name}"
+        ids = [f"{draw}-{number:03d}" for number in range(count)]
         tasks = [draw_solvable(simulation, home, rng, task_id, seeds_from=seeds_from) for task_id in ids]
     finally:
         simulation.close()

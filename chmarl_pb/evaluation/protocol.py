@@ -103,7 +103,7 @@ def evaluate(
     tasks = _listed(tasks)
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
-    options = {**source.rules, **{name: value for name, value in options.items() if value is not OF_TRACK}}
+    options = source.rules_with(options)
     split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     if tasks is None and split == STREAM:

@@ -157,7 +157,9 @@ def _score_card(sheet: Canvas, recording: Recording, known: Moment, reward: floa
 
 
 def _lamps(sheet: Canvas, recording: Recording, known: Moment, x: float, end: float) -> None:
-    """Draw a lamp for each room and each of X and Y, lit once it has been seen there."""
+    """Draw a lamp for each room and each of X and Y, lit once it has been seen there; none without a board."""
+    if known.messages is None:
+        return
     top, pitch = _CARD_TOP + 84, (end - x - 70) / len(recording.rooms)
     sheet.text(x, top, "Seen in", 13, MUTED)
     for number, room in enumerate(recording.rooms):

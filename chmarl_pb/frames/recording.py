@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from chmarl_pb.frames.motion_player import Scene
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.movables import Team
@@ -23,7 +21,7 @@ class Moment:
         succeeded: robot -> whether its action did.
         reward: shared reward of the step.
         potential: phi after the step.
-        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen; zeros with another channel.
+        messages: (2, rooms) rooms in which X (row 0) and Y (row 1) have been seen; None without the message board.
         feedback: robot -> what it was told.
         visible: robot -> names of the things that it sees.
         motion: scenes of the driven step at 30 Hz.
@@ -37,7 +35,7 @@ class Moment:
     succeeded: dict[str, bool]
     reward: float
     potential: float
-    messages: Messages
+    messages: Messages | None
     feedback: dict[str, str]
     visible: dict[str, tuple[str, ...]]
     motion: tuple[Scene, ...]
@@ -91,12 +89,16 @@ class Recording:
         return len(self.moments) - 1
 
     @property
+    def has_board(self) -> bool:
+        """Whether the robots hear a message board."""
+        return any(moment.messages is not None for moment in self.moments)
+
+    @property
     def models(self) -> dict[str, RobotModel]:
         """Robot -> what is known of its kind."""
         return {name: model for name, model, _ in self.team}
 
 
-def board_of(messages: Messages, rooms: tuple[str, ...]) -> Messages:
-    """Return (2, rooms) in which X and Y have been seen by the message board; zeros if this is another channel's."""
-    shape = 2, len(rooms)
-    return messages.copy() if messages.shape == shape else np.zeros(shape, np.int8)
+def board_of(messages: Messages, rooms: tuple[str, ...], heard: bool) -> Messages | None:
+    """Return (2, rooms) in which X and Y have been seen by the message board; None with another channel, or unheard."""
+    return messages.copy() if heard and messages.shape == (2, len(rooms)) else None

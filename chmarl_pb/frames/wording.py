@@ -79,8 +79,8 @@ def reward_words(reward: float) -> str:
 
 
 def known_rooms(recording: Recording, moment: Moment, row: int) -> list[str]:
-    """Return the rooms known for X (row 0) or Y (row 1)."""
-    known = zip(recording.rooms, moment.messages[row], strict=True)
+    """Return the rooms known for X (row 0) or Y (row 1) by the message board."""
+    known = () if moment.messages is None else zip(recording.rooms, moment.messages[row], strict=True)
     return [room_words(room) for room, bit in known if bit]
 
 

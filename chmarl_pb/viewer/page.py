@@ -54,6 +54,7 @@ def write_page(path: Path, recording: Recording, views: list[dict[str, Image]]) 
         first=_css(ROBOTS[0]),
         across=min(_ACROSS, len(recording.team) + 1),
         robot_heads="".join(f"<th>{escape(wording.robot_words(robot))}</th>" for robot in recording.models),
+        board_heads="<th>X seen in</th><th>Y seen in</th>" if recording.has_board else "",
         item=_css(ITEM),
         target=_css(TARGET),
         item_words=escape(wording.item_words(recording)),
@@ -121,7 +122,9 @@ def _score(recording: Recording, moment: Moment) -> str:
 
 
 def _lamps(recording: Recording, moment: Moment) -> str:
-    """Return a small table of the rooms in which X and Y have been seen."""
+    """Return a small table of the rooms in which X and Y have been seen; nothing without the message board."""
+    if moment.messages is None:
+        return ""
     head = "".join(f"<th>{wording.room_words(room)}</th>" for room in recording.rooms)
     rows = ""
     for row, (mark, noun) in enumerate((("x", wording.item_words(recording)), ("y", wording.target_words(recording)))):
@@ -138,7 +141,8 @@ def _row(recording: Recording, number: int) -> str:
     cells = [f'<a href="#step-{number}">{number}</a>']
     cells += [_action(recording, moment, robot) for robot in recording.models]
     numbers = [f"{moment.potential:g}", wording.reward_words(moment.reward) if moment.actions else ""]
-    words = [", ".join(wording.known_rooms(recording, moment, row)) for row in (0, 1)]
+    rows = (0, 1) if recording.has_board else ()
+    words = [", ".join(wording.known_rooms(recording, moment, row)) for row in rows]
     words.append(escape(" ".join(text for text in moment.feedback.values() if text)))
     row = _cells(cells) + _cells(numbers, ' class="number"') + _cells(words)
     return f'<tr id="row-{number}">{row}</tr>'

@@ -31,7 +31,7 @@ class Noted:
 
     motion: tuple[Scene, ...]
     rest: Scene
-    messages: Messages
+    messages: Messages | None
     graphs: dict[str, SceneGraph]
     carriers: dict[str, str]
 
@@ -118,7 +118,7 @@ def note(env: HouseholdEnv) -> Noted:
     graphs = {name: env.simulation.graphs.graph(outcome.state, seen, states) for name, seen in outcome.seen.items()}
     carriers = {item: support.receptacle for item, support in outcome.supports.items()}
     held = {grip.item: name for name, grip in outcome.state.grips.items()}
-    return Noted(motion, rest, board_of(env.messages, env.rooms), graphs, carriers | held)
+    return Noted(motion, rest, board_of(env.messages, env.rooms, bool(env.options.messages)), graphs, carriers | held)
 
 
 def moment_of(

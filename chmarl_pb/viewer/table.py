@@ -20,8 +20,9 @@ def print_table(recording: Recording, console: Console) -> None:
         table.add_column(robot)
     for name in ("potential", "reward"):
         table.add_column(name, justify="right")
-    table.add_column("X seen in")
-    table.add_column("Y seen in")
+    if recording.has_board:
+        table.add_column("X seen in")
+        table.add_column("Y seen in")
     if any(any(moment.feedback.values()) for moment in recording.moments):
         table.add_column("feedback")
     for step, moment in enumerate(recording.moments):
@@ -33,7 +34,8 @@ def print_table(recording: Recording, console: Console) -> None:
 def _cells(recording: Recording, moment: Moment) -> list[str]:
     actions = [_action(moment, robot) for robot in recording.models]
     reward = wording.reward_words(moment.reward) if moment.actions else ""
-    rooms = [", ".join(wording.known_rooms(recording, moment, row)) or "-" for row in (0, 1)]
+    rows = (0, 1) if recording.has_board else ()
+    rooms = [", ".join(wording.known_rooms(recording, moment, row)) or "-" for row in rows]
     feedback = " ".join(text for text in moment.feedback.values() if text)
     return [*actions, f"{moment.potential:g}", reward, *rooms, escape(feedback)]
 

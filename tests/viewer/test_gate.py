@@ -47,6 +47,18 @@ def test_nothing_is_served_without_the_token(served: Served, path: str) -> None:
     assert b"chmarl-pb play" in answer.read()
 
 
+@pytest.mark.parametrize("path", ["//[", "/?token=["])
+def test_what_is_no_address_is_refused(served: Served, path: str) -> None:
+    assert get(served, path).status == 403
+
+
+def test_what_is_no_origin_or_no_text_is_refused(served: Served) -> None:
+    cookie = cookie_of(served)
+    assert get(served, "/", Cookie=cookie, Origin="http://[").status == 403
+    name = cookie.partition("=")[0]
+    assert get(served, "/", Cookie=f"{name}=\xff").status == 403
+
+
 def test_token_leads_to_the_page(served: Served) -> None:
     cookie = cookie_of(served)
     assert get(served, "/", Cookie=f"other=1; {cookie}").status == 200

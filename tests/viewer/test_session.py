@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.episode_file import save_episode
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.viewer.live.choice import Choice
@@ -96,7 +97,7 @@ def test_faults_are_told_and_change_nothing(session: Any, capfd: pytest.CaptureF
 
 def test_things_that_are_clicked_and_seen_are_told(session: Any) -> None:
     target = session._recording.targets[0]
-    session._click(target)
+    session._click(session._replay, target)
     settle(session)
     assert target in session._panel._thing.content
     session._panel.labels.value = True
@@ -118,3 +119,50 @@ def test_buttons_hold_every_action_once() -> None:
     rows = dict(panels.rows_of(actions))
     assert list(rows) == ["Go to", "Pick", "Place", "Move"]
     assert sorted(action for row in rows.values() for action in row) == sorted(actions)
+
+
+def test_a_click_on_what_is_no_longer_shown_does_nothing(session: Any) -> None:
+    click, before = session._click, session._replay
+    session.begin(home="home_2", task=None, track="paper", messages=True)
+    click(before, "livingroom/cabinet_1")  # a thing of the home before
+    session.step()
+    assert "⚠" not in message(session)
+    assert not session._thing
+
+
+def test_the_page_shows_and_keeps_the_channel_in_force() -> None:
+    server = gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
+    session = sessions.Session(server, Choice(SHORT.id, messages=False, max_steps=9), ())
+    try:
+        assert session._panel._channel.value == "none"
+        assert "No messages" in session._panel._board.content
+        session.begin(home=SHORT.home, task=OTHER.id, track="paper", messages="symbols")
+        settle(session)
+        assert session._panel._channel.value == "own words"
+        assert session._game.env.options.messages == "symbols"
+    finally:
+        session.close()
+        gates.stop(server)
+
+
+def test_rules_of_a_training_end_with_its_track() -> None:
+    server = gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
+    rules = {"pointing": True, "lookalikes": True, "templates": 2, "feedback": False}
+    session = sessions.Session(server, Choice(SHORT.id, track="grounded", rules=rules), ())
+    try:
+        session.begin(home=SHORT.home, task=OTHER.id, track="paper", messages=True)
+        settle(session)
+        options = session._game.env.options
+        assert (options.pointing, options.lookalikes, options.templates, options.feedback) == (False, False, 1, True)
+    finally:
+        session.close()
+        gates.stop(server)
+
+
+def test_a_policy_that_cannot_play_is_refused_at_once() -> None:
+    server = gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
+    try:
+        with pytest.raises(ChmarlError, match=r"ours-pictures|observation"):
+            sessions.Session(server, Choice(SHORT.id), ("planner",), "ours-pictures")
+    finally:
+        gates.stop(server)

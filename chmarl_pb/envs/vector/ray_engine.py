@@ -4,15 +4,14 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
-from chmarl_pb.envs.vector.batch import Batch, MakeEnv, Part
+from chmarl_pb.envs.vector.batch import MakeEnv, Part
 from chmarl_pb.envs.vector.engine import gathered
 from chmarl_pb.envs.vector.memory import Memory, Signature
-from chmarl_pb.envs.vector.worker import IN_PARTS, Failure, failure
+from chmarl_pb.envs.vector.share import Share, written
 from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.extras import needs
 from chmarl_pb.ray_cluster import connect, processors
@@ -21,8 +20,6 @@ from chmarl_pb.world import Uncopied
 with needs("a vector of environments on a Ray cluster", "scale"):
     import ray
     from ray.exceptions import RayActorError
-
-Rows = dict[str, np.ndarray]
 
 
 class RayEngine(Uncopied):
@@ -101,7 +98,7 @@ class RayEngine(Uncopied):
             raise
         command, self._command = self._command, ""
         for share, (_, rows) in zip(self._shares, answers, strict=True):
-            for array, row in zip(_arrays(self.memory), rows, strict=False):
+            for array, row in zip(written(self.memory), rows, strict=False):
                 array[share.start : share.stop] = row
         return gathered(self._shares, [answer for answer, _ in answers], command, self.close)
 
@@ -127,33 +124,4 @@ class RayEngine(Uncopied):
                 ray.shutdown()
 
 
-def _arrays(memory: Memory) -> list[np.ndarray]:
-    """Return what environments write: observations, rewards and ends."""
-    return [*memory.observations.values(), memory.rewards, memory.terminated, memory.truncated]
-
-
-class _Share:
-    """Some environments of a vector on a node."""
-
-    def __init__(self, make: CloudpickleWrapper, numbers: range, count: int, autoreset: AutoresetMode):
-        self._batch, self._rows = Batch(make.fn, numbers, autoreset), slice(numbers.start, numbers.stop)
-        self._batch.share(Memory(self._batch.signature, count))
-
-    def signature(self) -> Signature:
-        """Return what each of the environments is like."""
-        return self._batch.signature
-
-    def do(
-        self, command: str, arguments: tuple[Any, ...], actions: np.ndarray
-    ) -> tuple[list[Any] | Failure, list[np.ndarray]]:
-        """Carry out a command; return an answer of each environment, and what they have written."""
-        memory = self._batch.memory
-        memory.actions[self._rows] = actions
-        try:
-            answer = getattr(self._batch, command)(*arguments)
-        except Exception as error:
-            return failure(error), []
-        return answer, [array[self._rows] for array in _arrays(memory)] if command in IN_PARTS else []
-
-
-_actor: Any = ray.remote(num_cpus=1)(_Share)
+_actor: Any = ray.remote(num_cpus=1)(Share)

@@ -51,6 +51,12 @@ class Gate:
 
     def answer(self, request: Request) -> Response | None:
         """Return the answer to a request that goes no further; None lets it in."""
+        try:
+            return self._answer(request)
+        except ValueError:  # no address, no origin, or not a text
+            return _response(HTTPStatus.FORBIDDEN, _REFUSAL, {})
+
+    def _answer(self, request: Request) -> Response | None:
         query = parse_qs(urlsplit(request.path).query)
         if any(map(self._fits, query.get("token", ()))):
             cookie = f"{self._cookie}={self.token}; HttpOnly; SameSite=Lax; Path=/"

@@ -82,7 +82,7 @@ class Panel:
 
     def __init__(
         self, server: viser.ViserServer, recording: Recording, orders: Orders, actions: Mapping[str, Sequence[str]],
-        symbols: int, policies: Sequence[str], track: str,
+        symbols: int, policies: Sequence[str], track: str, messages: Any,
     ):  # fmt: skip
         """Build it; what was there goes.
 
@@ -94,6 +94,7 @@ class Panel:
             symbols: number of symbols that robots choose from; 0 without own words.
             policies: names of those that robots can be handed to.
             track: the rules.
+            messages: the option by which the robots hear each other.
         """
         self._gui: Any = server.gui  # its types forbid to set values
         self._orders, self._actions = orders, actions
@@ -117,7 +118,7 @@ class Panel:
         with tabs.add_tab("Show"):
             self._add_show()
         with tabs.add_tab("Episode"):
-            self._add_episode(track)
+            self._add_episode(track, messages)
         self._number: Any = self._gui.add_slider("Moment", 0, 1, 1, 0)
         self._number.on_update(_by_person(lambda event: orders.look_at(int(event.target.value))))
         self._board = self._gui.add_markdown("")
@@ -219,18 +220,19 @@ class Panel:
             "Act at once", True, hint="A press plays the step; if not, it waits for Step, so that robots act together"
         )
 
-    def _add_episode(self, track: str) -> None:
+    def _add_episode(self, track: str, messages: Any) -> None:
         task, gui = self._recording.task, self._gui
         home = gui.add_dropdown("Home", homes_on_offer(task.home), initial_value=task.home)
         listed = gui.add_dropdown("Task", [DRAWN, *tasks_on_offer(task.home)])
         named = gui.add_text("or its id", "", hint="Any task, e.g. train-0001 or generated-test-0007")
         home.on_update(_by_person(lambda event: _offer(listed, event.target.value)))
         rules = gui.add_dropdown("Track", tuple(TRACKS), initial_value=track)
-        channel = gui.add_dropdown("Messages", tuple(CHANNELS))
+        known = next((name for name, option in CHANNELS.items() if option == messages), next(iter(CHANNELS)))
+        self._channel = gui.add_dropdown("Messages", tuple(CHANNELS), initial_value=known)
         gui.add_button("Begin").on_click(
             lambda _: self._orders.begin(
                 home=home.value, task=named.value.strip() or (None if listed.value == DRAWN else listed.value),
-                track=rules.value, messages=CHANNELS[channel.value],
+                track=rules.value, messages=CHANNELS[self._channel.value],
             )
         )  # fmt: skip
         if self._actions:

@@ -5,6 +5,7 @@ import tempfile
 import time
 import traceback
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,19 +34,20 @@ class Session:
     Its public methods may be called from any thread; see :class:`chmarl_pb.viewer.live.panel.Orders`.
     """
 
-    def __init__(self, server: viser.ViserServer, choice: Choice, policies: tuple[str, ...]):
+    def __init__(self, server: viser.ViserServer, choice: Choice, policies: tuple[str, ...], driver: str | None = None):
         """Begin.
 
         Args:
             server: of the page.
             choice: what the first episode is begun with.
             policies: names of those that robots can be handed to.
+            driver: the one that all robots are handed to; None: people drive.
 
         Raises:
-            ChmarlError: the episode cannot be begun.
+            ChmarlError: the episode cannot be begun, or the policy cannot play in it.
         """
         self._server, self._choice, self._policies = server, choice, policies
-        self._game: Game | None = choice.begin()
+        self._game: Game | None = _begun(choice, driver)
         self._closing = False
         self._open(self._game.recording)
         self._worker = Worker(self._failed)
@@ -141,7 +143,9 @@ class Session:
         def work() -> None:
             self._panel.say("Laying out the task …")
             again = chosen["task"] is None and chosen["home"] == self._choice.home
-            choice = replace(self._choice, **chosen, draw=self._choice.draw + 1 if again else 0)
+            # Rules of a policy's training hold in the track of that training alone.
+            rules = self._choice.rules if chosen["track"] == self._choice.track else {}
+            choice = replace(self._choice, **chosen, rules=rules, draw=self._choice.draw + 1 if again else 0)
             game = choice.begin()
             self._leave()
             self._game, self._choice = game, choice
@@ -216,10 +220,10 @@ class Session:
         game = self._game
         self._loaded, self._number, self._thing = recording, recording.steps if game else 0, ""
         self._replay = Replay(recording.home, recording.team)
-        self._house = House(self._server, recording, self._click)
+        self._house = House(self._server, recording, partial(self._click, self._replay))
         self._panel = Panel(
             self._server, recording, self, game.env.action_names if game else {}, game.env.symbols if game else 0,
-            self._policies, self._choice.track,
+            self._policies, self._choice.track, self._choice.messages,
         )  # fmt: skip
         self._refresh()
 
@@ -227,10 +231,11 @@ class Session:
     def _recording(self) -> Recording:
         return self._game.recording if self._game else self._loaded
 
-    def _click(self, name: str) -> None:
+    def _click(self, replay: Replay, name: str) -> None:
         def work() -> None:
-            self._thing = name
-            self._refresh()
+            if replay is self._replay:  # else it was on what an episode before has shown
+                self._thing = name
+                self._refresh()
 
         self._do(work)
 
@@ -275,3 +280,16 @@ class Session:
         self._panel.show(recording, number, over, pictures, pixels, self._game.chosen if self._game else {})
         if self._thing:
             self._panel.show_thing(texts.thing_report(recording, number, self._thing))
+
+
+def _begun(choice: Choice, driver: str | None) -> Game:
+    """Return a new game, with its robots handed to a policy."""
+    game = choice.begin()
+    try:
+        if driver is not None:
+            for robot in game.drivers:
+                game.hand_over(robot, driver)
+    except BaseException:
+        game.close()
+        raise
+    return game
