@@ -1,5 +1,6 @@
 """Play jobs (task, seed) with one policy, in this process or in several."""
 
+import os
 import pickle
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -41,7 +42,7 @@ class Setup:
             the environment itself.
     """
 
-    policy: str | Factory | Policy
+    policy: str | os.PathLike[str] | Factory | Policy
     options: Options
     env_fn: str | EnvFn | None = None
 

@@ -1,5 +1,6 @@
 """The protocol: every task of a split, once for each seed, with one policy."""
 
+import os
 import shlex
 import sys
 import time
@@ -46,7 +47,7 @@ Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
 
 
 def evaluate(
-    policy: str | Factory | Policy,
+    policy: str | os.PathLike[str] | Factory | Policy,
     split: str = OF_TRACK,
     observation: str | None = None,
     seeds: Sequence[int] = SEEDS,

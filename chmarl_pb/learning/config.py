@@ -51,6 +51,8 @@ def check(settings: Any) -> None:
         if "limits" not in one.metadata:
             continue
         value, (least, most) = getattr(settings, one.name), one.metadata["limits"]
+        if not hasattr(value, "__float__"):
+            raise ValueError(f"{one.name}={value!r}: must be a number")
         whole = type(one.default) is not int or value == int(value)
         if not (least <= value <= most and value < math.inf and whole):
             bounds = f"at least {least}, and finite" if most == math.inf else f"from {least} to {most}"
@@ -91,8 +93,6 @@ class RunConfig:
             taken, their directions from another robot, the room that is named; needs the grounded or the parsed pool.
         history_past: whether so does the most that each of these numbers, and of the agent's own actions, has been so
             far in the episode.
-        views_past: whether so do the directions in which the robot has looked so far in each room, with its hand empty
-            and with something in it; see :mod:`chmarl_pb.learning.networks.views`.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
             :mod:`chmarl_pb.learning.networks.match`.
         home_rollouts: rollouts in a row that an environment stays in one of endless homes, at most as many as it says.
@@ -122,7 +122,6 @@ class RunConfig:
     numbers_past: bool = False
     cells_past: bool = False
     history_past: bool = False
-    views_past: bool = False
     grounding_coef: float = amount(0.0)
     home_rollouts: int = count(100)
     validation_interval: int = count(1_000)

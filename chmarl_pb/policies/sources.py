@@ -1,6 +1,7 @@
 """Where policies come from: built in, published weights, ``module:callable``, a checkpoint, or a factory."""
 
 import importlib
+import os
 import sys
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -113,7 +114,7 @@ def load_policy(name: str | Path) -> Source:
     return find_policy(str(name))
 
 
-def find_policy(policy: str | Factory | Policy) -> Source:
+def find_policy(policy: str | os.PathLike[str] | Factory | Policy) -> Source:
     """Return the policy that is meant.
 
     Args:
@@ -130,6 +131,8 @@ def find_policy(policy: str | Factory | Policy) -> Source:
     """
     if isinstance(policy, Source):
         return policy
+    if isinstance(policy, os.PathLike):
+        policy = os.fspath(policy)
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
         return Source(name_of(policy), make, *_declared(policy, _own_hash(policy)))

@@ -17,6 +17,8 @@ from chmarl_pb.world import World
 TEAM = ("humanoid", "drone")
 MOST = 8  # robots of one environment
 
+_PARTS = ("lattice", "actions", "plan", "finish", "spawn")  # of a Robot, that a class of one's own may lack
+
 #: Makes the robot of a model in a world, with what its home offers and under a name.
 Make = Callable[[RobotModel, World, Space, str], Robot]
 
@@ -60,11 +62,17 @@ def make_robot(model: RobotModel, world: World, space: Space, name: str) -> Robo
     """Return the robot of a model, loaded into a world.
 
     Raises:
-        AssetError: its URDF cannot be loaded, its arm is not one that this package knows, or its class cannot grasp.
+        AssetError: its URDF cannot be loaded, its arm is not one that this package knows, or its class is no robot, or
+            cannot grasp.
         HomeError: it cannot reach a room.
     """
     make: Make = model.make or (MobileManipulator if model.reach else MobileRobot)
     robot = make(model, world, space, name)
+    if lacking := [part for part in _PARTS if not hasattr(robot, part)]:
+        raise AssetError(
+            f"robot {name!r}: make gives a {type(robot).__name__} without {', '.join(lacking)}; "
+            "derive it from MobileRobot"
+        )
     if model.reach and not isinstance(robot, MobileManipulator):
         raise AssetError(f"robot {name!r}: {type(robot).__name__} is to grasp; derive it from MobileManipulator")
     return robot

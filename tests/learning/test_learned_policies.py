@@ -10,6 +10,7 @@ import pytest
 import torch
 
 import chmarl_pb
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.config import FROZEN
@@ -183,6 +184,39 @@ def test_a_run_goes_on_where_it_was_trained(tmp_path: Path, small_home: Path) ->
     small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
     with pytest.raises(CheckpointError, match="home_sha256="):
         train(make, "qmix", TINY, path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"messages": False}, {"goal": True}, {"lookalikes": True, "templates": 2},
+        {"track": "grounded", "split": "val-unseen", "max_steps": 3},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_run_without_a_setting_is_evaluated_by_its_rules(tmp_path: Path, options: dict[str, Any]) -> None:
+    train(partial(chmarl_pb.parallel_env, **{"split": "val-unseen", "max_steps": 3, **options}), "vdn", TINY, tmp_path)
+    task = chmarl_pb.load_tasks("val-unseen")[:1]
+    played = chmarl_pb.evaluate(tmp_path / BEST, "val-unseen", tasks=task, seeds=[0], workers=1)
+    own = {name: value for name, value in options.items() if name not in ("split", "messages")}
+    assert played.settings["options"].items() >= own.items()
+    asked = Options(**options)
+    quiet = tuple(name for name in ("messages", "feedback") if not getattr(asked, name))
+    assert silenced(load(tmp_path / BEST, "value")["setting"]) == quiet
+
+
+def test_a_run_without_a_setting_keeps_its_rules(tmp_path: Path) -> None:
+    make = partial(make_env, lookalikes=True)
+    train(make, "vdn", TINY, tmp_path)
+    with pytest.raises(CheckpointError, match="templates"):
+        train(partial(make, templates=2), "vdn", TINY, tmp_path)
+
+
+def test_frozen_features_are_told_without_a_setting(tmp_path: Path) -> None:
+    encoder = frozen_encoder("resnet18")
+    small = replace(TINY, image_encoder="resnet18")
+    train(lambda: FeatureEnv(make_env(observation="visual"), encoder), "vdn", small, tmp_path)
+    assert load(tmp_path / BEST, "value")["setting"][FROZEN] == encoder.fingerprint
 
 
 def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:

@@ -18,6 +18,7 @@ from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.losses import grounding
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, make_learner
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
+from chmarl_pb.learning.networks.agents import Agent
 from chmarl_pb.learning.networks.match import ROOMS, Match, named_by
 from chmarl_pb.learning.networks.tables import class_table, shared_map, word_table
 from chmarl_pb.learning.runs.collect import Collector, greedy
@@ -185,3 +186,31 @@ def instructions(split: str, wording: str = "") -> torch.Tensor:
     texts = [language.instruction(task) for task in load_tasks(split)]
     chosen = [text for text in texts if wording in ("", language.wording_of(text))]
     return torch.from_numpy(np.stack([language.tokenize(text, 32) for text in chosen]))
+
+
+class Untaught(torch.nn.Module):
+    """An encoder of one's own that nothing can teach."""
+
+    def __init__(self, space: spaces.Dict, size: int, *names: str, **options: bool):
+        super().__init__()
+        self.inner = build_encoder(space, size)
+
+    def forward(self, observation: dict[str, torch.Tensor]) -> torch.Tensor:
+        features: torch.Tensor = self.inner(observation)
+        return features
+
+
+def test_an_encoder_that_cannot_be_taught_says_so(env: HouseholdEnv) -> None:
+    config = ALGORITHMS["vdn"].config(encoder=f"{__name__}:Untaught", grounding_coef=1.0)
+    with pytest.raises(ValueError, match=r"the encoder Untaught has no grounding_loss\(observation\)"):
+        Agent(env.observation_space("humanoid"), (4,), config)
+
+
+def test_a_pool_is_a_class_of_its_kind(env: HouseholdEnv) -> None:
+    with pytest.raises(ValueError, match="is no pool; derive a class from GraphEncoder"):
+        build_encoder(env.observation_space("humanoid"), 16, graph_pool=f"{__name__}:Untaught")
+
+
+def test_settings_are_numbers() -> None:
+    with pytest.raises(ValueError, match="envs='2': must be a number"):
+        ALGORITHMS["vdn"].config(envs="2")  # type: ignore[arg-type]

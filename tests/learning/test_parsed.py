@@ -1,15 +1,19 @@
 """Instructions read by rule: networks are told which classes, colours and rooms are named, whatever the words."""
 
 from contextlib import closing
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+import trimesh
 from gymnasium import spaces
 
 import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK
+from chmarl_pb.homes.imports import Wish, add_thing
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.detections import SHAPE
 from chmarl_pb.learning.networks.match import ROOMS, named_by
@@ -72,3 +76,30 @@ def test_words_alone_change_no_features(track: str, seen: str) -> None:
 def test_nothing_is_taught() -> None:
     with closing(chmarl_pb.parallel_env()) as env, pytest.raises(ValueError, match=r"nothing to learn.*grounding_coef"):
         build_encoder(env.observation_space("humanoid"), 16, graph_pool="parsed", taught=True)
+
+
+@pytest.fixture
+def parrots(tmp_path: Path) -> Path:
+    """A catalogue with one object whose name has a word of its own."""
+    trimesh.creation.icosphere(radius=0.04).export(tmp_path / "ball.stl")
+    path = tmp_path / "things" / "my_things.toml"
+    add_thing(tmp_path / "ball.stl", Wish("parrot"), path)
+    return path
+
+
+@pytest.mark.parametrize(("pool", "taught"), [("parsed", False), ("grounded", True)])
+def test_colours_behind_own_words_are_not_misread(parrots: Path, pool: str, taught: bool) -> None:
+    with closing(chmarl_pb.parallel_env(catalog=parrots, lookalikes=True)) as env:
+        space = env.observation_space("humanoid")
+    with pytest.raises(ValueError, match="words of your own among lookalikes"):
+        build_encoder(space, 16, graph_pool=pool, taught=taught)
+
+
+@pytest.mark.parametrize("options", [{"task": "tidy"}, {"catalog": ""}])
+def test_what_would_not_be_read_is_refused(parrots: Path, options: dict[str, str]) -> None:
+    given: dict[str, Any] = {name: value or parrots for name, value in options.items()}
+    with closing(chmarl_pb.parallel_env(**given)) as env:
+        space = env.observation_space("humanoid")
+    with pytest.raises(ValueError, match=r"graph_pool='parsed' (reads instructions of one object|knows the benchmark)"):
+        build_encoder(space, 16, graph_pool="parsed")
+    build_encoder(space, 16, graph_pool="grounded", taught=True)

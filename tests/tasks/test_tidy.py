@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise, permutations
 from typing import Any
@@ -23,6 +24,7 @@ from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.source import draw_solvable
+from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.targets import is_done, target_of
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import TidyTask, task_of
@@ -301,3 +303,14 @@ def test_what_is_held_is_of_the_goal_whose_object_was_in_view() -> None:
     assert tidying.wanted(pairs, False, frozenset({"mug", "fork"}), "turn_left") == {"mug", "fork"}
     assert tidying.wanted(pairs, True, frozenset({"desk"}), "pick") == {"desk"}
     assert tidying.wanted(pairs, True, frozenset({"sofa"}), "place") == {"sofa"}, "it was no mug"
+
+
+def test_tasks_of_the_other_kind_are_refused_in_one_sentence() -> None:
+    one = load_tasks("val-unseen")[:1]
+    with pytest.raises(TaskError, match="is of one object; play it in parallel_env"):
+        chmarl_pb.evaluate("search", "val-unseen", tasks=one, task="tidy", seeds=[0], workers=1)
+    with closing(chmarl_pb.parallel_env(task="tidy", split="val-unseen")) as env:
+        env.reset(seed=0)
+        several = env.task
+    with pytest.raises(TaskError, match="play it in parallel_env"):
+        chmarl_pb.evaluate("search", "val-unseen", tasks=[several], seeds=[0], workers=1)

@@ -38,7 +38,7 @@ def test_each_part_is_told_beside_the_line_that_it_changes() -> None:
     assert [[cell.strip() for cell in end] for end in ends] == [
         ["90.0 / 15.0", "", "", ""], ["90.0 / 40.0", "line 1", "+0.0", "+25.0"], ["", "line 2", "", ""],
         ["90.0 / 55.0", "line 3", "", ""], ["", "line 4", "", ""], ["90.0 / 60.0", "line 4", "+0.0", "+5.0"],
-        ["", "line 6", "", ""],
+        *[["", "line 6", "", ""]] * 2,
     ]  # fmt: skip
 
 

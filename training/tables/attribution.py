@@ -51,6 +51,10 @@ PARTS = (
     ),
     Part("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 4),
     Part("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 4),
+    Part(
+        "scene-graph", "Imitation of belief, generated homes, words parsed",
+        "instructions read by the rule of the built-in searches, in place of a network that learns to read", 6,
+    ),
     Part("visual", "Imitation of belief, generated homes", "pictures, seen by the detector, in place of graphs", 6),
 )  # fmt: skip
 

@@ -69,6 +69,11 @@ _LESSONS = (
         "Imitation of belief", "Imitation of belief, generated homes",
     ),
     _lesson(
+        "**Reading**: this learner, which reads words that training never shows, has {}, and {} where the rule that "
+        "the built-in searches read by tells it X and Y: reading is not what holds it.",
+        "Imitation of belief, generated homes", "Imitation of belief, generated homes, words parsed",
+    ),
+    _lesson(
         "**MAPPO after imitation**: {} becomes {} in the five homes; in generated ones it adds nothing on validation "
         "tasks.",
         "Imitation of belief", "Imitation of belief, then MAPPO",

@@ -11,7 +11,6 @@ from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.encoders import ENCODERS
-from chmarl_pb.learning.networks.views import Views
 from chmarl_pb.learning.spaces import Tree, tree_map
 
 NO_ACTION = -1  # last action at the first step
@@ -24,12 +23,12 @@ class Agent(nn.Module):
 
     Numbers that go past the encoder are read by the GRU and by the last layer. With ``history_past`` so is the most
     that each of them, and of the agent's own actions, has been so far in the episode: what has been heard, said, seen
-    and tried, which a GRU would have to learn to keep. With ``views_past`` so is where the robot has looked.
+    and tried, which a GRU would have to learn to keep.
 
     Attributes:
         actions: their number, or that of the values of their components.
         past: numbers that go past the encoder.
-        state_size: numbers of the state that the agent keeps from step to step: of the GRU, the history, the views.
+        state_size: numbers of the state that the agent keeps from step to step, that of the GRU and the history.
     """
 
     def __init__(self, space: spaces.Space[Any], actions: Counts, config: RunConfig):
@@ -46,14 +45,11 @@ class Agent(nn.Module):
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
         self._history = self.past + outputs if config.history_past else 0
-        self._views = Views(space) if config.views_past else None
-        self._kept = (config.hidden, self._history, self._views.kept if self._views else 0)
-        self.state_size = sum(self._kept)
+        self.state_size = config.hidden + self._history
         self._encoded = config.features + self.past
-        past = self.past + self._history + (self._views.size if self._views else 0)
-        read = config.features + past
+        read = config.features + self.past + self._history
         self.memory = nn.GRU(read + outputs, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden + past, outputs)
+        self.head = nn.Linear(config.hidden + self.past + self._history, outputs)
         sizes = (read, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
@@ -70,23 +66,18 @@ class Agent(nn.Module):
         """
         features = self._encode(observation, real).unflatten(0, last_action.shape[:2])
         acted = one_hot(last_action, self.actions).to(features.dtype)
-        before = (None, None, None) if hidden is None else hidden.split(self._kept, dim=-1)
-        numbers, kept = [features[..., features.shape[-1] - self.past :]], []
+        before = (None, None) if hidden is None else hidden.split((self._hidden, self._history), dim=-1)
+        numbers = features[..., features.shape[-1] - self.past :]
         if self._history:
-            numbers.append(_most_so_far(torch.cat([*numbers, acted], dim=-1), before[1]))
-            kept.append(numbers[-1][:, -1])
-        if self._views:
-            seen = self._views(
-                cast(Mapping[str, Tensor], observation), last_action, None if before[2] is None else before[2][0]
-            )
-            numbers.append(seen.numbers)
-            kept.append(seen.after)
-        features = torch.cat([features, *numbers[1:]], dim=-1)
+            history = _most_so_far(torch.cat([numbers, acted], dim=-1), before[1])
+            features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
         features = self.norms[0](features) if self.norms else features
         histories, state = self.memory(torch.cat([features, acted], dim=-1), before[0])
         read = self.norms[1](histories) if self.norms else histories
-        outputs = self.head(torch.cat([read, *numbers], dim=-1))
-        return apart(outputs, self.actions), histories, torch.cat([state, *(part[None] for part in kept)], dim=-1)
+        outputs = self.head(torch.cat([read, numbers], dim=-1))
+        if self._history:
+            state = torch.cat([state, history[:, -1].unsqueeze(0)], dim=-1)
+        return apart(outputs, self.actions), histories, state
 
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
         """Return features (B * T, F), zeros where there is only padding."""

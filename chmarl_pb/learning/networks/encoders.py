@@ -130,7 +130,10 @@ class DictEncoder(nn.Module):
             raise ValueError(
                 "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
             )
-        make = _Maker(space, look_up("graph_pool", graph_pool, GRAPH_POOLS), image_encoder, self.meaning, self._parses)
+        pool = look_up("graph_pool", graph_pool, GRAPH_POOLS)
+        if not (isinstance(pool, type) and issubclass(pool, GraphEncoder)):
+            raise ValueError(f"graph_pool={graph_pool!r}: is no pool; derive a class from GraphEncoder")
+        make = _Maker(space, pool, image_encoder, self.meaning, self._parses)
         parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
