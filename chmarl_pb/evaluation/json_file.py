@@ -12,7 +12,7 @@ _MOST_BYTES = 64 * 2**20
 _Row = TypeVar("_Row")
 
 #: What reading an object of a wrong kind raises, beside what ``read_object`` does.
-WRONG = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError)
+WRONG = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError, RecursionError)
 
 
 def read_object(path: Path | str) -> dict[str, Any]:

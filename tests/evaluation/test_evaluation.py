@@ -411,6 +411,17 @@ def test_a_changed_result_is_refused(tmp_path: Path, random_report: Report, old:
     assert load_result(path).episodes == random_report.episodes
 
 
+@pytest.mark.parametrize("depth", [500, 900, 100_000])
+def test_a_result_that_is_nested_too_deeply_is_refused(tmp_path: Path, random_report: Report, depth: int) -> None:
+    path = tmp_path / "result.json"
+    random_report.save(path)
+    data = json.loads(path.read_text())
+    data["episodes"][0]["recognition"] = {"x_seen": "deep", "picks": 0, "y_seen": 0, "places": 0}
+    path.write_text(json.dumps(data).replace('"deep"', '{"a":' * depth + "0" + "}" * depth))
+    with pytest.raises(ResultError, match="not a whole result"):
+        load_result(path)
+
+
 def test_result_file_tells_how_to_repeat_it(tmp_path: Path, random_report: Report) -> None:
     path = tmp_path / "deep" / "result.json"
     random_report.save(path)

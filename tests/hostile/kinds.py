@@ -254,7 +254,7 @@ def _runs() -> list[Files]:
     from tests.helpers.uneven_env import UnevenEnv
 
     train(UnevenEnv, "vdn", SMALL, Path("run"))
-    found = [{name: (Path("run") / name).read_bytes() for name in ("last.pt", "metrics.jsonl")}]
+    found = [{name: (Path("run") / name).read_bytes() for name in ("last.pt", "best.pt", "metrics.jsonl")}]
     shutil.rmtree("run")
     return found
 
