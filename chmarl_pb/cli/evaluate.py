@@ -34,6 +34,7 @@ from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
@@ -76,7 +77,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     check_home(options)
     source = find_policy(options.policy)
-    rules = source.rules_with(rules_of(options) | given_of(options))
+    rules = rules_with(source, rules_of(options) | given_of(options))
     tasks, track = options.task, rules.get("track", PAPER)
     where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:

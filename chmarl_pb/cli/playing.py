@@ -19,6 +19,7 @@ from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
 from chmarl_pb.evaluation.play import Player, Setup, episode_seed, policy_seed
+from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
@@ -45,7 +46,7 @@ def observation_of(options: argparse.Namespace) -> str:
 def rules_for(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment: those that the policy was trained by, and those that are given."""
     given = {"track": options.track, "lookalikes": options.lookalikes}
-    return find_policy(options.policy).rules_with(given | given_of(options))
+    return rules_with(find_policy(options.policy), given | given_of(options))
 
 
 def task_of(options: argparse.Namespace) -> Task:

@@ -25,6 +25,7 @@ from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
 from chmarl_pb.evaluation.result import FORMAT, Report, in_order, load_result
+from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.sample import sample_of
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
@@ -104,7 +105,7 @@ def evaluate(
     tasks = _listed(tasks)
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
-    options = source.rules_with(options)
+    options = rules_with(source, options)
     split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     if tasks is None and split == STREAM:

@@ -11,7 +11,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, cast
 
-from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
 from chmarl_pb.fingerprint import fingerprint, name_of
@@ -64,17 +63,6 @@ class Source:
     def options(self) -> dict[str, Any]:
         """Options of an environment that it can drive."""
         return {**self.rules, **({"observation": self.observation} if self.observation else {})}
-
-    def rules_with(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of the environment that it plays in: given ones, else those that it was trained with.
-
-        In another track than that of the training nothing of what tracks decide is left of it: it would be a mixture
-        of two.
-        """
-        told = {name: value for name, value in given.items() if value is not OF_TRACK}
-        track = self.rules.get("track", PAPER)
-        own = TRACKS[track] if told.get("track", track) != track else ()
-        return {**{name: value for name, value in self.rules.items() if name not in own}, **told}
 
     def __call__(self, env: Any) -> Policy:
         """Return the policy that drives an environment."""

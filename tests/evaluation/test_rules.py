@@ -4,20 +4,21 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.envs.tracks import OF_TRACK
+from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import load_tasks
 
 
 def test_given_options_come_before_those_of_the_training() -> None:
     source = find_policy("ours-grounded")
-    assert source.rules_with({}) == source.rules
-    assert source.rules_with({"track": OF_TRACK, "lookalikes": False}) == {**source.rules, "lookalikes": False}
+    assert rules_with(source, {}) == source.rules
+    assert rules_with(source, {"track": OF_TRACK, "lookalikes": False}) == {**source.rules, "lookalikes": False}
 
 
 def test_another_track_leaves_nothing_of_the_rules_of_a_training() -> None:
-    assert find_policy("ours-grounded").rules_with({"track": "paper"}) == {"track": "paper"}
-    assert find_policy("ours-graphs").rules_with({"track": "grounded"}) == {"track": "grounded"}
-    assert find_policy("ppo-humanoid-graphs").rules_with({"track": "grounded"})["goal"] is True
+    assert rules_with(find_policy("ours-grounded"), {"track": "paper"}) == {"track": "paper"}
+    assert rules_with(find_policy("ours-graphs"), {"track": "grounded"}) == {"track": "grounded"}
+    assert rules_with(find_policy("ppo-humanoid-graphs"), {"track": "grounded"})["goal"] is True
 
 
 def test_a_policy_of_another_track_is_refused() -> None:
