@@ -77,7 +77,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     check_home(options)
     source = find_policy(options.policy)
-    rules = rules_with(source, rules_of(options) | given_of(options))
+    rules = rules_with(source.rules, rules_of(options) | given_of(options))
     tasks, track = options.task, rules.get("track", PAPER)
     where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:

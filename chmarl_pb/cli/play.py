@@ -101,8 +101,6 @@ def serve(choice: "Choice", policies: Sequence[str], options: argparse.Namespace
     try:
         session = Session(server, choice, tuple(dict.fromkeys((*_POLICIES, *policies))), driver)
         try:
-            if driver is not None:
-                session.watch(driver)
             _announce(f"http://{_reachable(options.host)}:{server.get_port()}/?token={gate.token}", options)
             threading.Event().wait()
         finally:

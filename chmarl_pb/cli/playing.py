@@ -46,7 +46,7 @@ def observation_of(options: argparse.Namespace) -> str:
 def rules_for(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment: those that the policy was trained by, and those that are given."""
     given = {"track": options.track, "lookalikes": options.lookalikes}
-    return rules_with(find_policy(options.policy), given | given_of(options))
+    return rules_with(find_policy(options.policy).rules, given | given_of(options))
 
 
 def task_of(options: argparse.Namespace) -> Task:

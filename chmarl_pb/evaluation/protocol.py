@@ -105,7 +105,7 @@ def evaluate(
     tasks = _listed(tasks)
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
-    options = rules_with(source, options)
+    options = rules_with(source.rules, options)
     split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     if tasks is None and split == STREAM:

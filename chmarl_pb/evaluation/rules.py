@@ -4,20 +4,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
-from chmarl_pb.policies.sources import Source
 
 
-def rules_with(source: Source, given: Mapping[str, Any]) -> dict[str, Any]:
+def rules_with(trained: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of the environment that a policy plays in: given ones, else those that it was trained with.
 
     In another track than that of the training nothing of what tracks decide is left of it: it would be a mixture of
     two.
 
     Args:
-        source: the policy.
+        trained: option -> value, where that is not the paper's.
         given: option -> value; ``OF_TRACK`` is none.
     """
     told = {name: value for name, value in given.items() if value is not OF_TRACK}
-    track = source.rules.get("track", PAPER)
+    track = trained.get("track", PAPER)
     own = TRACKS[track] if told.get("track", track) != track else ()
-    return {**{name: value for name, value in source.rules.items() if name not in own}, **told}
+    return {**{name: value for name, value in trained.items() if name not in own}, **told}

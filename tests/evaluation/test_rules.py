@@ -11,14 +11,14 @@ from chmarl_pb.tasks.splits import load_tasks
 
 def test_given_options_come_before_those_of_the_training() -> None:
     source = find_policy("ours-grounded")
-    assert rules_with(source, {}) == source.rules
-    assert rules_with(source, {"track": OF_TRACK, "lookalikes": False}) == {**source.rules, "lookalikes": False}
+    assert rules_with(source.rules, {}) == source.rules
+    assert rules_with(source.rules, {"track": OF_TRACK, "lookalikes": False}) == {**source.rules, "lookalikes": False}
 
 
 def test_another_track_leaves_nothing_of_the_rules_of_a_training() -> None:
-    assert rules_with(find_policy("ours-grounded"), {"track": "paper"}) == {"track": "paper"}
-    assert rules_with(find_policy("ours-graphs"), {"track": "grounded"}) == {"track": "grounded"}
-    assert rules_with(find_policy("ppo-humanoid-graphs"), {"track": "grounded"})["goal"] is True
+    assert rules_with(find_policy("ours-grounded").rules, {"track": "paper"}) == {"track": "paper"}
+    assert rules_with(find_policy("ours-graphs").rules, {"track": "grounded"}) == {"track": "grounded"}
+    assert rules_with(find_policy("ppo-humanoid-graphs").rules, {"track": "grounded"})["goal"] is True
 
 
 def test_a_policy_of_another_track_is_refused() -> None:

@@ -48,12 +48,17 @@ def message(session: Any) -> str:
     return str(session._panel._message.content)
 
 
-def test_a_policy_is_watched_from_the_start(session: Any) -> None:
-    session.watch("planner")
-    for _ in range(SHORT.optimal_steps + 2):
-        settle(session)  # every step asks for the next
-    assert f"Solved in {SHORT.optimal_steps} steps" in status(session)
-    assert set(session._game.drivers.values()) == {"planner"}
+def test_a_policy_is_watched_from_the_start() -> None:
+    server = gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
+    session = sessions.Session(server, Choice(SHORT.id), ("planner",), "planner")
+    try:
+        for _ in range(SHORT.optimal_steps + 3):
+            settle(session)  # every step asks for the next
+        assert f"Solved in {SHORT.optimal_steps} steps" in status(session)
+        assert set(session._game.drivers.values()) == {"planner"}
+    finally:
+        session.close()
+        gates.stop(server)
 
 
 def test_policies_play_on_to_the_end_and_the_file_is_shown_again(session: Any, tmp_path: Path) -> None:
@@ -135,7 +140,7 @@ def test_the_page_shows_and_keeps_the_channel_in_force() -> None:
     session = sessions.Session(server, Choice(SHORT.id, messages=False, max_steps=9), ())
     try:
         assert session._panel._channel.value == "none"
-        assert "No messages" in session._panel._board.content
+        assert "Nothing has been said" in session._panel._board.content
         session.begin(home=SHORT.home, task=OTHER.id, track="paper", messages="symbols")
         settle(session)
         assert session._panel._channel.value == "own words"
@@ -147,13 +152,14 @@ def test_the_page_shows_and_keeps_the_channel_in_force() -> None:
 
 def test_rules_of_a_training_end_with_its_track() -> None:
     server = gates.guarded_server(gates.Gate(), "127.0.0.1", 0)
-    rules = {"pointing": True, "lookalikes": True, "templates": 2, "feedback": False}
+    rules = {"pointing": True, "lookalikes": True, "templates": 2, "feedback": False, "goal": True}
     session = sessions.Session(server, Choice(SHORT.id, track="grounded", rules=rules), ())
     try:
         session.begin(home=SHORT.home, task=OTHER.id, track="paper", messages=True)
         settle(session)
         options = session._game.env.options
         assert (options.pointing, options.lookalikes, options.templates, options.feedback) == (False, False, 1, True)
+        assert options.goal, "what no track decides stays"
     finally:
         session.close()
         gates.stop(server)

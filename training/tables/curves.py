@@ -27,7 +27,7 @@ _SB3_STYLES = {(False, False): "-", (True, False): ":", (False, True): "--", (Tr
 #: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
 _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
-    "Imitation of belief": "#000000",
+    "Imitation of belief, generated homes, words parsed": "#0050c8", "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
 }  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.

@@ -13,6 +13,7 @@ import viser
 
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.episode_file import load_episode, save_episode
+from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.frames.motion_player import Replay
 from chmarl_pb.frames.recording import Moment, Recording
 from chmarl_pb.viewer.film import FRAME_RATE
@@ -41,7 +42,7 @@ class Session:
             server: of the page.
             choice: what the first episode is begun with.
             policies: names of those that robots can be handed to.
-            driver: the one that all robots are handed to; None: people drive.
+            driver: the one that plays on with all robots; None: people drive.
 
         Raises:
             ChmarlError: the episode cannot be begun, or the policy cannot play in it.
@@ -51,6 +52,8 @@ class Session:
         self._closing = False
         self._open(self._game.recording)
         self._worker = Worker(self._failed)
+        if driver is not None:
+            self._do(partial(self._watch, driver))
 
     @property
     def task(self) -> str:
@@ -106,20 +109,6 @@ class Session:
 
         self._do(work)
 
-    def watch(self, driver: str) -> None:
-        """Let a policy drive all robots, and play on."""
-
-        def work() -> None:
-            if self._game:
-                for robot in self._game.drivers:
-                    self._game.hand_over(robot, driver)
-                    self._panel.show_driver(robot, driver)
-                self._refresh()
-                self._panel.start_running()
-                self.run()
-
-        self._do(work)
-
     def run(self) -> None:
         """Play on as long as that is ticked."""
         self._do(self._go_on)
@@ -143,9 +132,12 @@ class Session:
         def work() -> None:
             self._panel.say("Laying out the task …")
             again = chosen["task"] is None and chosen["home"] == self._choice.home
-            # Rules of a policy's training hold in the track of that training alone.
-            rules = self._choice.rules if chosen["track"] == self._choice.track else {}
-            choice = replace(self._choice, **chosen, rules=rules, draw=self._choice.draw + 1 if again else 0)
+            before = {"track": self._choice.track, **self._choice.rules}
+            rules = rules_with(before, {"track": chosen.pop("track")})
+            choice = replace(
+                self._choice, **chosen, track=rules.pop("track"), rules=rules,
+                draw=self._choice.draw + 1 if again else 0,
+            )  # fmt: skip
             game = choice.begin()
             self._leave()
             self._game, self._choice = game, choice
@@ -238,6 +230,14 @@ class Session:
                 self._refresh()
 
         self._do(work)
+
+    def _watch(self, driver: str) -> None:
+        """Show that a policy drives all robots, and play on."""
+        for robot in self._game.drivers if self._game else ():
+            self._panel.show_driver(robot, driver)
+        self._refresh()
+        self._panel.start_running()
+        self.run()
 
     def _step(self) -> None:
         if self._game:

@@ -29,7 +29,7 @@ def board(recording: Recording, number: int) -> str:
     """Return what the robots have told each other: the message board as a table, or the symbols of the step."""
     moment = recording.moments[number]
     if moment.messages is None and not moment.said:
-        return "Nothing is said yet." if recording.moments[-1].said else "No messages."
+        return "Nothing has been said."
     if moment.messages is None:
         return "Said: " + ", ".join(f"{robot} {symbol}" for robot, symbol in moment.said.items())
     rooms = [wording.room_words(room) for room in recording.rooms]
