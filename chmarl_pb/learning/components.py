@@ -20,6 +20,8 @@ from torch import Tensor, nn
 
 NEVER = -1e9  # value of what lies beyond a component's last value: no mask is needed to leave it out
 
+MOST_ACTIONS = 2**15 - 1  # that a replay buffer's int16 holds
+
 #: Number of an agent's actions; or of the values of each component.
 Counts = int | tuple[int, ...]
 
@@ -28,8 +30,14 @@ def counts_in(agent: str, space: spaces.Space[Any]) -> Counts:
     """Return how many actions a space has.
 
     Raises:
-        ValueError: it is neither Discrete nor a MultiDiscrete of one dimension, both from 0 on.
+        ValueError: it is neither Discrete nor a MultiDiscrete of one dimension, both from 0 on, or has too many actions
+            for a replay buffer.
     """
+    if (
+        isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
+        and np.max(space.n if isinstance(space, spaces.Discrete) else space.nvec) > MOST_ACTIONS
+    ):
+        raise ValueError(f"the action space of {agent!r} is {space}; learners know {MOST_ACTIONS:,} values at most")
     if isinstance(space, spaces.Discrete) and space.start == 0:
         return int(space.n)
     if isinstance(space, spaces.MultiDiscrete) and space.nvec.ndim == 1 and not np.any(space.start):
@@ -48,6 +56,23 @@ def as_row(action: Any, counts: Counts, missing: int) -> NDArray[np.int64]:
     named = np.ravel(action)
     row[: len(named)] = named
     return row
+
+
+def as_label(agent: str, label: Any, counts: Counts, missing: int) -> NDArray[np.int64]:
+    """Return what an expert would do in an agent's place as (K) numbers; components that it leaves out are ``missing``.
+
+    Raises:
+        ValueError: the agent has no such action.
+    """
+    sizes, named = of_each(counts), np.ravel(label)
+    if not (named.dtype.kind in "iu" and len(named) <= len(sizes)) or any(
+        not (number == missing or 0 <= number < size) for number, size in zip(named.tolist(), sizes, strict=False)
+    ):
+        raise ValueError(
+            f"the expert would do {label!r} in the place of {agent!r}, which has as many actions as {sizes}; let it "
+            f"name one of them, or {missing} where it knows none"
+        )
+    return as_row(named, counts, missing)
 
 
 def as_action(row: NDArray[np.integer[Any]], counts: Counts) -> Any:

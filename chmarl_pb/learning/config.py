@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 TRAINED_IN = "trained_in"  # key of a run's setting: split, kind of task and the like; absent in older ones
 HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
@@ -31,8 +33,8 @@ def seed_number(default: int) -> Any:
     return field(default=default, metadata={"limits": (0, 2**32 - 1)})
 
 
-def amount(default: float) -> Any:
-    """Return a field for a finite number, at least 0."""
+def amount(default: float | None) -> Any:
+    """Return a field for a finite number, at least 0, or for none."""
     return field(default=default, metadata={"limits": (0, math.inf)})
 
 
@@ -42,21 +44,35 @@ def share(default: float) -> Any:
 
 
 def check(settings: Any) -> None:
-    """Refuse settings, a dataclass, with a value outside the limits of its field.
+    """Refuse settings, a frozen dataclass, with a value outside the limits of its field.
+
+    Values become plain ones of the field's kind: 4.0 environments are 4, and NumPy's numbers Python's, which
+    checkpoints can hold.
 
     Raises:
         ValueError: there is one; the message names the field and its limits.
     """
     for one in fields(settings):
-        if "limits" not in one.metadata:
-            continue
-        value, (least, most) = getattr(settings, one.name), one.metadata["limits"]
-        if not hasattr(value, "__float__"):
-            raise ValueError(f"{one.name}={value!r}: must be a number")
-        whole = type(one.default) is not int or value == int(value)
-        if not (least <= value <= most and value < math.inf and whole):
-            bounds = f"at least {least}, and finite" if most == math.inf else f"from {least} to {most}"
-            raise ValueError(f"{one.name}={value}: must be {bounds}")
+        value = getattr(settings, one.name)
+        if isinstance(value, np.generic):
+            value = value.item()
+        if "limits" in one.metadata and (value is not None or one.default is not None):
+            value = _within(one.name, value, int if type(one.default) is int else float, *one.metadata["limits"])
+        object.__setattr__(settings, one.name, value)
+
+
+def _within(name: str, value: Any, kind: type, least: float, most: float) -> Any:
+    """Return a number as one of its kind.
+
+    Raises:
+        ValueError: it is outside its limits, or no such number.
+    """
+    if not hasattr(value, "__float__"):
+        raise ValueError(f"{name}={value!r}: must be a number")
+    if not (least <= value <= most and value < math.inf and (kind is float or value == int(value))):
+        bounds = f"at least {least}, and finite" if most == math.inf else f"from {least} to {most}"
+        raise ValueError(f"{name}={value}: must be {bounds}{', a whole number' * (kind is int)}")
+    return kind(value)
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,7 @@ class RunConfig:
 
     Attributes:
         seed: of every random stream.
-        episodes: to play in all.
+        episodes: to play in all, at least: whole rollouts are played.
         envs: environments played side by side; each rollout plays one episode in each.
         horizon: most steps of an episode.
         batch_size: episodes in a gradient step.
@@ -78,7 +94,7 @@ class RunConfig:
         buffer_size: episodes in the replay buffer.
         memory_gib: bound of the replay buffer; it shortens ``buffer_size``.
         learning_rate: of Adam.
-        max_grad_norm: largest norm of the gradient.
+        max_grad_norm: largest norm of the gradient; 0 lets nothing be learned.
         reward_scale: factor of the rewards that are learned from.
         features: numbers that an observation is encoded to.
         hidden: units of each agent's GRU.

@@ -45,8 +45,10 @@ def is_ids(space: spaces.Space[Any], rank: int) -> bool:
 
 
 def is_picture(space: spaces.Space[Any]) -> bool:
-    """Return whether a space holds pictures."""
-    return isinstance(space, spaces.Box) and len(space.shape) == 3 and space.dtype == np.uint8
+    """Return whether a space holds pictures: whole numbers up to 255, in three dimensions."""
+    if not isinstance(space, spaces.Box) or len(space.shape) != 3 or space.dtype != np.uint8:
+        return False
+    return bool((space.high == 255).all())
 
 
 def is_features(space: spaces.Space[Any]) -> bool:

@@ -69,19 +69,21 @@ class Interface:
         """Return the global state (S), float32; agents that are gone count as zeros.
 
         Raises:
-            ValueError: ``state()`` has another length than after the first reset.
+            ValueError: ``state()`` gives no numbers, or not as many as after the first reset.
         """
         if self.has_state:
-            state: np.ndarray = np.asarray(env.state(), dtype=np.float32).ravel()
+            state: np.ndarray = _numbers(env.state())
             if self.state_size and len(state) != self.state_size:
                 raise ValueError(
                     f"state() has {len(state)} numbers, and {self.state_size} after the first reset; give it one "
                     "length, with zeros for what is gone"
                 )
             return state
-        parts = [observations.get(name, zeros(space)) for name, space in self.observations.items()]
         return np.concatenate(
-            [_flat(space, part) for space, part in zip(self.observations.values(), parts, strict=True)]
+            [
+                _flat(space, observations[name]) if name in observations else np.zeros(_flat_size(space), np.float32)
+                for name, space in self.observations.items()
+            ]
         )
 
 
@@ -95,6 +97,10 @@ def interface_of(env: Any) -> Interface:
     seen, _ = env.reset(seed=0)
     interface = Interface(observations, actions, 0, _has_state(env))
     first = {name: interface.observed(name, seen[name]) for name in observations if name in seen}
+    if not first:
+        raise ValueError(
+            "reset() gives no observation of any of possible_agents; return one for each agent that is there"
+        )
     size = len(interface.state(env, first))
     if not size:
         raise ValueError("state() is empty; return numbers, or leave it out: all observations then take its place")
@@ -110,7 +116,7 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
     """
     names = list(env.possible_agents)
     for name in names:
-        if "." in name or hasattr(nn.ModuleDict(), name):
+        if not isinstance(name, str) or not name or "." in name or hasattr(nn.ModuleDict(), name):
             raise ValueError(f"an agent named {name!r} cannot have a network of its own in torch; give it another name")
     actions = {name: counts_in(name, env.action_space(name)) for name in names}
     observations = {name: env.observation_space(name) for name in names}
@@ -183,6 +189,23 @@ def _has_state(env: Any) -> bool:
     except (NotImplementedError, AttributeError):
         return False
     return True
+
+
+def _numbers(state: Any) -> np.ndarray:
+    """Return a copy of a state as one vector; environments may use its array again.
+
+    Raises:
+        ValueError: it is not made of numbers.
+    """
+    try:
+        return np.array(state, dtype=np.float32).ravel()
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"state() returns {type(state).__name__}, not an array of numbers ({error})") from error
+
+
+def _flat_size(space: spaces.Space[Any]) -> int:
+    """Return the length of what ``_flat`` makes of an observation."""
+    return sum(spaces.flatdim(part) for part in _parts(space).values())
 
 
 def _flat(space: spaces.Space[Any], observation: Tree) -> np.ndarray:

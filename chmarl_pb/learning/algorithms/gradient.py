@@ -41,7 +41,8 @@ def descend(
     norms = [nn.utils.clip_grad_norm_(part, max_norm) for part in parts]
     if not all(math.isfinite(float(norm)) for norm in norms):
         raise DivergedError(
-            f"the loss is {float(loss.detach())}, and its gradient is no number; lower learning_rate or reward_scale"
+            f"the loss is {float(loss.detach())}, and its gradient is no number; lower learning_rate or "
+            "reward_scale, or see whether the environment returns what is no number"
         )
     optimizer.step()
     return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norms[0])}

@@ -50,11 +50,12 @@ class Config(RunConfig):
         td_lambda: how far targets look ahead: 0 one step, 1 to the end of the episode (Peng's Q(lambda)).
         target_update_interval: gradient steps after which the target networks are brought up to date.
         tau: share of the way that the target networks then go: 1 copies them.
-        standardize_state: whether mixers see the state with mean 0 and deviation 1.
-        standardize_rewards: whether rewards are learned from with mean 0 and deviation 1. Where agents can end an
+        standardize_state: whether mixers see the state with mean 0 and deviation 1; those of IQL and VDN see none.
+        standardize_rewards: whether rewards, the team's or, with IQL, each agent's, are learned from with mean 0 and
+            deviation 1. Where agents can end an
             episode early this is another game: going on earns them nothing on average.
         normalize_values: whether networks give values with mean 0 and deviation 1, which a running scale makes real.
-        embedding: hidden units of the mixer.
+        embedding: hidden units of QMIX's mixer, or of one's own.
         joint_units: units of the joint networks of QTRAN.
     """
 
@@ -98,7 +99,7 @@ class ValueLearner:
         numbers = len(interface.agents) if getattr(self.mixer, "per_agent", False) else 1
         self._states = Normalizer(interface.state_size) if config.standardize_state else None
         self.aim = Aim(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
-        self._rewards = Normalizer(len(interface.agents)) if config.standardize_rewards else None
+        self._rewards = Normalizer(numbers) if config.standardize_rewards else None
         scales = {"of_states": self._states, "of_values": self.aim.scale, "of_rewards": self._rewards}
         self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False)
@@ -154,12 +155,20 @@ class ValueLearner:
             self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
             batch = replace(batch, states=self._states.normalize(batch.states))
         if self._rewards is not None:
-            self._rewards.update(batch.rewards, batch.acted)
-            batch = replace(batch, rewards=self._rewards.normalize(batch.rewards))
+            batch = replace(batch, rewards=self._standardized(self._rewards, batch))
         online = unroll(self.agents, batch)
         with torch.no_grad():
             target = unroll(self._targets["agents"], batch)  # type: ignore[arg-type]
         return self.td_loss(online, target, self.mixer, self._targets["mixer"], batch)
+
+    def _standardized(self, scale: Normalizer, batch: Batch) -> Tensor:
+        """Return rewards (B, T, N) on a scale that takes them in: of each agent for IQL, else the team's one reward."""
+        if getattr(self.mixer, "per_agent", False):
+            scale.update(batch.rewards, batch.acted)
+            return scale.normalize(batch.rewards)
+        reward, _, acts = batch.team()
+        scale.update(reward, acts)
+        return scale.normalize(reward).expand_as(batch.rewards)
 
     def td_loss(
         self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch

@@ -90,6 +90,8 @@ def build_encoder(
             words that are not read, or there is nothing to teach, as they are parsed.
         CheckpointError: there are no weights of ResNet-18.
     """
+    look_up("graph_pool", graph_pool, GRAPH_POOLS)
+    look_up("image_encoder", image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
     if isinstance(space, spaces.Dict):
         return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors, taught, cells_past)
     part = _flat_or_image(space, image_encoder)

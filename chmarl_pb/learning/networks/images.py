@@ -19,8 +19,8 @@ class ConvEncoder(Part):
     def __init__(self, shape: tuple[int, ...]):
         """Make the layers for pictures (height, width, channels) or (channels, height, width)."""
         super().__init__()
-        self.shape, self.channels_first = shape, shape[0] < shape[2]
-        widths = (min(shape), 32, 48, 64, 64)
+        self.shape, self.channels_first = shape, shape[0] < min(shape[1:])
+        widths = (shape[0] if self.channels_first else shape[2], 32, 48, 64, 64)
         layers: list[nn.Module] = []
         for number, (inputs, outputs) in enumerate(pairwise(widths)):
             layers += [nn.Conv2d(inputs, outputs, 5 if number == 0 else 3, stride=2, padding=2 if number == 0 else 1)]
@@ -48,7 +48,7 @@ class PretrainedEncoder(FeatureEncoder):
     def __init__(self, shape: tuple[int, ...]):
         """Load the frozen weights for pictures (height, width, 3) or (3, height, width)."""
         super().__init__()
-        self.shape, self.channels_first = shape, shape[0] < shape[2]
+        self.shape, self.channels_first = shape, shape[0] < min(shape[1:])
         self.resnet = frozen_encoder("resnet18")
 
     def forward(self, images: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -48,8 +49,17 @@ def save(path: Path, kind: str, content: dict[str, Any]) -> None:
         content: tensors, numbers, texts, and lists and dicts of these.
     """
     with replacing(path) as temporary:
-        torch.save({"format": FORMAT, "kind": kind, **content}, temporary)
+        torch.save(_plain({"format": FORMAT, "kind": kind, **content}), temporary)
         seal(temporary)
+
+
+def _plain(part: Any) -> Any:
+    """Return what a checkpoint holds with Python's numbers in the place of NumPy's, which would not be read again."""
+    if isinstance(part, np.generic):
+        return part.item()
+    if type(part) is dict:
+        return {key: _plain(value) for key, value in part.items()}
+    return type(part)(map(_plain, part)) if type(part) in (list, tuple) else part
 
 
 def load(path: Path, kind: str | None = None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import best_action
-from chmarl_pb.learning.components import Counts, as_action, as_row, mask_of, of_each
+from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, mask_of, of_each
 from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.policies.batched import play_together
 from chmarl_pb.learning.runs.replay_buffer import Episode
@@ -225,7 +225,7 @@ class Explorer:
         if not self._experts:
             return np.full((len(episodes), len(of_each(counts))), NO_LABEL)
         said = [self.labels.get(number, {}).get(name, NO_LABEL) for number in episodes]
-        return np.array([as_row(label, counts, NO_LABEL) for label in said])
+        return np.array([as_label(name, label, counts, NO_LABEL) for label in said])
 
 
 def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
@@ -237,17 +237,22 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, 
     """Record a step, which has returned five things.
 
     Raises:
-        ValueError: an agent acts that did not in the step before.
+        ValueError: an agent acts that did not in the step before, has no last observation, or is paid no number.
     """
     names = interface.agents
     observations, rewards, terminated, _, infos = step
+    if cut := [name for name in actions if name not in observations and not terminated.get(name, False)]:
+        raise ValueError(
+            f"{cut[0]!r} acts in step {len(episode) + 1} of an episode, which neither ends its task nor gives it an "
+            "observation; return what it observes last, from which its return is estimated, or say terminated"
+        )
     episode.actions.append(
         {
             name: actions[name] if name in actions else _first_action(counts)
             for name, counts in interface.actions.items()
         }
     )
-    episode.rewards.append(np.array([rewards.get(name, 0.0) for name in names], np.float32))
+    episode.rewards.append(np.array([_number(name, rewards.get(name, 0.0)) for name in names], np.float32))
     episode.acted.append(_acting(names, episode, actions))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
     _look(interface, episode, env, observations, infos)
@@ -266,6 +271,18 @@ def _acting(names: Sequence[str], episode: Episode, actions: Actions) -> np.ndar
             "may leave before the others, but not join later: let it be there from the reset on, and mask its actions"
         )
     return acting
+
+
+def _number(agent: str, reward: Any) -> float:
+    """Return an agent's reward.
+
+    Raises:
+        ValueError: it is not one number.
+    """
+    try:
+        return float(np.asarray(reward).item())
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the reward of {agent!r} is {reward!r}; return one number for each agent") from error
 
 
 def _first_action(counts: Counts) -> Any:

@@ -61,8 +61,9 @@ def train(
     >>> sorted(result.agents)
     ['drone', 'humanoid']
 
-    Agents may differ in their actions, Discrete or MultiDiscrete, and in their Box, Discrete or Dict observations. Each
-    component of a MultiDiscrete has a head of its own, see :mod:`chmarl_pb.learning.components`. Mixers see
+    Agents may differ in their actions, Discrete or MultiDiscrete, and in their observations: a Box, Discrete,
+    MultiDiscrete or MultiBinary, or a Dict of these. Each component of an action has a head of its own, see
+    :mod:`chmarl_pb.learning.components`. Mixers see
     ``env.state()``, or all observations if there is none, and learn from the mean of the agents' rewards; IQL learns
     from each agent's own. Actions are masked only if infos have an ``action_mask``. With a folder, the same call goes
     on with an interrupted run from its last checkpoint, and ends with the same numbers. The first SIGINT (Ctrl-C),

@@ -191,7 +191,8 @@ class Run:
         Raises:
             ValueError: the score is no number.
         """
-        figures = self._validate(self._collector, self.learner.agents)
+        found = self._validate(self._collector, self.learner.agents)
+        figures = {name: value.item() if hasattr(value, "item") else value for name, value in found.items()}
         if np.isnan(figures["score"]):
             raise ValueError(
                 f"the validation after {self.episodes} episodes has the score nan, by which no weights can be chosen; "

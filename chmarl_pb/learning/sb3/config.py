@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import PAPER, TRACKS
-from chmarl_pb.learning.config import CATALOG, check, count, seed_number
+from chmarl_pb.learning.config import CATALOG, amount, check, count, seed_number
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.encoders import GRAPH_POOLS
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
@@ -133,7 +133,8 @@ class Config:
         algo: "ppo", "a2c", "dqn", "qr-dqn" or "recurrent-ppo".
         env_id: a Gymnasium id of the benchmark; it names the policy of the drone, too, where the humanoid learns alone.
         preset: what the network reads, and how it learns. "goal": the few numbers of ``messages``, ``self``, ``goal``
-            alone; "goal-encoder": the encoder's features, too; "encoder": these alone, without the goal.
+            alone, so that ``features``, ``graph_pool`` and ``word_vectors`` are of no use; "goal-encoder": the
+            encoder's features, too; "encoder": these alone, without the goal.
         steps: of the environments in all.
         seed: of every random stream.
         envs: environments played side by side.
@@ -170,7 +171,7 @@ class Config:
     features: int = count(128)
     graph_pool: str = "gated"
     word_vectors: bool = False
-    learning_rate: float | None = None
+    learning_rate: float | None = amount(None)
     interval: int = count(25_000)
     tasks: int = count(50)
     max_steps: int = count(28)
