@@ -89,6 +89,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=0.5, help="of one run (default: %(default)s)")
     parser.add_argument("--warm-up", type=int, default=20_000, help="steps before (default: %(default)s)")
     options = parser.parse_args()
+    if not (options.other / "chmarl_pb" / "__init__.py").is_file():
+        parser.error(f"{options.other}: is no checkout of this project; name the root of one")
+    if options.runs < 2 or options.seconds <= 0 or options.warm_up < 0:
+        parser.error("--runs: use at least 2, --seconds more than 0, --warm-up at least 0")
     effort = Effort(options.runs, options.seconds, options.warm_up)
     table = Table(title=f"{HERE} beside {options.other.resolve()}")
     for column in ("figure", "unit", "here", "there", "here / there", "quartiles"):

@@ -208,7 +208,10 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("docs/scaling.png"), metavar="PNG", help="plot to write")
     parser.add_argument("--redraw", action="store_true", help="only draw the plot from its JSON again")
     parser.add_argument("--point", nargs=3, metavar=("PANEL", "VALUE", "OBSERVATION"), help=argparse.SUPPRESS)
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.steps < 1 or options.runs < 1:
+        parser.error("--steps and --runs: use at least 1")
+    return options
 
 
 if __name__ == "__main__":

@@ -188,7 +188,12 @@ def main() -> int:
     )
     parser.add_argument("--json", type=Path, default=Path("out/soak.jsonl"))
     options = parser.parse_args()
-    options.json.unlink(missing_ok=True)
+    if options.steps < 1 or options.round < 1 or (options.hours is not None and options.hours <= 0):
+        parser.error("--steps, --round and --hours: use more than 0")
+    if options.json.is_dir():
+        parser.error(f"--json {options.json}: is a folder; name a file")
+    rows = options.json.with_name(f"{options.json.name}.partial")  # what is there stays until all is played
+    rows.unlink(missing_ok=True)
     os.environ.setdefault("CHMARL_VIEW_MEMORY", _VIEWS)
     start, steps, rounds = time.monotonic(), 0, list[Round]()
     soak = Soak(options.round)
@@ -196,10 +201,11 @@ def main() -> int:
         while (time.monotonic() - start < 3600 * options.hours) if options.hours else (steps < options.steps):
             steps += soak.play()
             rounds.append(count(steps, time.monotonic() - start))
-            append_line(options.json, json.dumps(asdict(rounds[-1])))
+            append_line(rows, json.dumps(asdict(rounds[-1])))
             print(rounds[-1], flush=True)
     finally:
         soak.close()
+    rows.replace(options.json)
     grown, left = growth(rounds), left_behind(rounds)
     print(
         f"after warm-up memory grew by {100 * grown:+.2f} % in a million joint steps; left behind: {left or 'nothing'}"

@@ -22,6 +22,7 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 _AHEAD = 4  # jobs under way for each process
+_MOST_WORKERS = 4_096
 _PATIENCE = 2.0  # seconds that processes get to finish what they are at, when nobody waits for it any more
 
 
@@ -72,10 +73,10 @@ def check_workers(workers: int) -> None:
     """Check a number of processes.
 
     Raises:
-        OptionError: it is no whole number, or less than one.
+        OptionError: it is no whole number, less than one, or more than any machine can start.
     """
-    if not isinstance(workers, Integral) or isinstance(workers, bool) or workers < 1:
-        raise OptionError(f"workers={workers!r}: use at least 1, a whole number")
+    if not isinstance(workers, Integral) or isinstance(workers, bool) or not 1 <= workers <= _MOST_WORKERS:
+        raise OptionError(f"workers={workers!r}: use at least 1, a whole number, and at most {_MOST_WORKERS:,}")
 
 
 @contextmanager

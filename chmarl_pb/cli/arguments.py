@@ -134,6 +134,9 @@ def add_played(parser: argparse.ArgumentParser) -> None:
     add_workers(parser)
 
 
+_MOST_SEEDS = 10_000
+
+
 def add_seeds(parser: argparse.ArgumentParser) -> None:
     """Add the option that says how often all tasks are played."""
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
@@ -143,8 +146,10 @@ def seeds_of(options: argparse.Namespace) -> range:
     """Return the seeds that --seeds means.
 
     Raises:
-        OptionError: there is none.
+        OptionError: there is none, or more than a machine can play.
     """
+    if options.seeds > _MOST_SEEDS:
+        raise OptionError(f"seeds={options.seeds}: use {_MOST_SEEDS:,} at most")
     return range(at_least_one("seeds", options.seeds))
 
 

@@ -1,6 +1,7 @@
 """The verbs of ``chmarl-pb homes`` for those who make homes: new, build, export and generate."""
 
 import argparse
+import shlex
 import sys
 import tempfile
 import time
@@ -83,7 +84,7 @@ def _new(options: argparse.Namespace) -> int:
     write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
     write_atomically(layout, STYLES[options.style].read_text(encoding="utf-8"))
     print(layout)
-    say(f"next: chmarl-pb homes build {layout} --watch")
+    say(f"next: chmarl-pb homes build {shlex.quote(str(layout))} --watch")
     return 0
 
 

@@ -44,11 +44,17 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def run_cache(clear: bool) -> int:
-    """Print what is stored and where, or remove it all."""
+    """Print what is stored and where, or remove it all; return 0.
+
+    Raises:
+        OptionError: the cache's place is no folder.
+    """
     folder = cache_folder()
     if folder is None:
         print("nothing is stored on disk")
         return 0
+    if blocking := next((path for path in (folder, *folder.parents) if path.exists() and not path.is_dir()), None):
+        raise OptionError(f"{blocking} is no folder, so nothing is stored there; let CHMARL_CACHE name a folder")
     for name, (what, pattern) in _OTHERS.items():
         _run_other(folder / name, what, pattern, clear)
     store = view_store()
@@ -70,9 +76,9 @@ def _run_other(folder: Path, what: str, pattern: str, clear: bool) -> None:
     """Print how many files that fit a pattern are in a folder, and the size of all, or remove it."""
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / _MB
     count = sum(1 for _ in folder.rglob(pattern))
+    if clear and folder.exists():
+        shutil.rmtree(folder)
     print(f"{folder}: {'removed ' if clear else ''}{count:,} {what}, {size:,.1f} MB")
-    if clear:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def run_fill(homes: Sequence[str], size: int, executor: Executor) -> int:

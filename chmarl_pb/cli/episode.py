@@ -2,6 +2,8 @@
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import chmarl_pb
@@ -15,7 +17,7 @@ from chmarl_pb.cli.arguments import (
 from chmarl_pb.cli.demo import show_episode
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.cli.playing import add_playing, played, task_of
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import ActionError, OptionError, ResultError
 from chmarl_pb.evaluation.episode_file import FORMAT, EpisodeFile, load_episode, replay_episode, save_episode
 from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.extras import check
@@ -47,9 +49,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "make the demo's video and page of an episode file",
         "chmarl-pb episode show episode.json --page",
     )
-    showing.set_defaults(
-        run=lambda options: show_episode(load_episode(options.file), options.out, film=not options.page)
-    )
+    showing.set_defaults(run=lambda options: _show(options.file, options.out, not options.page))
     showing.add_argument("--page", action="store_true", help="the page alone, without a video")
     paging = add_verb(
         all_verbs,
@@ -86,7 +86,8 @@ def replay(options: argparse.Namespace) -> int:
     file = load_episode(path)
     if file.library != chmarl_pb.__version__:
         print(f"{path}: saved by version {file.library}, replayed by {chmarl_pb.__version__}", file=sys.stderr)
-    difference = replay_episode(file)
+    with _playing(path):
+        difference = replay_episode(file)
     facts = {"file": str(path), "same": difference is None, "success": file.success, "steps": len(file.actions)}
     tell(options, lambda: facts, lambda: None)
     if difference is not None:
@@ -101,7 +102,26 @@ def replay(options: argparse.Namespace) -> int:
 def page(options: argparse.Namespace) -> int:
     """Write the replay page of an episode file; return the exit code."""
     check("chmarl-pb episode page", "viewer", "viser")
-    return write_page(load_episode(options.file), options.out)
+    with _playing(options.file):
+        return write_page(load_episode(options.file), options.out)
+
+
+def _show(path: Path, out: Path, film: bool) -> int:
+    with _playing(path):
+        return show_episode(load_episode(path), out, film=film)
+
+
+@contextmanager
+def _playing(path: Path) -> Iterator[None]:
+    """Name the file if its actions cannot be taken.
+
+    Raises:
+        ResultError: so it is.
+    """
+    try:
+        yield
+    except ActionError as error:
+        raise ResultError(f"{path}: {error}; save the episode again") from error
 
 
 def write_page(file: EpisodeFile, out: Path) -> int:

@@ -1,6 +1,8 @@
 """The program ``chmarl-pb``: finds the command, runs it, and turns its errors into one line and an exit code."""
 
 import argparse
+import io
+import os
 import signal
 import sys
 from collections.abc import Collection, Sequence
@@ -68,6 +70,7 @@ LEARNERS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped by the signal N."""
+    _secure_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in LEARNERS:
         return _learn(given[0], given[1:])
@@ -90,6 +93,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(
             "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}", 128 + number
         )
+
+
+def _secure_streams() -> None:
+    """Let printing do no harm: where the output is closed it is lost; what cannot be encoded is shown by escapes."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # closed: the next file that is opened would take its place
+            os.open(os.devnull, os.O_RDWR)
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _failed(message: str, code: int) -> int:

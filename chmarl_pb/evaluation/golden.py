@@ -17,6 +17,7 @@ from gymnasium.spaces import MultiDiscrete
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.vector.env import vector_env
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.json_file import WRONG, read_object
 from chmarl_pb.evaluation.provenance import machine, versions
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import make_policy
@@ -115,9 +116,14 @@ def recorded(path: Path = RECORDED) -> dict[str, dict[str, Any]]:
         OptionError: it is no such file.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        return {name: dict(data[name]) for name in ("versions", "machine", "digests")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        data = read_object(path)
+        parts = {name: data[name] for name in ("versions", "machine", "digests")}
+        if wrong := [name for name, part in parts.items() if not isinstance(part, dict)]:
+            raise ValueError(f"its {wrong[0]} is no object")
+        if not parts["digests"] or not all(isinstance(digest, str) for digest in parts["digests"].values()):
+            raise ValueError("its digests are no texts")
+        return parts
+    except (OSError, *WRONG) as error:
         raise OptionError(
             f"{path}: no digests of rollouts ({error}); write them by `chmarl-pb doctor --record {path}`"
         ) from error

@@ -25,12 +25,25 @@ def read_object(path: Path | str) -> dict[str, Any]:
     if not Path(path).exists():
         raise FileNotFoundError(path)
     try:
-        data = json.loads(read_regular(path, _MOST_BYTES).decode("utf-8"))
+        data = json.loads(read_regular(path, _MOST_BYTES).decode("utf-8"), object_pairs_hook=_object)
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
     if not isinstance(data, dict):
         raise ValueError(f"it holds {type(data).__name__}, not an object")
     return data
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of a JSON file.
+
+    Raises:
+        ValueError: it names one thing twice.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"it names {next(name for name in names if names.count(name) > 1)!r} twice")
+    return found
 
 
 def check_replaceable(path: Path, kind: str, what: str) -> None:

@@ -103,6 +103,7 @@ def evaluate(
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
     tasks = _listed(tasks)
+    _check_label(label)
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
     options = rules_with(source.rules, options)
@@ -182,6 +183,13 @@ def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
     if len(homes) > 1 or not homes.isdisjoint(setup.options.homes):
         return setup
     return replace(setup, options=replace(setup.options, home=homes.pop()))
+
+
+def _check_label(label: str | None) -> None:
+    try:
+        (label or "").encode()
+    except UnicodeEncodeError as error:  # of bytes on the command line that are no text
+        raise OptionError(f"label={label!r} is no text in UTF-8; name the row otherwise") from error
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:

@@ -1,12 +1,13 @@
 """The report: results of evaluations as one HTML page that needs no network."""
 
+import shutil
 from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
 from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.errors import ResultError
+from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.groups import Group, grouped
@@ -31,12 +32,22 @@ def write_report(sources: Sequence[Path], out: Path) -> int:
 
     Raises:
         ResultError: a file is not a result, or there is none.
+        OptionError: the page would be no file.
         MissingExtraError: matplotlib is missing.
     """
     reports = sorted(map(load_result, _files(sources)), key=_order)
     if not reports:
         raise ResultError(f"no results in {', '.join(map(str, sources))}; `chmarl-pb evaluate --out` writes them")
-    write_atomically(out, page(reports, out.with_name(f"{out.stem}_episodes")))
+    if out.exists() and not out.is_file():
+        raise OptionError(f"{out}: episodes lie beside a page, so it has to be a file; name another")
+    folder = out.with_name(f"{out.stem}_episodes")
+    is_new = not folder.exists()
+    try:
+        write_atomically(out, page(reports, folder))
+    except BaseException:
+        if is_new:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
     print(out)
     return 0
 

@@ -177,7 +177,9 @@ def load_result(path: Path | str) -> Report:
         _check_episodes(report)
         if data.get("sha256", _digest(report)) != _digest(report):  # the first results had none
             raise ValueError("its checksum is wrong: it was changed or damaged")
-        json.dumps(report.facts, allow_nan=False)  # here, where what cannot be counted or shown is still refused
+        json.dumps(
+            report.facts, allow_nan=False, ensure_ascii=False
+        ).encode()  # here, where what cannot be counted or shown is still refused
         return report
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb evaluate --out` writes results") from error
