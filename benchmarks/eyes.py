@@ -20,7 +20,7 @@ from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
 
 SPLITS = ("val-seen", "val-unseen")
-CONFIDENCES = (0.05, 0.1, 0.2, 0.3, 0.5)
+CONFIDENCES = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3)
 
 
 def seeing(name: str, sure: float, env: Any) -> Policy:

@@ -67,7 +67,7 @@ def parallel_env(observation: "Observed" = "scene_graph", **options: Any) -> "Ho
     Args:
         observation: "scene_graph", "visual", "depth", "segmentation", "text", a sensor, or a tuple of them.
         **options: track, split, home, task, robots, messages, feedback, max_steps, image_size, execution, render_mode,
-            goal, pointing, renderer, catalog; see :class:`chmarl_pb.envs.options.Options`.
+            goal, pointing, renderer, catalog, lookalikes, templates; see :class:`chmarl_pb.envs.options.Options`.
 
     Raises:
         OptionError: an option has a value that it does not know.

@@ -1,11 +1,13 @@
 """The leaderboard: its page is that of the files, and only whole results by a track's rules are taken."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import chmarl_pb
+import tools.leaderboard
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.gain import gain_of
 from chmarl_pb.evaluation.result import load_result
@@ -108,6 +110,31 @@ def test_names_of_trained_rows_are_taken(tmp_path: Path) -> None:
     replace(report, run=run).save(tmp_path / "mine.json")
     with pytest.raises(ResultError, match="name of a row that was trained here; give another by --label"):
         sent(tmp_path / "mine.json")
+
+
+def test_the_check_plays_all_actions_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--check", str(GOOD)]) == 0
+    assert "its actions come to this" in capsys.readouterr().out
+    report = load_result(GOOD)
+    failed = next(number for number, episode in enumerate(report.episodes) if not episode.success)
+    forged = [
+        replace(report.episodes[failed], success=True, steps=3),
+        replace(report.episodes[failed], success=True, potential=10.0),
+        replace(report.episodes[failed], actions=report.episodes[failed].actions[:-1]),
+    ]
+    for one in forged:
+        episodes = (*report.episodes[:failed], one, *report.episodes[failed + 1 :])
+        replace(report, episodes=episodes).save(tmp_path / "forged.json")
+        assert main(["--check", str(tmp_path / "forged.json")]) == 1
+        assert f"task {one.task.id}, seed 0: it says" in capsys.readouterr().err
+
+
+def test_a_copy_is_no_second_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path)
+    for name in ("a.json", "b.json"):
+        shutil.copy(GOOD, tmp_path / name)
+    with pytest.raises(ResultError, match=r"b\.json: the same result as .*a\.json"):
+        tools.leaderboard.entries()
 
 
 def test_what_was_changed_by_hand_is_refused(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """The leaderboard: ``python -m tools.leaderboard`` writes docs/leaderboard.md from the files in results/.
 
 Files of ``results/leaderboard`` are results that ``chmarl-pb evaluate --out`` has written; those of the tables of the
-learners are ``results/TABLE/ROW-seedK.json``. ``--check FILE ...`` says whether a result can be sent.
+learners are ``results/TABLE/ROW-seedK.json``. ``--check FILE ...`` says whether a result can be sent, and plays its
+actions again.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from typing import Any
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
 from chmarl_pb.evaluation.result import Report, load_result
@@ -75,9 +77,11 @@ def sent(path: Path) -> Entry:
     given = [*(f"no {name}" for name in report.without), *filter(None, [report.declared])]
     given += ["goal"] if report.settings["options"].get("goal") else []
     observation = str(report.settings["observation"])
+    gained = gain_of(report)
     entry = Entry(
-        report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw, gain_of(report)
-    )
+        report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw,
+        gained.mean if gained else None,
+    )  # fmt: skip
     if entry.row in {other.row for other in trained()}:
         raise ResultError(f"{path}: {entry.name!r} is the name of a row that was trained here; give another by --label")
     return entry
@@ -121,7 +125,7 @@ def _of_training(run: dict[str, Any], track: str) -> Entry:
     given += ["goal"] if options.get("goal") else []
     if run["observation"] == "visual" and ALONE in run["name"]:
         given.append("the drone is told what is in view")
-    gained = gain([plw], split, track)
+    gained = None if options.get("goal") else gain([plw], split, track)  # who is told more gains nothing by seeing
     return Entry(track, run["name"], run["observation"], ", ".join(given), success, plw, gained)
 
 
@@ -154,8 +158,17 @@ def _cells(row: Sequence[Entry]) -> str:
 
 
 def entries() -> list[Entry]:
-    """Return all entries."""
-    return [*trained(), *map(sent, sorted(SENT.glob("*.json")))]
+    """Return all entries.
+
+    Raises:
+        ResultError: a result cannot be one, or is there twice.
+    """
+    files = sorted(SENT.glob("*.json"))
+    first = dict[str, Path]()
+    for path in files:
+        if (other := first.setdefault(load_result(path).sha256, path)) is not path:
+            raise ResultError(f"{path}: the same result as {other}; a copy is no second training")
+    return [*trained(), *map(sent, files)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -167,7 +180,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if files:
             for path in files:
                 entry = sent(path)
-                print(f"{path}: {entry.name}, {entry.track} track, PLW {entry.plw:.1%}, success {entry.success:.1%}")
+                if differs := what_differs(load_result(path)):
+                    raise ResultError(f"{path}: {differs}; evaluate again")
+                given = f", is given: {entry.given}" if entry.given else ""
+                scores = f"PLW {entry.plw:.1%}, success {entry.success:.1%}"
+                print(f"{path}: {entry.name}, {entry.track} track, {scores}{given}; its actions come to this")
             return 0
         before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
         after = rest.split(END)[1]

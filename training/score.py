@@ -151,6 +151,7 @@ def _of_split(report: Report) -> dict[str, Any]:
         "summary": asdict(report.summary),
         "recognition": report.recognition.figures(),
         "per_wording": {name: asdict(summary) for name, summary in report.per_wording.items()},
+        "plw_of_tasks": {task.id: round(plw, 6) for task, plw in report.plw_of_tasks.items()},
         "ends": {str(phi): count for phi, count in sorted(Counter(one.potential for one in report.episodes).items())},
         "plw_pair": None if gain is None else gain.plw_pair,
         "cooperation_share": None if gain is None else gain.share,

@@ -34,7 +34,8 @@ def run_audit(options: argparse.Namespace) -> int:
     Rows that are there already and were made with the same settings are kept.
 
     Raises:
-        TaskError: there is no such split or task.
+        OptionError: there is no such split.
+        TaskError: there is no such task.
         OptionError: a number is less than 1.
     """
     split = TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split

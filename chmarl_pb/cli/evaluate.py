@@ -29,7 +29,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
-from chmarl_pb.evaluation.gain import gain_of, points
+from chmarl_pb.evaluation.gain import gain_of, interval_text, points
 from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
@@ -195,8 +195,9 @@ def _print_notes(console: Console, report: Report) -> None:
         console.print(f"L* is an upper bound in {report.bounded} of {summary.episodes} episodes, so PLW is one, too")
     if beside := _beside(report):
         console.print(f"on the same tasks, success / PLW: {beside}")
-    if gained := points(gain_of(report)):
-        console.print(f"gain over the best blind policy: {gained} points of PLW")
+    if gained := gain_of(report):
+        between = f", 95 % interval over the same tasks: {text}" if (text := interval_text(gained)) else ""
+        console.print(f"gain over the best blind policy: {points(gained.mean)} points of PLW{between}")
     gain = report.cooperation
     if gain is None:
         console.print("cooperation: no reference lengths for these tasks, this max_steps and this environment")

@@ -11,6 +11,7 @@ from chmarl_pb.envs.flat_vector import FlatVector
 from chmarl_pb.envs.numeric_infos import Infos, NumericInfos
 from chmarl_pb.envs.options import Observed
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.envs.words import numbers_in
 from chmarl_pb.errors import ActionError, OptionError
 
 Vectors = dict[str, np.ndarray]
@@ -69,12 +70,15 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         Raises:
             ActionError: an action is missing, or not in the action space.
         """
-        own = {robot: self._own(robot, action) for robot, action in actions.items() if robot in self._ids}
-        observations, rewards, terminations, truncations, infos = self.env.step(own)
+        if isinstance(actions, dict):  # the environment refuses what is none, and names that are no robots
+            actions = {robot: self._own(robot, action) for robot, action in actions.items()}
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
         return self._vectors(observations), rewards, terminations, truncations, self._masked(infos)
 
     def _own(self, robot: str, action: Any) -> Any:
-        number, most = np.asarray(action), int(self.action_spaces[robot].n)
+        if robot not in self._ids:
+            return action
+        number, most = numbers_in(robot, action), int(self.action_spaces[robot].n)
         if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < most:
             raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {most - 1}")
         verb, symbol = divmod(int(number.item()), self._symbols)

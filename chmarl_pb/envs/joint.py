@@ -184,7 +184,7 @@ class HumanoidEnv(gymnasium.Env):
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         super().reset(seed=None if seed is None else checked_seed(seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
-        self._others.reset(seed)
+        self._others.reset(int(self.np_random.integers(2**31)) if seed is None else seed)
         self._choose(observations, infos)
         return observations[self._robot], _alone(infos[self._robot])
 

@@ -4,6 +4,7 @@ So a mistake is told where it is made, and what is observed is always in its spa
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from chmarl_pb.tasks.messages import Channel, Messages, Rooms
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
-from chmarl_pb.tasks.symbols import Talk
+from chmarl_pb.tasks.symbols import MOST_SYMBOLS, Talk
 from chmarl_pb.tasks.tidy_task import AnyTask
 from chmarl_pb.world import World, WorldState
 
@@ -30,6 +31,11 @@ if TYPE_CHECKING:
     from chmarl_pb.envs.options import Options
 
 _LONGEST = 100  # characters of a value in a message
+#: What infos have beside the texts of sensors.
+INFOS = frozenset((
+    "instruction", "feedback", "action_success", "success", "is_success", "potential", "visible", "action_mask",
+    "task_id",
+))  # fmt: skip
 
 
 class CheckedSensor:
@@ -63,6 +69,8 @@ class CheckedSensor:
     def _checked(self, key: str, value: Any) -> Any:
         space = self._spaces[key]
         if isinstance(value, str) and space.dtype == np.uint8 and len(space.shape) == 1:  # texts are bytes
+            if key in INFOS:
+                raise _wrong(f"{self.name}.spaces()", key, "another key, as texts stand in infos, which have this one")
             return value
         return _in(space, value, f"{self.name}.observe()[{key!r}]")
 
@@ -90,7 +98,7 @@ class CheckedChannel:
         if not isinstance(given, np.ndarray) or given.dtype.kind not in "biuf":
             raise _wrong(f"{self._name}.begin()", given, "an array of numbers")
         self._kept = given.shape, given.dtype
-        return given
+        return given.copy()
 
     def update(
         self, messages: Messages, outcome: Outcome, goal: Goal, rooms: Rooms, rng: np.random.Generator
@@ -115,7 +123,10 @@ class CheckedTalk(CheckedChannel):
     def __init__(self, channel: Talk):
         """Check what this one returns."""
         super().__init__(channel)
-        self.vocabulary = channel.vocabulary
+        count: Any = channel.vocabulary
+        if not isinstance(count, int | np.integer) or isinstance(count, bool) or not 2 <= count <= MOST_SYMBOLS:
+            raise _wrong(f"{self._name}.vocabulary", count, f"a whole number from 2 to {MOST_SYMBOLS}")
+        self.vocabulary = int(count)
 
     def among(self, robots: tuple[str, ...]) -> "CheckedTalk":
         """Return the channel between these robots."""
@@ -128,7 +139,7 @@ class CheckedTalk(CheckedChannel):
     def cost(self, said: Mapping[str, int]) -> float:
         """Return what it costs to say something."""
         given = self._channel.cost(said)
-        if not isinstance(given, int | float | np.number) or not np.isfinite(given):
+        if not _is_number(given):
             raise _wrong(f"{self._name}.cost()", given, "a finite number")
         return float(given)
 
@@ -190,13 +201,26 @@ class CheckedKind:
         """Lay a task out."""
         given = self._kind.set_up(world, space, task)
         self._require("set_up", given, Setting, "a Setting, see Rearrange.set_up")
+        if not given.goals:
+            raise _wrong(f"{self._name}.set_up()", given, "a Setting with one goal or more")
         return given
 
     def outcome(self, state: WorldState, setting: Setting, seen: dict[str, tuple[str, ...]]) -> Outcome:
         """Return the facts of a state."""
         given = self._kind.outcome(state, setting, seen)
         self._require("outcome", given, Outcome, "an Outcome, see chmarl_pb.tasks.outcome.outcome_of")
-        return given
+        goals, parts = len(setting.goals), given.parts
+        whole = isinstance(parts, tuple) and all(isinstance(part, Outcome) for part in parts)
+        enough = whole and (len(parts) == goals or (goals == 1 and not parts))
+        for name, right, wanted in (
+            ("potential", _is_number(given.potential), "a finite number"),
+            ("success", isinstance(given.success, bool | np.bool_), "True or False"),
+            ("seen", given.seen == seen, "what it is given as seen"),
+            ("parts", enough, f"an Outcome for each goal of the setting, of which there are {goals}"),
+        ):
+            if not right:
+                raise _wrong(f"{self._name}.outcome().{name}", getattr(given, name), wanted)
+        return replace(given, potential=float(given.potential), success=bool(given.success))
 
     def instruction(self, task: AnyTask) -> str:
         """Return what a task asks for."""
@@ -216,10 +240,14 @@ def checked_kind(kind: TaskKind, options: "Options") -> TaskKind:
     return CheckedKind(kind, options.lookalikes) if "task" in options.own() else kind
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
+
+
 def _in(space: spaces.Space[Any], value: Any, what: str) -> NDArray[Any]:
     """Return an array, or a number of NumPy's, in the type of its space, if nothing of it is lost thereby."""
     if isinstance(value, np.ndarray | np.generic) and np.can_cast(value.dtype, space.dtype or value.dtype):
-        held = np.asarray(value, space.dtype)
+        held = np.array(value, space.dtype)  # a copy, as the next one may be written into the same array
         if space.contains(held):
             return held
     raise _wrong(what, value, f"a value of its space, {space}")

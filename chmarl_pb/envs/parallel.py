@@ -154,6 +154,11 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return self
 
     @property
+    def np_random(self) -> np.random.Generator:
+        """The random stream of the environment, which ``reset(seed=...)`` begins anew; some wrappers draw from it."""
+        return self._rng
+
+    @property
     def episodes_in_a_home(self) -> int:
         """The episodes that are played in a home before the next; seeds from a multiple of it on share their home."""
         return self._tasks.episodes_in_a_home

@@ -52,6 +52,6 @@ def options_of(env_id: str) -> dict[str, Any]:
 
 
 def id_of(kind: str, options: dict[str, Any]) -> str:
-    """Return the id that is made in this way with registered keyword arguments that are among these."""
-    ids = [name for name, (made, _, own) in _IDS.items() if made == kind and own.items() <= options.items()]
-    return max(ids, key=lambda name: len(_IDS[name][2]))
+    """Return the id that is made in this way, whose registered keyword arguments are most alike to these."""
+    own = {name: given for name, (made, _, given) in _IDS.items() if made == kind and given.keys() <= options.keys()}
+    return max(own, key=lambda name: sum(options[key] == value for key, value in own[name].items()))

@@ -85,7 +85,7 @@ def audit(
 
     Raises:
         OptionError: an option is unknown, or ``out`` is a folder, or a file that is no audit.
-        TaskError: there is no such split.
+        OptionError: there is no such split.
         BusyError: another process writes a result.
         WorkerError: a process died; finished episodes are kept.
         WriteError: a file cannot be written.
@@ -127,12 +127,12 @@ def rows_of(setting: Options) -> tuple[Row, ...]:
 def _deprived(policy: str, setting: Options) -> Iterator[Row]:
     """Yield a policy with all that it uses, and without feedback, without messages, and without both.
 
-    A blind policy without messages is left out: that is feedback-only.
+    One that has feedback alone is left out, which tells it all that it can do: that is feedback-only.
     """
     given = [part for part in ("feedback", "messages") if part in uses(policy, setting)]
     for count in range(len(given) + 1):
         for parts in combinations(given, count):
-            if policy != "blind" or parts != ("messages",):
+            if parts != ("messages",) or (policy != "blind" and "feedback" not in given):
                 yield Row(policy, dict.fromkeys(parts, False), " and ".join(f"no {part}" for part in parts))
 
 

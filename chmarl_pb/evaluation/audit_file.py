@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -59,16 +59,20 @@ class Audit:
     Attributes:
         settings: track, split, observation, options of the setting, and the hashes of tasks, homes and source code.
         lines: in the order of the table.
+        blind_plw: task's id -> PLW of the best blind policy, the mean of its seeds.
     """
 
     settings: dict[str, Any]
     lines: tuple[Line, ...]
+    blind_plw: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, lines: Sequence[Line], track: str, reports: Sequence[Report]) -> "Audit":
         """Return the audit of rows and their results; the first row plays with the options of the setting."""
         shared = {name: reports[0].settings[name] for name in _SHARED}
-        return cls({"track": track, **shared, "options": reports[0].settings["options"]}, tuple(lines))
+        found = cls({"track": track, **shared, "options": reports[0].settings["options"]}, tuple(lines))
+        best = reports[found.lines.index(found.best_blind)]
+        return replace(found, blind_plw={task.id: round(plw, 6) for task, plw in best.plw_of_tasks.items()})
 
     @property
     def best_blind(self) -> Line:
@@ -79,7 +83,8 @@ class Audit:
         """Write the audit as JSON, whole or not at all."""
         best = self.best_blind.name
         data = {"format": FORMAT, "settings": self.settings, "best_blind": best, "rows": list(map(asdict, self.lines))}
-        write_atomically(path, json.dumps(data, indent=1) + "\n")
+        text = json.dumps(data, indent=1)[: -len("\n}")]
+        write_atomically(path, f'{text},\n "blind_plw": {json.dumps(self.blind_plw)}\n}}\n')
 
 
 def load_audit(path: Path | str) -> Audit:
@@ -92,7 +97,7 @@ def load_audit(path: Path | str) -> Audit:
         data = read_object(path)
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
-        return Audit(data["settings"], tuple(map(_line, data["rows"])))
+        return Audit(data["settings"], tuple(map(_line, data["rows"])), data.get("blind_plw", {}))
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb audit --out` writes audits") from error
     except WRONG as error:

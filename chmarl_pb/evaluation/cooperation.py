@@ -94,7 +94,7 @@ def cooperation(episodes: Sequence[Played], split: str, max_steps: int) -> Coope
     plw = {name: fmean(_score(task, known[task][name]) for task in own) for name in VARIANTS}
     plw_own = fmean(_score(task, own[task]) for task in own)
     saved = [_steps(known[task][ALONE], max_steps) - _steps(own[task], max_steps) for task in own]
-    possible = [_steps(known[task][ALONE], max_steps) - task.optimal_steps for task in own]
+    possible = [_steps(known[task][ALONE], max_steps) - min(task.optimal_steps, max_steps) for task in own]
     return Cooperation(
         len(own), plw[ALONE], plw[SILENT], plw[PAIR], plw_own,
         gain_share(plw_own, plw[ALONE]), gain_share(plw[PAIR], plw[ALONE]),

@@ -1,7 +1,7 @@
 """The metrics: success rate and PLW as CH-MARL defines them, and what says how sure they are."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
-from chmarl_pb.evaluation.intervals import interval
+from chmarl_pb.evaluation.intervals import rate_interval
 from chmarl_pb.evaluation.optimum import Optimum, optimum, says_optimum
 from chmarl_pb.evaluation.recognition import Recognition, recognition
 from chmarl_pb.tasks import language
@@ -182,20 +182,20 @@ def summarize_by_wording(episodes: Sequence[Played]) -> dict[str, Summary]:
     return {name: summarize(same) for name, same in groups.items() if same}
 
 
-def bootstrap_interval(episodes: Sequence[Played], value: Callable[[Played], float]) -> tuple[float, float]:
-    """Return the interval of a mean over tasks, each with the mean of its seeds; see ``intervals.interval``.
-
-    Args:
-        episodes: of at least two tasks.
-        value: what is averaged.
-    """
+def of_tasks(episodes: Sequence[Played], value: Callable[[Played], float]) -> dict[AnyTask, float]:
+    """Return the mean over seeds of a value of each task, in the order of their ids."""
     tasks: dict[AnyTask, list[float]] = defaultdict(list)
     for episode in episodes:
         tasks[episode.task].append(value(episode))
+    return {task: float(np.mean(tasks[task])) for task in sorted(tasks, key=lambda task: task.id)}
+
+
+def by_home(values: Mapping[AnyTask, float]) -> dict[str, list[float]]:
+    """Return the values of tasks by their homes, as intervals are made of them."""
     homes: dict[str, list[float]] = defaultdict(list)
-    for task in sorted(tasks, key=lambda task: task.id):
-        homes[task.home].append(float(np.mean(tasks[task])))
-    return interval(homes)
+    for task, value in values.items():
+        homes[task.home].append(value)
+    return homes
 
 
 def _figure(episodes: Iterable[Played], value: Callable[[Played], float]) -> Figure:
@@ -212,7 +212,7 @@ def _figure(episodes: Iterable[Played], value: Callable[[Played], float]) -> Fig
 def _with_interval(figure: Figure, episodes: Sequence[Played], value: Callable[[Played], float]) -> Figure:
     if len({episode.task for episode in episodes}) < 2:
         return figure
-    return Figure(figure.mean, figure.deviation, *bootstrap_interval(episodes, value))
+    return Figure(figure.mean, figure.deviation, *rate_interval(by_home(of_tasks(episodes, value))))
 
 
 def _success(episode: Played) -> float:

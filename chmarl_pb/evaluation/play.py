@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 from itertools import chain
 from typing import Any
 
+import cloudpickle
 import numpy as np
 
 from chmarl_pb.envs.options import Options
@@ -126,11 +127,11 @@ def play(setup: Setup, jobs: Sequence[Job], executor: Executor) -> Iterator[Play
     if executor.alone or len(jobs) == 1:
         return _play_here(Player(setup), jobs)
     try:
-        pickled = pickle.dumps(setup)
+        pickled = cloudpickle.dumps(setup)  # also of what notebooks and functions define
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise OptionError(
             f"the policy or the environment cannot be sent to other processes ({error}); "
-            "use functions and classes of a module, or workers=1"
+            "keep what cannot be copied out of them, or give workers=1"
         ) from error
     if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
         Player(setup).close()  # here, before processes are started for it

@@ -5,7 +5,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -41,7 +41,8 @@ def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
 
     def known(model: RobotModel) -> str:
         make = None if model.make is None else (name_of(model.make), fingerprint(model.make))
-        return repr({**vars(model), "urdf": model.urdf.name, "make": make})
+        facts = {fact.name: getattr(model, fact.name) for fact in fields(model) if fact.init}
+        return repr({**facts, "urdf": model.urdf.name, "make": make})
 
     def parts(model: RobotModel) -> list[bytes]:
         files = robot_hash(model.urdf)

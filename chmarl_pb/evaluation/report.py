@@ -14,7 +14,7 @@ from chmarl_pb.evaluation.groups import Group, grouped
 from chmarl_pb.evaluation.plots import cooperation_bars, score_bars, success_curves
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
-from chmarl_pb.evaluation.tables import group_table, paper_table, result_table, title_of, where_of
+from chmarl_pb.evaluation.tables import group_table, label_of, paper_table, result_table, title_of, where_of
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import SPLITS
@@ -35,7 +35,7 @@ def write_report(sources: Sequence[Path], out: Path) -> int:
         OptionError: the page would be no file.
         MissingExtraError: matplotlib is missing.
     """
-    reports = sorted(map(load_result, _files(sources)), key=_order)
+    reports = sorted(_different(_files(sources)), key=_order)
     if not reports:
         raise ResultError(f"no results in {', '.join(map(str, sources))}; `chmarl-pb evaluate --out` writes them")
     if out.exists() and not out.is_file():
@@ -72,6 +72,18 @@ def page(reports: Sequence[Report], folder: Path) -> str:
         replays=replays(reports, folder),
         sources="".join(map(_source, reports)),
     )
+
+
+def _different(files: Sequence[Path]) -> Iterator[Report]:
+    """Yield the results of files; one that is there twice, as a copy, is no second training and counts once."""
+    known = dict[tuple[str, str], Path]()
+    for path in files:
+        report = load_result(path)
+        first = known.setdefault((label_of(report), report.sha256), path)
+        if first is path:
+            yield report
+        else:
+            print(f"{path} is the same result as {first} and counts once")
 
 
 def _files(sources: Sequence[Path]) -> list[Path]:

@@ -12,7 +12,7 @@ from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.json_file import WRONG, plain, read_object
-from chmarl_pb.evaluation.metrics import Played, Summary, summarize, summarize_by, summarize_by_wording
+from chmarl_pb.evaluation.metrics import Played, Summary, of_tasks, summarize, summarize_by, summarize_by_wording
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.recognition import Recognition, total
@@ -42,6 +42,11 @@ class Report:
     def summary(self) -> Summary:
         """The metrics of all episodes."""
         return summarize(self.episodes)
+
+    @cached_property
+    def plw_of_tasks(self) -> dict[AnyTask, float]:
+        """Task -> PLW, 0 to 1, the mean of the seeds."""
+        return of_tasks(self.episodes, lambda episode: episode.score)
 
     @cached_property
     def per_home(self) -> dict[str, Summary]:
@@ -138,13 +143,19 @@ class Report:
         """Path-length-weighted score, 0 to 1."""
         return self.summary.plw.mean or 0.0
 
+    @cached_property
+    def sha256(self) -> str:
+        """Of all that fixes the numbers: settings and episodes."""
+        rows = [episode_row(episode) for episode in self.episodes]
+        return hashlib.sha256(_json([self.settings, rows]).encode()).hexdigest()
+
     @property
     def facts(self) -> dict[str, Any]:
         """All of it but the episodes, as plain data."""
         groups = {kind: _plain(summaries) for kind, summaries in self.per_class.items()}
         return {
             "format": FORMAT,
-            "sha256": _digest(self),
+            "sha256": self.sha256,
             "settings": self.settings,
             "run": self.run,
             "summary": asdict(self.summary),
@@ -175,7 +186,7 @@ def load_result(path: Path | str) -> Report:
         report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
         _check(report)
         _check_episodes(report)
-        if data.get("sha256", _digest(report)) != _digest(report):  # the first results had none
+        if data.get("sha256", report.sha256) != report.sha256:  # the first results had none
             raise ValueError("its checksum is wrong: it was changed or damaged")
         json.dumps(
             report.facts, allow_nan=False, ensure_ascii=False
@@ -211,12 +222,6 @@ def _check_episodes(report: Report) -> None:
         raise ValueError(f"it holds {len(jobs)} episodes, not one for each task and seed")
     if tasks_hash(tasks) != report.settings["tasks_sha256"]:
         raise ValueError("its tasks are not those that its settings name")
-
-
-def _digest(report: Report) -> str:
-    """Return the sha256 of all that fixes the numbers."""
-    rows = [episode_row(episode) for episode in report.episodes]
-    return hashlib.sha256(_json([report.settings, rows]).encode()).hexdigest()
 
 
 def _json(value: Any) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from chmarl_pb.envs.options import MAX_STEPS, Options
 from chmarl_pb.evaluation.cooperation import Score, reference_scores, reference_scores_by_wording
-from chmarl_pb.evaluation.gain import gain_of, points
+from chmarl_pb.evaluation.gain import gain_of, interval_text, points
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.provenance import tasks_hash
@@ -145,12 +145,21 @@ def _result_row(report: Report) -> str:
     values = (
         escape(where_of(report)), settings["observation"].replace("_", " "), settings["tasks"], len(settings["seeds"]),
         _rate(summary.success_rate), _rate(summary.plw), _both(report), _plain(summary.length_on_success),
-        _plain(summary.final_potential), share, points(gain_of(report)) or _NONE,
+        _plain(summary.final_potential), share, _gained(report),
     )  # fmt: skip
     policy = str(settings["policy"])
     source = "" if label_of(report) == policy else f"<br><small>{escape(policy)}</small>"
     cells = "".join(f"<td>{value}</td>" for value in values)
     return f"<tr><th>{escape(title_of(report))}{source}</th>{cells}</tr>"
+
+
+def _gained(report: Report) -> str:
+    """Return the gain over the best blind policy, with its interval."""
+    gained = gain_of(report)
+    if gained is None:
+        return _NONE
+    between = interval_text(gained)
+    return points(gained.mean) + (f"<br><small>{between}</small>" if between else "")
 
 
 def _both(report: Report) -> str:

@@ -18,7 +18,7 @@ from chmarl_pb.navigation.reach import Reach
 from chmarl_pb.reading import read_regular
 from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
 from chmarl_pb.robots.chain import Joint, Tree, chain_to
-from chmarl_pb.robots.model import FOV, SPEED, CameraMount, RobotModel
+from chmarl_pb.robots.model import ALTITUDE, FOV, POSITION, SPEED, CameraMount, RobotModel, check_name
 from chmarl_pb.robots.motors import Configuration
 from chmarl_pb.robots.plain_robot import FOLDER as FOLDER
 from chmarl_pb.robots.workspace import BEARING
@@ -86,13 +86,15 @@ def _read(path: Path, content: bytes, _urdf_hash: str) -> RobotModel:
         rows, name=_name(path), urdf=_urdf(path, rows.text("urdf")), camera=_camera(rows.table("camera"))
     )  # fmt: skip
     rows.finish(f" for a robot that {moves}")
+    named = path.stem if path.parent == FOLDER.resolve() else path
+    object.__setattr__(model, "copied_by", (find_model, (named,)))
     return model
 
 
 def _flying(rows: "_Table", **facts: Any) -> RobotModel:
     return RobotModel(
         **facts, flies=True, class_name=rows.choice("class", tuple(catalog.BENCHMARK.robots), "drone"),
-        altitude=rows.number("altitude", 2.0, 20.0, 3.5), speed=rows.number("speed", *SPEED, 2.5),
+        altitude=rows.number("altitude", *ALTITUDE, 3.5), speed=rows.number("speed", *SPEED, 2.5),
     )  # fmt: skip
 
 
@@ -108,8 +110,10 @@ def _driving(rows: "_Table", **facts: Any) -> RobotModel:
 
 
 def _name(path: Path) -> str:
-    if not path.stem.isidentifier() or path.stem[-1].isdigit():
-        raise AssetError(f"{path}: agents get the file's name; let it be letters and _, with no digit at its end")
+    try:
+        check_name(path.stem)
+    except AssetError as error:
+        raise AssetError(f"{path}: {error}") from error
     return path.stem
 
 
@@ -123,7 +127,7 @@ def _urdf(path: Path, name: str) -> Path:
 
 
 def _camera(rows: "_Table") -> CameraMount:
-    x, y, z = rows.numbers("position", 3, -20.0, 20.0)
+    x, y, z = rows.numbers("position", 3, *POSITION)
     camera = CameraMount(rows.number("fov", *FOV), (x, y, z), float(np.radians(rows.number("pitch", -90, 90, 0))))
     rows.finish()
     return camera

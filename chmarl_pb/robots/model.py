@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,9 @@ from chmarl_pb.world import Pose, Vector, yaw_quaternion
 from chmarl_pb.world.bullet import pybullet, quiet
 
 FOV = 10.0, 150.0  # degrees
+PITCH = -math.pi / 2, math.pi / 2  # radians
+ALTITUDE = 2.0, 20.0  # metres, of one that flies
+POSITION = -20.0, 20.0  # metres, of the lens
 SPEED = 0.05, 10.0  # m/s
 TURN_SPEED = math.radians(5.0), math.radians(720.0)  # rad/s
 
@@ -69,6 +72,8 @@ class RobotModel:
         reach: of its arm; None if it has none.
         arm: its arm, if that is not the humanoid's.
         make: makes the robot in a world, as :data:`chmarl_pb.robots.registry.Make`; None: by the facts above.
+
+    Models are compared by identity. A copy of one that was read from a robot file is what that file gives.
     """
 
     name: str
@@ -83,19 +88,29 @@ class RobotModel:
     reach: Reach | None = None
     arm: ArmModel | None = None
     make: Callable[..., Any] | None = None
+    copied_by: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(default=None, init=False, repr=False)
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Let copies be made as this one was."""
+        return self.copied_by or super().__reduce_ex__(protocol)
 
     def __post_init__(self) -> None:
         """Refuse what robot files refuse, too.
 
         Raises:
-            AssetError: scene graphs know no such class, a number is out of its limits, or ``make`` makes nothing.
+            AssetError: agents cannot be named so, scene graphs know no such class, a number is out of its limits, or
+                ``make`` makes nothing.
         """
         object.__setattr__(self, "urdf", Path(self.urdf))
+        check_name(self.name)
         known = tuple(BENCHMARK.robots)
         if self.class_name not in known:
             raise AssetError(f"robot {self.name!r}: class_name={self.class_name!r}; use one of: {', '.join(known)}")
         for name, value, (least, most) in (
             ("camera.fov", self.camera.fov, FOV),
+            ("camera.pitch", self.camera.pitch, PITCH),
+            *(("camera.position", metres, POSITION) for metres in self.camera.position),
+            ("altitude", self.altitude, ALTITUDE if self.flies else (0.0, ALTITUDE[1])),
             ("speed", self.speed, SPEED),
             ("turn_speed", self.turn_speed, TURN_SPEED),
         ):
@@ -141,6 +156,16 @@ class RobotModel:
         for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
             pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
         return body
+
+
+def check_name(name: str) -> None:
+    """Check the name of a kind of robots, by which agents are called, with numbers after it where it repeats.
+
+    Raises:
+        AssetError: it cannot be one.
+    """
+    if not isinstance(name, str) or not name.isidentifier() or name[-1].isdigit():
+        raise AssetError(f"robot {name!r}: agents get this name; let it be letters and _, with no digit at its end")
 
 
 def looking(yaw: float, pitch: float) -> Vector:

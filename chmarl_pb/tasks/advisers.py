@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
+from chmarl_pb.catalog import class_of
 from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.robot import taken_cells
@@ -12,6 +13,7 @@ from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.targets import target_of
+from chmarl_pb.tasks.task import Task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 Goals = tuple[Goal, ...]
@@ -153,7 +155,14 @@ class SpokenAdviser:
         grip = outcome.state.grips.get(robot)
         holding = grip is not None and grip.item == goal.item
         advice = language.Advice(self._actions[robot], succeeded, better, holding)
-        return language.say(self._task.moves[self._goals.index(goal)], step, advice, self._catalog, self._templates)
+        return language.say(_move_of(self._task, goal), step, advice, self._catalog, self._templates)
+
+
+def _move_of(task: AnyTask, goal: Goal) -> Task:
+    """Return the move that a goal is of, which names X and Y; kinds of one's own may have goals beside the moves."""
+    target = class_of(goal.receptacles[0])
+    named = (move for move in task.moves if (move.item, move.target) == (goal.item, target))
+    return next(named, None) or Task(task.id, task.home, class_of(goal.item), "", target, task.seed)
 
 
 #: Style of feedback -> the critic behind it.

@@ -94,7 +94,7 @@ class Rearrange:
 
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence."""
-        return language.instruction(self._own(task), self.catalog, self.templates)
+        return _sentence(self._own(task), self.catalog, self.templates)
 
     def _own(self, task: AnyTask) -> Task:
         if not isinstance(task, Task):
@@ -164,12 +164,17 @@ class Tidy:
 
     def instruction(self, task: AnyTask) -> str:
         """Return one sentence for each object."""
-        return " ".join(language.instruction(move, self.catalog, self.templates) for move in self._own(task).moves)
+        return " ".join(_sentence(move, self.catalog, self.templates) for move in self._own(task).moves)
 
     def _own(self, task: AnyTask) -> TidyTask:
         if not isinstance(task, TidyTask):
             raise TaskError(f"task {task.id!r} is of one object; play it in parallel_env(task='rearrange')")
         return task
+
+
+def _sentence(move: Task, known: Catalog, templates: int) -> str:
+    move.check(known)
+    return language.instruction(move, known, templates)
 
 
 def _draw_moves(

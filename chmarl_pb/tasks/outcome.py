@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from chmarl_pb.errors import TaskError
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.world import Support, WorldState
 
@@ -70,10 +71,15 @@ def outcome_of(
         seen: robot -> names of the things visible to it.
         graspers: the robots that can grasp.
         rooms: names of the home's rooms, in the order of a robot's ``room``.
+
+    Raises:
+        TaskError: X has not been laid out.
     """
     support = state.objects.supports.get(goal.item)
     if support is None:
-        holder = next(robot for robot, grip in state.grips.items() if grip.item == goal.item)
+        holder = next((robot for robot, grip in state.grips.items() if grip.item == goal.item), None)
+        if holder is None:
+            raise TaskError(f"{goal.item} is nowhere in the home; lay out every object that is a goal")
         seen_by = [robot for robot, names in seen.items() if not set(goal.receptacles).isdisjoint(names)]
         phi = potential(False, True, seen_by, graspers)
         return Outcome(state, seen, rooms[state.robots[holder].room], phi, False)

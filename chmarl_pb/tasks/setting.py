@@ -65,7 +65,8 @@ class Layout:
     states: tuple[str, ...]
 
 
-_layouts: WeakKeyDictionary[Space, dict[AnyTask, Layout]] = WeakKeyDictionary()
+#: By the task and its moves: kinds of tasks of one's own may move other things in the same task.
+_layouts: WeakKeyDictionary[Space, dict[tuple[AnyTask, ...], Layout]] = WeakKeyDictionary()
 
 
 def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -> Setting:
@@ -84,7 +85,8 @@ def set_up(world: World, space: Space, task: AnyTask, moves: tuple[Task, ...]) -
         move.check(space.home.catalog)
     goals = tuple(_goal(world, space, move) for move in moves)
     kept = _layouts.setdefault(space, {})
-    drawn = replace(task, optimal_steps=0)  # the planner adds the steps to what it has laid out and solved
+    # the planner adds the steps to what it has laid out and solved
+    drawn = tuple(replace(part, optimal_steps=0) for part in (task, *moves))
     layout = kept.get(drawn)
     if layout is None:
         layout = _lay_out(world, space, task, moves, goals)

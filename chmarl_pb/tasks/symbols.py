@@ -16,7 +16,7 @@ from chmarl_pb.tasks.messages import Channel, Messages, Rooms
 from chmarl_pb.tasks.outcome import Outcome
 
 SILENT = 0  # the symbol that says nothing
-_MOST_SYMBOLS, _LONGEST = 1024, 1000
+MOST_SYMBOLS, _LONGEST = 1024, 1000
 
 
 @runtime_checkable
@@ -76,7 +76,7 @@ class Symbols:
             OptionError: one is out of range.
         """
         for name, value, low, high in (
-            ("vocabulary", self.vocabulary, 2, _MOST_SYMBOLS), ("delay", self.delay, 1, _LONGEST)
+            ("vocabulary", self.vocabulary, 2, MOST_SYMBOLS), ("delay", self.delay, 1, _LONGEST)
         ):  # fmt: skip
             if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
                 raise OptionError(f"Symbols({name}={value!r}): use a whole number from {low} to {high}")

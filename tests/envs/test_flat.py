@@ -57,6 +57,19 @@ def test_the_vector_holds_every_key_in_its_slice(flat: FlatEnv) -> None:
         assert sum(part.stop - part.start for part in flat.layout.values()) == len(vectors["drone"])
 
 
+@pytest.mark.parametrize("actions", [None, [0, 0], {"humanoid": 0}, {"humanoid": 0, "drone": 0, "ghost": 0}])
+def test_actions_that_are_none_are_refused(flat: FlatEnv, actions: Any) -> None:
+    flat.reset(seed=0)
+    with pytest.raises(ActionError, match="are not a dict with one action for each of"):
+        flat.step(actions)
+
+
+def test_a_ragged_action_is_refused(flat: FlatEnv) -> None:
+    flat.reset(seed=0)
+    with pytest.raises(ActionError, match="not an array of numbers"):
+        flat.step({"humanoid": [[0], [0, 1]], "drone": 0})
+
+
 def test_an_action_that_a_robot_has_not_is_stay(flat: FlatEnv) -> None:
     hashes = []
     for action in (8, 9):

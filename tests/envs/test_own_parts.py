@@ -1,5 +1,7 @@
 """What a user's own sensor, channel, adviser or kind of tasks returns by mistake is told, with its name and place."""
 
+from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -111,6 +113,50 @@ def test_mistakes_of_own_words() -> None:
         play(messages=Mumble(price=1.0))
 
 
+@pytest.mark.parametrize("count", [-1, 0, 1, 2.5, "a", None, True, 1025])
+def test_numbers_of_words_that_cannot_be(count: Any) -> None:
+    class Words(Symbols):
+        def among(self, robots: Any) -> Any:
+            return self
+
+    words = Words()
+    object.__setattr__(words, "vocabulary", count)
+    with pytest.raises(OptionError, match=r"Words\.vocabulary is .*; it is to be a whole number from 2 to 1024"):
+        play(messages=words)
+
+
+class Filled(Distance):
+    """A sensor that writes what it observes into one array."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+        self.kept = np.zeros(2, np.float32)
+
+    def observe(self, view: Any) -> Any:
+        self.kept[0] += 0.125
+        return {"x": self.kept}
+
+
+def test_arrays_that_a_sensor_fills_again_are_copied() -> None:
+    with closing(chmarl_pb.parallel_env(split="val-unseen", observation=("scene_graph", Filled()))) as env:
+        first, _ = env.reset(seed=0)
+        env.step(IDLE)
+        assert [first[name]["x"][0] for name in ("humanoid", "drone")] == [0.125, 0.25]
+
+
+def test_texts_do_not_take_the_place_of_infos() -> None:
+    class Loud(Distance):
+        def spaces(self) -> Any:
+            return {name: spaces.Box(0, 255, (8,), np.uint8) for name in self.value}
+
+    play(observation=("scene_graph", Loud({"said": "hello"})))
+    with closing(chmarl_pb.parallel_env(split="val-unseen")) as env:
+        _, infos = env.reset(seed=0)
+        for name in {*infos["drone"], "is_success"} - {"instruction", "feedback"}:
+            with pytest.raises(OptionError, match=f"Loud.spaces.. is '{name}'; .* texts stand in infos"):
+                play(observation=("scene_graph", Loud({name: "hello"})))
+
+
 class Coach:
     """An adviser that returns what it is told to."""
 
@@ -159,6 +205,65 @@ class Errand(Rearrange):
 def test_mistakes_of_a_kind_of_tasks(method: str, value: Any, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         play(task=Errand(**{method: value}))
+
+
+class Judge(Rearrange):
+    """A kind of tasks whose outcomes have something else at one place."""
+
+    def __init__(self, **changed: Any):
+        super().__init__()
+        object.__setattr__(self, "changed", changed)
+
+    def outcome(self, state: Any, setting: Any, seen: Any) -> Any:
+        found = super().outcome(state, setting, seen)
+        changed: dict[str, Any] = vars(self)["changed"]
+        for name, value in changed.items():
+            object.__setattr__(found, name, (found,) * 2 if value == "two" else value)
+        return found
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        ("potential", float("nan"), "is nan; it is to be a finite number"),
+        ("potential", float("inf"), "is inf"),
+        ("potential", None, "is None"),
+        ("potential", "3", "is '3'"),
+        ("success", None, "is None; it is to be True or False"),
+        ("success", 1, "is 1"),
+        ("seen", {}, "it is to be what it is given as seen"),
+        ("parts", "two", "it is to be an Outcome for each goal of the setting, of which there are 1"),
+        ("parts", None, "an Outcome for each goal"),
+    ],
+)
+def test_mistakes_of_outcomes(place: str, value: Any, message: str) -> None:
+    with pytest.raises(OptionError, match=rf"Judge\.outcome\(\)\.{place} .*{message}"):
+        play(task=Judge(**{place: value}))
+
+
+def test_numbers_of_numpy_in_outcomes_are_made_plain() -> None:
+    with closing(
+        chmarl_pb.parallel_env(split="val-unseen", task=Judge(potential=np.float32(3), success=np.False_))
+    ) as env:
+        env.reset(seed=0)
+        _, rewards, terminations, _, infos = env.step(IDLE)
+        assert rewards == {"humanoid": 0.0, "drone": 0.0} and type(rewards["drone"]) is float
+        assert terminations["drone"] is False and type(infos["drone"]["potential"]) is float
+
+
+def test_a_setting_without_goals() -> None:
+    class Aimless(Rearrange):
+        def set_up(self, *given: Any) -> Any:
+            return replace(super().set_up(*given), goals=())
+
+    with pytest.raises(OptionError, match=r"Aimless\.set_up\(\) .* a Setting with one goal or more"):
+        play(task=Aimless())
+
+
+@pytest.mark.parametrize("policy", ["search", "belief", "reactive", "open-loop"])
+def test_an_instruction_that_names_nothing_ends_policies_that_read_it(policy: str) -> None:
+    with pytest.raises(OptionError, match="names no known graspable and receptacle, by which this policy acts"):
+        chmarl_pb.evaluate(policy, "val-unseen", tasks=["val-unseen-000"], workers=1, task=Errand(instruction="Fetch!"))
 
 
 def test_a_kind_without_tasks_that_draws_none() -> None:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import pytest
@@ -16,7 +17,15 @@ from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import audit as module
 from chmarl_pb.evaluation.audit import audit, rows_of, uses
 from chmarl_pb.evaluation.audit_file import Audit, load_audit, published_audit
-from chmarl_pb.evaluation.gain import _comparable, best_blind, gain, points
+from chmarl_pb.evaluation.gain import (
+    _comparable,
+    best_blind,
+    gain,
+    gain_of,
+    gain_of_runs,
+    interval_text,
+    points,
+)
 from chmarl_pb.evaluation.metrics import Figure, Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate
@@ -74,6 +83,8 @@ def test_an_audit_is_read_as_it_was_written(found: Audit, folder: Path) -> None:
     assert load_audit(folder / "audit.json") == found
     text = json.loads((folder / "audit.json").read_text())
     assert text["best_blind"] == found.best_blind.name
+    assert text["blind_plw"].keys() == set(TASKS)
+    assert fmean(text["blind_plw"].values()) == pytest.approx(found.best_blind.plw.mean, abs=1e-6)
     (folder / "broken.json").write_text(json.dumps({**text, "rows": [{}]}))
     with pytest.raises(ResultError, match="audit again"):
         load_audit(folder / "broken.json")
@@ -130,6 +141,35 @@ def test_a_gain_is_that_over_the_best_blind_policy() -> None:
     gained = gain([best.plw.mean + 0.02, best.plw.mean + 0.04], "test-unseen")
     assert gained == pytest.approx(3) and points(gained) == "+3.0"
     assert gain([], "test-unseen") is None and gain([0.5], "generated-val") is None and points(None) == ""
+
+
+def test_the_interval_of_a_gain_is_of_pairs() -> None:
+    published = published_audit("val-unseen")
+    assert published is not None and len(published.blind_plw) == 50
+    for ahead in (0.0, 0.05):  # over the same in every task: whichever tasks are drawn, the gain is this
+        plws = {task: plw + ahead for task, plw in published.blind_plw.items()}
+        gained = gain_of_runs([fmean(plws.values())] * 2, [plws] * 2, "val-unseen")
+        assert gained is not None and (gained.mean, gained.low, gained.high) == pytest.approx(
+            [100 * ahead] * 3, abs=1e-3
+        )
+        unknown = gain_of_runs([fmean(plws.values())] * 2, [plws], "val-unseen")
+        assert unknown is not None and unknown.low is None, "one training does not tell"
+    report = evaluate("search", "val-unseen", seeds=[0], workers=1)
+    gained = gain_of(report)
+    assert gained is not None and gained.mean == pytest.approx(gain([report.plw], "val-unseen"))
+    assert gained.mean is not None and gained.low is not None and gained.high is not None
+    assert gained.low < gained.mean < gained.high
+    assert interval_text(gained) == f"{gained.low:+.1f} to {gained.high:+.1f}"
+
+
+def test_who_is_told_the_truth_has_no_gain() -> None:
+    assert gain_of(evaluate("planner", "val-unseen", seeds=[0], workers=1)) is None
+
+
+def test_feedback_alone_is_one_row() -> None:
+    names = [row.name for row in rows_of(Options())]
+    assert "feedback-only" in names and not {"blind, no messages", "instruction-blind, no messages"} & set(names)
+    assert "instruction-blind, no messages" in [row.name for row in rows_of(Options(feedback=False))]
 
 
 def test_results_of_other_tasks_or_rules_have_no_gain() -> None:

@@ -21,7 +21,7 @@ from chmarl_pb.evaluation import cooperation as accounting
 from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, read_reference, reference_json
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.ledger import Ledger
-from chmarl_pb.evaluation.metrics import Played, bootstrap_interval, path_weighted, summarize, summarize_by
+from chmarl_pb.evaluation.metrics import Played, path_weighted, summarize, summarize_by
 from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.play import Job, Setup
 from chmarl_pb.evaluation.protocol import evaluate
@@ -135,16 +135,18 @@ def test_plw_lies_between_zero_and_success_rate(played: list[Played]) -> None:
 def test_interval_covers_the_mean_and_repeats() -> None:
     rng = np.random.default_rng(0)
     sample = [played(n, 5, 5 + int(rng.integers(20)), home=f"home_{n % 3}") for n in range(60)]
-    low, high = bootstrap_interval(sample, lambda episode: episode.score)
-    mean = summarize(sample).plw.mean
-    assert mean is not None and low < mean < high
-    assert (low, high) == bootstrap_interval(sample[::-1], lambda episode: episode.score)
+    plw = summarize(sample).plw
+    assert plw.mean is not None and plw.low is not None and plw.high is not None
+    assert plw.low < plw.mean < plw.high
+    again = summarize(sample[::-1]).plw
+    assert (plw.low, plw.high) == (again.low, again.high)
 
 
 def test_interval_keeps_the_shares_of_homes() -> None:
     """Within each home all tasks are alike, so drawing anew within homes changes nothing."""
     sample = [played(n, 5, 5 if n < 10 else 10, home="home_1" if n < 10 else "home_2") for n in range(20)]
-    assert bootstrap_interval(sample, lambda episode: episode.score) == pytest.approx((0.75, 0.75))
+    plw = summarize(sample).plw
+    assert (plw.low, plw.high) == pytest.approx((0.75, 0.75))
 
 
 def test_single_task_has_no_interval() -> None:
@@ -303,8 +305,23 @@ def test_bad_options_are_refused(options: dict[str, Any], error: type[Exception]
 
 
 def test_a_policy_that_cannot_travel_is_refused() -> None:
+    held = threading.Lock()
     with pytest.raises(OptionError, match="workers=1"):
-        evaluate(lambda env: make_policy("random", env), tasks=TASKS, workers=2)
+        evaluate(lambda env: (held, make_policy("random", env))[1], tasks=TASKS, workers=2)
+
+
+def test_policies_of_notebooks_and_functions_travel(random_report: Report) -> None:
+    scope: dict[str, Any] = {"__name__": "__main__", "make_policy": make_policy}
+    exec("def policy(env):\n    return make_policy('random', env)", scope)
+    for factory in (scope["policy"], lambda env: make_policy("random", env)):
+        report = evaluate(factory, tasks=TASKS, seeds=(0, 1), workers=2, max_steps=MAX_STEPS)
+        assert report.episodes == random_report.episodes
+
+
+def test_unknown_classes_are_told_before_anything_is_played() -> None:
+    wrong = Task("mine", "home_1", "mugg", "desk", "bed", 5)
+    with pytest.raises(TaskError, match="unknown graspable 'mugg'; did you mean 'mug'"):
+        evaluate("search", tasks=[wrong], workers=1)
 
 
 def test_interrupted_evaluations_go_on(tmp_path: Path, random_report: Report) -> None:

@@ -158,6 +158,12 @@ def test_best_weights_that_are_gone_are_written_again_or_missed(tmp_path: Path) 
         go_on()
 
 
+@pytest.mark.parametrize("given", [1.0, {"x": 1.0}, None, {"score": "high"}])
+def test_validations_without_a_score_are_refused(given: Any) -> None:
+    with pytest.raises(ValueError, match=r"validate returns .*; let it return a dict of numbers with one of the name"):
+        train(UnevenEnv, "vdn", SMALL, validate=lambda *_: given)
+
+
 def test_a_score_that_is_no_number_ends_a_run_with_a_word(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="validation after 16 episodes has the score nan"):
         train(UnevenEnv, "vdn", SMALL, tmp_path, validate=lambda *_: {"score": float("nan")})

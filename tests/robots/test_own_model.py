@@ -1,5 +1,7 @@
 """Robots that a user makes in Python: what robot files refuse is refused here, too."""
 
+import copy
+import pickle
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -25,11 +27,35 @@ DRONE, HUMANOID = find_model("drone"), find_model("humanoid")
         ({"turn_speed": float("nan")}, "turn_speed=nan; use a number"),
         ({"camera": replace(DRONE.camera, fov=400.0)}, "camera.fov=400.0; use a number from 10 to 150"),
         ({"make": "Slow"}, "make='Slow' is no function"),
+        ({"name": ""}, "robot '': agents get this name; let it be letters and _"),
+        ({"name": "humanoid_0"}, "with no digit at its end"),
+        ({"name": "kitchen/stove"}, "agents get this name"),
+        ({"name": 3}, "robot 3: agents get this name"),
+        ({"altitude": -1.0}, "altitude=-1.0; use a number from 2 to 20"),
+        ({"flies": False, "altitude": -1.0}, "altitude=-1.0; use a number from 0 to 20"),
+        ({"camera": replace(DRONE.camera, pitch=float("nan"))}, "camera.pitch=nan"),
+        ({"camera": replace(DRONE.camera, position=(0.0, float("nan"), 0.0))}, "camera.position=nan"),
     ],
 )
 def test_what_no_robot_can_be_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(AssetError, match=words):
         replace(DRONE, **change)
+
+
+def test_copies_of_packaged_robots_are_these_robots() -> None:
+    for copied in (copy.deepcopy(HUMANOID), pickle.loads(pickle.dumps(HUMANOID))):
+        assert copied is HUMANOID
+        with closing(chmarl_pb.parallel_env(robots=(copied, "humanoid"))) as env:
+            assert env.possible_agents == ["humanoid_0", "humanoid_1"]
+    own = pickle.loads(pickle.dumps(replace(DRONE, name="scout")))
+    assert own is not DRONE and own.name == "scout" and own.copied_by is None
+
+
+def test_results_do_not_depend_on_the_workers() -> None:
+    given: dict[str, Any] = {"tasks": ["val-unseen-000", "val-unseen-001"], "robots": (HUMANOID, DRONE)}
+    here, elsewhere = (chmarl_pb.evaluate("planner", "val-unseen", workers=workers, **given) for workers in (1, 2))
+    assert here.episodes == elsewhere.episodes
+    assert all(episode.optimum is None for episode in here.episodes), "the tasks tell L* for these robots"
 
 
 def test_a_path_may_be_a_text() -> None:

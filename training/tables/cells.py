@@ -6,6 +6,8 @@ from statistics import fmean, stdev
 
 from chmarl_pb.envs.options import MAX_STEPS
 from chmarl_pb.evaluation.cooperation import reference_scores
+from chmarl_pb.evaluation.gain import gain_of_runs
+from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.paper import SPLITS
 from training.tables.rows import Row
 from training.tables.runs import Record
@@ -26,6 +28,15 @@ def runs_of(row: Row, records: Records) -> list[Record]:
 def values(same: Sequence[Record], metric: str, split: str) -> list[float]:
     """Return a metric of each run, 0 to 1."""
     return [record["evaluation"]["splits"][split]["summary"][metric]["mean"] for record in same]
+
+
+def gained(same: Sequence[Record]) -> Figure | None:
+    """Return the gain of runs over the best blind policy, in points; None if they are told more than that."""
+    if any(record["evaluation"].get("options", {}).get("goal") for record in same):
+        return None
+    splits = [record["evaluation"]["splits"][HEADLINE] for record in same]
+    of_tasks = [split["plw_of_tasks"] for split in splits if "plw_of_tasks" in split]
+    return gain_of_runs(values(same, "plw", HEADLINE), of_tasks, HEADLINE)
 
 
 def cell(values: Sequence[float]) -> str:

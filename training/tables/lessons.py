@@ -7,12 +7,13 @@ from statistics import fmean
 
 from chmarl_pb.envs.tracks import TEST_SPLITS
 from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.gain import best_blind, gain, points
+from chmarl_pb.evaluation.gain import best_blind, interval_text, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import replacing
-from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, runs_of, values
+from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, gained, runs_of, values
 from training.tables.curves import STYLE
 from training.tables.rows import TABLES, Row
+from training.tables.runs import Record
 
 TEACHER = "search"  # of our rows from before there was a choice
 
@@ -139,21 +140,36 @@ def _headlines(records: Records) -> list[str]:
         lines.append(
             f"- {_TITLES[table]}, test-unseen: **{best.name}** ({whose}): PLW **{cell(plw)}**"
             f"{_intervals(best, records, 'plw')}, success **{cell(success)}**"
-            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). {_over_blind(plw, table, records)}"
+            f"{_intervals(best, records, 'success_rate')}{share} ({beside}). "
+            + _over_blind(runs_of(best, records), table, records)
         )
     return lines
 
 
-def _over_blind(plw: Sequence[float], table: str, records: Records) -> str:
-    """Return the gain of a row over the best blind policy, and how many rows of learners have one."""
+def _over_blind(own_runs: Sequence[Record], table: str, records: Records) -> str:
+    """Return the gain of runs over the best blind policy, and how many rows of learners have one."""
     best = best_blind(HEADLINE)
     if best is None:
         return ""
-    known = [gain(values(same, "plw", HEADLINE), HEADLINE) for row in TABLES[table] if (same := runs_of(row, records))]
-    ahead = sum((gained or 0) > 0 for gained in known)
-    blind = f"(*{best.name}*, {100 * (best.plw.mean or 0):.1f})"
-    own = f"Gain over the best blind policy {blind}: **{points(gain(plw, HEADLINE))}** points"
-    return f"{own}; {ahead} of the {len(known)} learners' rows gain anything."
+    level = best.plw.mean or 0.0
+    rows = [same for row in TABLES[table] if (same := runs_of(row, records)) and gained(same)]
+    ahead = [same for same in rows if fmean(values(same, "plw", HEADLINE)) > level]
+    surely = sum(fmean(_lows(same)) > level for same in ahead if _lows(same))
+    own = gained(own_runs)
+    blind = f"(*{best.name}*, {100 * level:.1f})"
+    between = f" ({text})" if own and (text := interval_text(own)) else ""
+    score = f"**{points(own.mean if own else None)}**{between} points"
+    return (
+        f"Gain over the best blind policy {blind}: {score}; {len(ahead)} of the {len(rows)} rows of learners that are "
+        f"told no more gain anything, {surely} of them with the interval over tasks above it, in the mean of their "
+        "trainings."
+    )
+
+
+def _lows(same: Sequence[Record]) -> list[float]:
+    """Return the lower ends of the intervals of PLW over the tasks of test-unseen, of the runs that have one."""
+    summaries = [record["evaluation"]["splits"][HEADLINE]["summary"]["plw"] for record in same]
+    return [one["low"] for one in summaries if one.get("low") is not None]
 
 
 def _intervals(row: Row, records: Records, metric: str) -> str:

@@ -82,9 +82,12 @@ def budget(record: Record) -> str:
 
 def encoder_of(record: Record) -> str:
     """Return what encodes the observations of a run."""
+    config = record["checkpoint"].get("config", {})
+    if config.get("preset") == "goal":
+        return _read(record["observation"], config)
     if record["observation"] == "scene_graph":
-        pool = record["checkpoint"].get("config", {}).get("graph_pool", POOL)
+        pool = config.get("graph_pool", POOL)
         return "graph convolution" if pool == POOL else f"graph convolution, {pool}"
     weights = record["checkpoint"].get(FROZEN, "")
-    encoder = record["checkpoint"].get("config", {}).get("image_encoder", "")
+    encoder = config.get("image_encoder", "")
     return f"{encoder}, frozen, weights {weights[:8]}" if weights else f"{encoder}, trained end to end"

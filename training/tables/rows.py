@@ -220,6 +220,12 @@ def _longer(name: str) -> Row:
     return Row(f"{name} + messages, longer", "scene_graph", ("--algo", name.lower(), *_LONGER), messages=True)
 
 
+def _grounded_qmix() -> Row:
+    """Return QMIX with the same settings, the encoder that ties words to things, and a nearer horizon."""
+    given = ("--algo", "qmix", *_LONGER, "--gamma", "0.9", *_GROUNDED)
+    return Row("QMIX + messages, grounded", "scene_graph", given, messages=True)
+
+
 def _grounded_clone(messages: bool, *options: str) -> Row:
     """Return decentralized clones of the planner, with the encoder that ties words to things."""
     name = f"BC decentralized{' + messages' * messages}, grounded"
@@ -240,6 +246,7 @@ def _from_scratch(name: str) -> Row:
 OURS: tuple[Row, ...] = (
     *map(_grounded_clone, (False, True)),
     *map(_longer, ("IQL", "VDN", "QMIX", "QTRAN")),
+    _grounded_qmix(),
     *map(_from_scratch, ("PQN", "MAPPO")),
     *(_ours("belief", observation, *_GROUNDED) for observation in _SEEDS),
     *(_ours("search", observation) for observation in _SEEDS),

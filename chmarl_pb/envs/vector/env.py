@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from chmarl_pb.envs.options import plain_value
 from chmarl_pb.envs.registration import id_of
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.envs.vector.asking import Asking
@@ -151,7 +152,7 @@ def make_function(env_id: str | MakeEnv, options: dict[str, Any]) -> MakeEnv:
 def _limited(env_id: str, options: dict[str, Any]) -> dict[str, Any]:
     """Return options with a ``max_steps`` beyond the time limit of an id as that limit, which would come first."""
     spec = gymnasium.registry.get(env_id.rpartition(":")[2])
-    most, limit = (spec and spec.max_episode_steps) or MAX_STEPS, options.get("max_steps")
+    most, limit = (spec and spec.max_episode_steps) or MAX_STEPS, plain_value(options.get("max_steps"))
     if not isinstance(limit, int) or limit <= most:
         return options
     return {name: value for name, value in options.items() if name != "max_steps"} | {"max_episode_steps": limit}
@@ -225,6 +226,7 @@ def vector_env(
         HomeError: a home cannot be used.
         WorkerError: a worker died.
     """
+    n, workers, batch_size = map(plain_value, (n, workers, batch_size))
     check_counts(n, workers)
     try:
         mode = AutoresetMode(autoreset_mode)

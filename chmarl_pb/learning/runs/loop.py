@@ -75,7 +75,9 @@ def train(
         algorithm: a name in :data:`chmarl_pb.learning.algorithms.registry.ALGORITHMS`.
         config: everything else that fixes the run; of the class that the algorithm has there.
         folder: for checkpoints and metrics; None: nothing is written.
-        validate: chooses the best weights; the mean return of greedy episodes if None.
+        validate: chooses the best weights: called with what plays episodes and the networks by agent, it returns a dict
+            of numbers, of which that named ``score`` is the greater the better; the mean return of greedy episodes if
+            None.
         setting: what policies made from the checkpoints have to know, see :mod:`chmarl_pb.learning.policies.learned`;
             None: where an environment of the benchmark was trained in, with which alone a run goes on.
         quiet: whether no progress is shown.

@@ -3,6 +3,7 @@
 import json
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -189,10 +190,15 @@ class Run:
         """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures.
 
         Raises:
-            ValueError: the score is no number.
+            ValueError: there is no score, or it is no number.
         """
-        found = self._validate(self._collector, self.learner.agents)
-        figures = {name: value.item() if hasattr(value, "item") else value for name, value in found.items()}
+        found: Any = self._validate(self._collector, self.learner.agents)
+        numbers = found if isinstance(found, Mapping) else {}
+        figures = {name: value.item() if hasattr(value, "item") else value for name, value in numbers.items()}
+        if not isinstance(figures.get("score"), int | float):
+            raise ValueError(
+                f"validate returns {found!r}; let it return a dict of numbers with one of the name 'score'"
+            )
         if np.isnan(figures["score"]):
             raise ValueError(
                 f"the validation after {self.episodes} episodes has the score nan, by which no weights can be chosen; "

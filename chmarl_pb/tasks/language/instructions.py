@@ -83,7 +83,7 @@ def read_pairs(tokens: NDArray[np.int16], known: Catalog = BENCHMARK) -> tuple[t
     Each names one pair after the other: a name of another class begins the next pair once a pair is whole.
 
     Raises:
-        ValueError: the instruction names no pair.
+        OptionError: the instruction names no pair.
     """
     return _pairs(tokens.tobytes(), known)
 
@@ -97,5 +97,8 @@ def _pairs(tokens: bytes, known: Catalog) -> tuple[tuple[str, str], ...]:
             pairs.append({})
         pairs[-1][row.kind] = row.name
     if any(len(pair) < 2 for pair in pairs):
-        raise ValueError(f"{' '.join(left)!r} must name a known graspable and a known receptacle, one pair or several")
+        raise OptionError(
+            f"the instruction (of its words are known: {' '.join(left)!r}) names no known graspable and receptacle, "
+            "by which this policy acts; name a pair, or several, or take one that does not read, e.g. 'planner'"
+        )
     return tuple((pair["graspable"], pair["receptacle"]) for pair in pairs)

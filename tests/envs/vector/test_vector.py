@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import gymnasium
@@ -208,6 +209,26 @@ def test_task_and_errors_pass_through(homes: VectorEnv) -> None:
     assert list(infos["humanoid"]["task_id"]) == [task.id] * 3
     assert homes.spec is not None
     assert homes.spec.id == "CHMARL/SceneGraph-v0"
+
+
+def test_make_vec_takes_every_option_of_make() -> None:
+    for env_id, observation in (
+        ("CHMARL/SceneGraph-v0", ("scene_graph", "depth")),
+        ("CHMARL/VisualHumanoid-v1", "text"),
+    ):
+        options: dict[str, Any] = {"observation": observation, "split": "val-unseen"}
+        vector = gymnasium.make_vec(env_id, num_envs=1, **options)
+        single = gymnasium.make(env_id, **options)
+        assert vector.single_observation_space == single.observation_space
+        assert vector.spec is not None and vector.spec.id == env_id
+        vector.close()
+        single.close()
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    two: Any = np.int64(2)
+    with closing(vector_env(two, workers=two, split="val-unseen", max_steps=np.int64(40))) as env:
+        assert env.num_envs == 2 and env.reset(seed=0)
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)

@@ -1,0 +1,43 @@
+"""Whether a result is what its actions come to: they are played again, without the policy."""
+
+from contextlib import closing
+
+from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.evaluation.metrics import Played
+from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.evaluation.result import Report
+
+_SAME = 1e-6  # of potentials
+
+
+def what_differs(report: Report) -> str:
+    """Play all episodes of a result again by their actions; return the first that ends otherwise, empty if none does.
+
+    Args:
+        report: of an environment of this package alone, see :attr:`Report.foreign`.
+
+    Raises:
+        AssetError, HomeError: robots, things or a home are not here.
+    """
+    with closing(HouseholdEnv(split=report.settings["split"], **report.settings["options"])) as env:
+        for episode in sorted(report.episodes, key=lambda episode: episode.task.home):
+            found = _ending(env, episode)
+            said = episode.steps, episode.success, episode.potential
+            if found[:2] != said[:2] or abs(found[2] - said[2]) > _SAME:
+                words = "{} steps, success {}, potential {:g}"
+                return (
+                    f"task {episode.task.id}, seed {episode.seed}: it says {words.format(*said)}, but its "
+                    f"{len(episode.actions)} actions come to {words.format(*found)}"
+                )
+    return ""
+
+
+def _ending(env: HouseholdEnv, episode: Played) -> tuple[int, bool, float]:
+    """Return the steps, success and potential that the actions of an episode come to."""
+    env.reset(seed=episode_seed(episode.task, episode.seed), options={"task": episode.task})
+    for row in episode.actions:
+        if not env.agents:
+            break
+        env.step(dict(zip(env.possible_agents, row, strict=True)))
+    whole = not env.agents and len(episode.actions) == env.steps
+    return env.steps if whole else len(episode.actions), env.outcome.success, float(env.outcome.potential)
