@@ -60,9 +60,10 @@ _LESSONS = (
         "PPO, both robots, goal observed", "PPO, humanoid only, goal observed",
     ),
     _lesson(
-        "**From scratch**: QMIX as the paper has it, with messages, has {}; PQN with an encoder that ties words to "
-        "things {}, without a teacher.",
-        "QMIX + messages", "PQN + messages",
+        "**From scratch**: QMIX as the paper has it, with messages, has {}; with an encoder that ties words to things, "
+        "twice the episodes, more gradient steps and a nearer horizon {}, and PQN with this encoder {}: learners "
+        "without a teacher, as good as one that imitates in these homes.",
+        "QMIX + messages", "QMIX + messages, grounded", "PQN + messages",
     ),
     _lesson(
         "**Homes**: imitation of *belief* in the five homes of training has {}, with as many episodes in generated "

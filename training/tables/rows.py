@@ -220,10 +220,10 @@ def _longer(name: str) -> Row:
     return Row(f"{name} + messages, longer", "scene_graph", ("--algo", name.lower(), *_LONGER), messages=True)
 
 
-def _grounded_qmix() -> Row:
+def _grounded_qmix(homes: str, *options: str) -> Row:
     """Return QMIX with the same settings, the encoder that ties words to things, and a nearer horizon."""
-    given = ("--algo", "qmix", *_LONGER, "--gamma", "0.9", *_GROUNDED)
-    return Row("QMIX + messages, grounded", "scene_graph", given, messages=True)
+    given = ("--algo", "qmix", *_LONGER, "--gamma", "0.9", *_GROUNDED, *options)
+    return Row(f"QMIX + messages, grounded{homes}", "scene_graph", given, messages=True)
 
 
 def _grounded_clone(messages: bool, *options: str) -> Row:
@@ -246,7 +246,8 @@ def _from_scratch(name: str) -> Row:
 OURS: tuple[Row, ...] = (
     *map(_grounded_clone, (False, True)),
     *map(_longer, ("IQL", "VDN", "QMIX", "QTRAN")),
-    _grounded_qmix(),
+    _grounded_qmix(""),
+    _grounded_qmix(", generated homes", "--split", "generated"),
     *map(_from_scratch, ("PQN", "MAPPO")),
     *(_ours("belief", observation, *_GROUNDED) for observation in _SEEDS),
     *(_ours("search", observation) for observation in _SEEDS),
