@@ -34,9 +34,8 @@ def run_audit(options: argparse.Namespace) -> int:
     Rows that are there already and were made with the same settings are kept.
 
     Raises:
-        OptionError: there is no such split.
+        OptionError: there is no such split, or a number is less than 1.
         TaskError: there is no such task.
-        OptionError: a number is less than 1.
     """
     split = TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
     out = options.out or Path("out/audit") / f"{options.track}-{split}.json"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 100  # characters of a value in a message
 #: What infos have beside the texts of sensors.
-INFOS = frozenset((
+_INFOS = frozenset((
     "instruction", "feedback", "action_success", "success", "is_success", "potential", "visible", "action_mask",
     "task_id",
 ))  # fmt: skip
@@ -69,7 +69,7 @@ class CheckedSensor:
     def _checked(self, key: str, value: Any) -> Any:
         space = self._spaces[key]
         if isinstance(value, str) and space.dtype == np.uint8 and len(space.shape) == 1:  # texts are bytes
-            if key in INFOS:
+            if key in _INFOS:
                 raise _wrong(f"{self.name}.spaces()", key, "another key, as texts stand in infos, which have this one")
             return value
         return _in(space, value, f"{self.name}.observe()[{key!r}]")

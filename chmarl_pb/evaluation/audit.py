@@ -84,8 +84,7 @@ def audit(
         **options: of :func:`chmarl_pb.evaluate`: ``observation``, ``tasks``, and those of the environment.
 
     Raises:
-        OptionError: an option is unknown, or ``out`` is a folder, or a file that is no audit.
-        OptionError: there is no such split.
+        OptionError: a split or an option is unknown, or ``out`` is a folder, or a file that is no audit.
         BusyError: another process writes a result.
         WorkerError: a process died; finished episodes are kept.
         WriteError: a file cannot be written.

@@ -9,8 +9,8 @@ from functools import lru_cache, partial
 from itertools import chain
 from typing import Any
 
-import cloudpickle
 import numpy as np
+from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
@@ -127,7 +127,7 @@ def play(setup: Setup, jobs: Sequence[Job], executor: Executor) -> Iterator[Play
     if executor.alone or len(jobs) == 1:
         return _play_here(Player(setup), jobs)
     try:
-        pickled = cloudpickle.dumps(setup)  # also of what notebooks and functions define
+        pickled = pickle.dumps(CloudpickleWrapper(partial(Player, setup)))  # also what notebooks and functions define
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise OptionError(
             f"the policy or the environment cannot be sent to other processes ({error}); "
@@ -147,12 +147,13 @@ def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:
 
 
 @lru_cache(maxsize=1)
-def _player(setup: bytes) -> Player:
-    return Player(pickle.loads(setup))  # lives as long as its process
+def _player(make: bytes) -> Player:
+    player: Player = pickle.loads(make).fn()  # lives as long as its process
+    return player
 
 
-def _play_lot(setup: bytes, jobs: Sequence[Job]) -> list[Played]:
-    return [_player(setup).play(job) for job in jobs]
+def _play_lot(make: bytes, jobs: Sequence[Job]) -> list[Played]:
+    return [_player(make).play(job) for job in jobs]
 
 
 def _lots(jobs: Sequence[Job], executor: Executor) -> list[list[Job]]:

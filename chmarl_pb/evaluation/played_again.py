@@ -39,5 +39,4 @@ def _ending(env: HouseholdEnv, episode: Played) -> tuple[int, bool, float]:
         if not env.agents:
             break
         env.step(dict(zip(env.possible_agents, row, strict=True)))
-    whole = not env.agents and len(episode.actions) == env.steps
-    return env.steps if whole else len(episode.actions), env.outcome.success, float(env.outcome.potential)
+    return env.steps, env.outcome.success, float(env.outcome.potential)

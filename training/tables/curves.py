@@ -24,11 +24,12 @@ _VARIANTS = (", longer", ", grounded")  # of the paper's rows
 _SB3 = "training.sb3"  # rows of Stable-Baselines3
 #: Whether the humanoid learns alone, whether the goal is observed -> style of the line.
 _SB3_STYLES = {(False, False): "-", (True, False): ":", (False, True): "--", (True, True): "-."}
-#: Rows of our own learner, by name: they share an algorithm and differ in what they learn from.
+#: Rows that share an algorithm with others and differ in what they learn from, by name.
 _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
     "Imitation of belief, generated homes, words parsed": "#0050c8", "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
+    "QMIX + messages, grounded": "#00897b", "QMIX + messages, grounded, generated homes": "#00897b",
 }  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.
 _APART = {
@@ -152,7 +153,9 @@ def _style(row: Row, apart: bool) -> str:
         return "-" if row.observation == "scene_graph" else "--"
     if row.module == _SB3:
         return _SB3_STYLES["humanoid only" in row.name, "goal observed" in row.name]
-    if row.name.endswith(_VARIANTS) or (apart and row.name in _OURS):
+    if row.name.endswith(_VARIANTS):
+        return "-." if row.messages else ":"
+    if apart and row.name in _OURS:
         return "-."
     return "-" if row.messages else "--"
 
