@@ -26,7 +26,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_f
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.device import find_device
-from chmarl_pb.learning.runs.interrupts import Asked, Signals, run_command
+from chmarl_pb.learning.runs.interrupts import Signals, StopRequested, run_command
 from chmarl_pb.learning.runs.seal import seal
 from chmarl_pb.learning.runs.threads import threads
 from training.onnx_file import read_detector, write_onnx
@@ -80,7 +80,9 @@ def pretrain(
         Interrupted: a signal asked the training to end; it was saved.
         CheckpointError: there is no detector to start from, or the state is damaged.
     """
-    facts: dict[str, Any] = {"network": name, "views": len(views), "epochs": epochs, "seed": seed}
+    facts: dict[str, Any] = {"network": name, "views": len(views)}
+    if start is None:
+        facts |= {"epochs": epochs, "seed": seed, "device": device.type}
     unfinished = out.with_suffix(".unfinished")
     model = read_detector(start) if start else _learned(_Training(facts, views, unfinished, device), bar).to(CPU)
     model.eval().finish(views)
@@ -118,7 +120,7 @@ def _learned(training: "_Training", bar: Progress) -> Classifier | Detector:
             for loss in training.losses():
                 bar.update(task, advance=1, description=f"learn, loss {loss:.3f}")
                 signals.check()
-        except Asked:
+        except StopRequested:
             training.save()
             raise signals.interrupted(f"{training.done} of {training.total} batches", training.kept) from None
     return training.model
@@ -172,19 +174,19 @@ class _Training:
         self._saved = time.monotonic()
 
     def restore(self) -> None:
-        """Go on from an unfinished training of the same facts, if there is one.
+        """Go on from an unfinished training, if there is one.
 
         Raises:
-            CheckpointError: its file is damaged.
+            CheckpointError: its file is damaged, or of a training of other facts.
         """
         if not self.kept.is_file():
             return
         content = checkpoint.load(self.kept, KIND)
         with checkpoint.reading(self.kept):
-            if content["facts"] == self.facts:
-                for name, part in self._parts.items():
-                    part.load_state_dict(content[name])
-                self.done = content["done"] if "done" in content else content["epoch"] * self._per_epoch
+            checkpoint.check_same(content["facts"], self.facts, self.kept)
+            for name, part in self._parts.items():
+                part.load_state_dict(content[name])
+            self.done = content["done"]
 
 
 def ranged(images: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -86,9 +86,9 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, fol
     """
     env_fn, paths, best = _game(game)
     learner = cast(ValueLearner, train(env_fn, algorithm, replace(config, seed=seed), folder).learner)
-    tables = {state: joint_values(learner, env_fn(), path) for state, path in paths.items()}
+    tables = {state: joint_values(learner, env_fn(), path, config.horizon) for state, path in paths.items()}
     learned = {state: table["value"] for state, table in tables.items()}
-    theory = _theory(game, algorithm, learned)
+    theory = _theory(game, algorithm, learned, config.gamma)
     states = {state: {"learned": _rounded(learned[state]), "theory": _rounded(theory[state])} for state in paths}
     error = max(float(np.abs(learned[state] - theory[state]).max()) for state in paths)
     collector = Collector(env_fn, 1)
@@ -98,19 +98,22 @@ def prove(game: str, algorithm: str, seed: int = 0, config: Config = CONFIG, fol
 
 
 @torch.no_grad()
-def joint_values(learner: ValueLearner, env: SmallGame, path: list[tuple[int, int]]) -> dict[str, np.ndarray]:
+def joint_values(
+    learner: ValueLearner, env: SmallGame, path: list[tuple[int, int]], horizon: int = CONFIG.horizon
+) -> dict[str, np.ndarray]:
     """Return the learned values in a state.
 
     Args:
         learner: of the game.
         env: the game.
         path: joint actions that lead to the state.
+        horizon: most steps of an episode.
 
     Returns:
         "value": (A, A) joint values, for IQL (2, A) the agents' own; for QTRAN also "gap" (A, A), which is
         Q' - Q_jt + V_jt, and "own" (2, A), the agents' values.
     """
-    batch = _history(env, path)
+    batch = _history(env, path, horizon)
     online = unroll(learner.agents, batch)
     own = torch.stack([values[0, -1, 0] for values in online.values.values()])  # (2, A), of the one component
     if learner.algorithm == "iql":
@@ -169,7 +172,7 @@ def _game(name: str) -> tuple[Any, dict[str, list[tuple[int, int]]], float]:
     return partial(MatrixGame, payoff), {"1": []}, float(payoff.max())
 
 
-def _theory(game: str, algorithm: str, learned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _theory(game: str, algorithm: str, learned: dict[str, np.ndarray], gamma: float) -> dict[str, np.ndarray]:
     """Return the table that each state ends in."""
     if game != "two-step":
         return {"1": FITS[algorithm](MATRIX_GAMES[game], learned["1"])}
@@ -177,9 +180,9 @@ def _theory(game: str, algorithm: str, learned: dict[str, np.ndarray]) -> dict[s
         state: FITS[algorithm](table, learned[state]) for state, table in zip(("2A", "2B"), TWO_STEP, strict=True)
     }
     if algorithm == "iql":  # agent 1 knows where its action leads; agent 2's leads to either
-        after = CONFIG.gamma * np.array([table.max(axis=1) for table in tables.values()])  # (game, agent)
+        after = gamma * np.array([table.max(axis=1) for table in tables.values()])  # (game, agent)
         return {"1": np.array([after[:, 0], np.full(2, after[:, 1].mean())]), **tables}
-    after = CONFIG.gamma * np.array([tables["2A"].max(), tables["2B"].max()])
+    after = gamma * np.array([tables["2A"].max(), tables["2B"].max()])
     return {"1": FITS[algorithm](np.repeat(after[:, None], 2, axis=1), learned["1"]), **tables}
 
 
@@ -192,7 +195,7 @@ def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | 
     return round(smallest, 3), round(max(own), 3)
 
 
-def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
+def _history(env: SmallGame, path: list[tuple[int, int]], horizon: int) -> Any:
     """Return the observations on the way to a state as a batch of one episode."""
     interface = interface_of(env)
     episode = Episode()
@@ -200,7 +203,7 @@ def _history(env: SmallGame, path: list[tuple[int, int]]) -> Any:
     for pair in path:
         actions = dict(zip(interface.agents, pair, strict=True))
         advance(interface, episode, env, actions, env.step(actions))
-    replay = ReplayBuffer(interface, CONFIG.horizon, 1, 1.0)
+    replay = ReplayBuffer(interface, horizon, 1, 1.0)
     replay.add(episode)
     return replay.sample(1, np.random.default_rng(0))
 

@@ -5,11 +5,13 @@ Needs ``pip install mpe2``.
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chmarl_pb.learning.runs.interrupts import run_command
 from training.outside import Spread
 
 _AGENTS = 3
@@ -76,6 +78,10 @@ def main() -> int:
     episodes = parser.parse_args().episodes
     if episodes < 2:
         parser.error(f"--episodes {episodes}: use at least 2")
+    return run_command(partial(_main, episodes))
+
+
+def _main(episodes: int) -> int:
     for name, rule in RULES.items():
         found = returns(rule, episodes)
         print(f"{name}: {found.mean():.1f} ± {found.std() / episodes**0.5:.1f}")

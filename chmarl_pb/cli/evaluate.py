@@ -1,7 +1,9 @@
 """``chmarl-pb evaluate``: a progress bar, a table, a result file."""
 
 import argparse
+import shlex
 from functools import partial
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -38,6 +40,7 @@ from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
+from chmarl_pb.robots.registry import TEAM, listed
 
 _MOST_HOMES = 20  # that are shown one by one
 _DRAWN = 20  # tasks for a home
@@ -236,3 +239,20 @@ def number(figure: Figure, digits: int = 1) -> str:
 def interval(figure: Figure) -> str:
     """Return the interval of a rate in per cent."""
     return f"{100 * (figure.low or 0):.1f} to {100 * (figure.high or 0):.1f}"
+
+
+def evaluate_command(policy: Path, options: Options, robots: str) -> str:
+    """Return the command that evaluates trained weights on the test tasks, or in the home that they were trained in.
+
+    Args:
+        policy: file of the weights.
+        options: of the environment that they were trained in; weights of ``chmarl-pb train`` know its other rules.
+        robots: names and files of its robots, with commas between them.
+    """
+    words = ["chmarl-pb", "evaluate", "--policy", str(policy)]
+    words += ["--home", str(options.home)] if options.home else ["--split", TEST_SPLITS[options.track]]
+    words += ["--track", options.track] if options.track != PAPER else []
+    words += ["--observation", str(options.observation), *(["--goal"] if options.goal else [])]
+    words += ["--robots", robots] if listed(robots) != TEAM else []
+    words += ["--catalog", str(options.catalog)] if options.catalog else []
+    return shlex.join(words)

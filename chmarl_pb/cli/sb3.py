@@ -8,14 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+from chmarl_pb.cli.evaluate import evaluate_command
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.registration import options_of
-from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.benchmark_env import Observation
-from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
 from chmarl_pb.learning.runs.interrupts import run_command
-from chmarl_pb.learning.sb3.config import PRESETS, Config, EnvId
+from chmarl_pb.learning.sb3.config import Config, EnvId
 from chmarl_pb.learning.sb3.train import BEST, RESULT, run
 from chmarl_pb.robots.registry import TEAM, listed
 
@@ -68,9 +67,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str]) -> int:
     config, folder, workers, device, quiet = parse(arguments)
-    if config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys:
-        config = replace(config, frozen=frozen_encoder(config.image_encoder).fingerprint)
-    config = replace(config, catalog_sha256=Options(catalog=config.catalog).things.content)
     run(config, folder, workers, quiet=quiet, device=device)
     if quiet:
         return 0
@@ -78,13 +74,9 @@ def _main(arguments: Sequence[str]) -> int:
     print(
         f"{folder / BEST}: SR {100 * best['sr']:.1f}, PLW {100 * best['plw']:.1f} on validation tasks. Evaluate it with"
     )
-    goal = " --goal" if PRESETS[config.preset].goal else ""
-    robots = f" --robots {config.robots}" if listed(config.robots) != TEAM else ""
-    own = f" --catalog {config.catalog}" if config.catalog else ""
-    where = f"--home {config.home}" if config.home else f"--split {TEST_SPLITS[config.track]}"
-    where += f" --track {config.track}" if config.track != PAPER else ""
-    options = f"--observation {config.observation}{goal}{robots}{own}"
-    print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
+    given = {name: value for name, value in config.env_options.items() if name != "flat_actions"}
+    options = Options(config.observation, track=config.track, **given)
+    print(evaluate_command(folder / BEST, options, config.robots))
     return 0
 
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_type_hints
 
 from chmarl_pb.cli.arguments import add_rules, rules_of
+from chmarl_pb.cli.evaluate import evaluate_command
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import PAPER, TEST_SPLITS
+from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
@@ -215,15 +216,9 @@ def _run(arguments: Sequence[str]) -> int:
     if command.place.quiet:
         return 0
     print(f"{folder / BEST}: the weights that were best on the validation tasks. Evaluate them with")
-    robots = f" --robots {command.setting.robots}" if listed(command.setting.robots) != TEAM else ""
-    catalog = getattr(command.setting, "catalog", None)
-    own = f" --catalog {catalog}" if catalog else ""
-    home = getattr(command.setting, "home", None)
-    rules = getattr(command.setting, "rules", {})
-    where = f"--home {home}" if home else f"--split {TEST_SPLITS[rules.get('track', PAPER)]}"
-    robots += " --goal" if getattr(command.setting, "goal", False) else ""
-    options = f"--observation {command.setting.observation}{robots}{own}"
-    print(f"chmarl-pb evaluate --policy {folder / BEST} {where} {options}")
+    setting = command.setting
+    options = setting.options if isinstance(setting, Env) else Options(setting.observation)
+    print(evaluate_command(folder / BEST, options, setting.robots))
     return 0
 
 
@@ -274,7 +269,11 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
 
 def _play(algorithm: str, config: RunConfig, env: Env, place: Place, folder: Path) -> None:
     options = env.options
-    config = replace(config, horizon=max(config.horizon, options.max_steps))
+    if config.horizon not in (RunConfig.horizon, options.max_steps):
+        raise ValueError(
+            f"--horizon {config.horizon}: the time limit of episodes is {options.max_steps}; give --max-steps instead"
+        )
+    config = replace(config, horizon=max(RunConfig.horizon, options.max_steps))
     env_fn, setting = benchmark(
         env.observation, image_encoder=config.image_encoder, image_size=env.image_size, robots=listed(env.robots),
         split=options.split, home=env.home, catalog=env.catalog, goal=env.goal, **env.rules,

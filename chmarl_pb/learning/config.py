@@ -100,7 +100,7 @@ class RunConfig:
         hidden: units of each agent's GRU.
         layer_norm: whether an agent's features, and what its GRU gives, are normalised.
         encoder: of observations: a name in ``networks.encoders.ENCODERS``, or ``module:name``.
-        image_encoder: of pictures: "cnn" learns; all others are frozen, see ``networks.frozen``.
+        image_encoder: of pictures, if there are any: "cnn" learns; all others are frozen, see ``networks.frozen``.
         graph_pool: of scene graphs: "mean" (the paper's), "gated" by the instruction, "grounded": by how likely each
             node is what the instruction calls X and Y, or "parsed": the same, as ``parse_instruction`` tells.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.

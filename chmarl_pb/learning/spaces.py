@@ -129,7 +129,7 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
 def tree_map(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
     """Return a tree of what a function makes of the arrays of trees of one shape."""
     if isinstance(first, Mapping):
-        return {key: function(value, *(other[key] for other in others)) for key, value in first.items()}
+        return {key: tree_map(function, value, *(other[key] for other in others)) for key, value in first.items()}
     return function(first, *others)
 
 

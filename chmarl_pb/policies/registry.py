@@ -156,8 +156,8 @@ def make_policy(name: str, env: Any) -> Policy:
         name: "planner" (privileged, optimal), "search" (with pictures it reads the true ``info["visible"]``),
             "search-alone" (the drone stays), "search-silent" (without messages), "belief", "belief-alone",
             "belief-silent" (the same, and expect of a home what homes of training are like), "belief-told" (privileged:
-            told the rooms of X and Y at the start), "random", or one that does without
-            most of what a robot is given: "blind", "instruction-blind", "open-loop", "reactive".
+            told the rooms of X and Y at the start), "random", or one that does without most of what a robot is given:
+            "blind", "instruction-blind", "feedback-only", "partner-blind", "open-loop", "reactive".
         env: the ParallelEnv, or a view of it, that the policy is to drive.
 
     Raises:

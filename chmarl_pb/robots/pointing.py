@@ -14,11 +14,6 @@ CELLS: tuple[Cell, ...] = tuple((row, column) for row in range(GRID) for column 
 MIDDLE: Cell = (GRID // 2, GRID // 2)
 
 
-def cell_at(u: float, v: float) -> Cell:
-    """Return the cell in which a point of a picture lies; u goes to the right, v down, both from 0 to 1."""
-    return min(int(v * GRID), GRID - 1), min(int(u * GRID), GRID - 1)
-
-
 def named(verb: str, cell: Cell) -> str:
     """Return the name of the Pick or Place that points at a cell."""
     return f"{verb}_{cell[0]}_{cell[1]}"

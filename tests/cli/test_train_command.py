@@ -156,3 +156,8 @@ def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:
     known = {name: [(event.step, event.value) for event in board.Scalars(name)] for name in board.Tags()["scalars"]}
     assert known["train/success"] == [(10, 0.25), (20, 0.5)] and known["validation/score"] == [(20, 0.125)]
     assert [row["train"]["success"] for row in read_rows(tmp_path / METRICS)] == [0.25, 0.5]
+
+
+def test_the_time_limit_is_not_the_horizon(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["--algo", "vdn", "--horizon", "10", "--out", str(tmp_path / "run")]) == 2
+    assert "--horizon 10: the time limit of episodes is 28; give --max-steps instead" in capsys.readouterr().err

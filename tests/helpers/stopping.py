@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.signals import Interrupted
 
 
@@ -23,7 +23,7 @@ def in_pieces(work: Callable[[], Any], every: int, patch: pytest.MonkeyPatch) ->
         nonlocal places
         places += 1
         if places % every == 0:
-            raise Asked
+            raise StopRequested
 
     patch.setattr(Signals, "check", check)
     for times in range(200):

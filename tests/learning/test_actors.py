@@ -13,21 +13,25 @@ from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import chmarl_pb
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, imitation_loss, mixed
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, expert_mixture, imitation_loss
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
 from chmarl_pb.learning.algorithms.value import Config
+from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import HOME, TRAINED_IN
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
 from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
+from chmarl_pb.learning.runs.loop import name_of
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.policies.registry import make_expert, make_policy
 from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
@@ -46,10 +50,10 @@ def test_imitator_does_what_the_expert_does() -> None:
 def test_labels_are_the_experts_and_only_where_an_agent_acts() -> None:
     collector = Collector(UnevenEnv, 2, EXPERT)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
-    played = collector.play(agents, mixed(1.0), np.random.default_rng(0), [0, 1], ask_experts=True)
+    played = collector.play(agents, expert_mixture(1.0), np.random.default_rng(0), [0, 1], ask_experts=True)
     assert all(actions["long"] == 2 for episode in played for actions in episode.actions)
-    untaught = collector.play(agents, mixed(1.0), np.random.default_rng(0), [0, 1])
-    assert not untaught[0].labels and untaught[0].label("long") == NO_LABEL
+    untaught = collector.play(agents, expert_mixture(1.0), np.random.default_rng(0), [0, 1])
+    assert not untaught[0].labels
 
 
 def test_an_expert_is_told_what_was_done() -> None:
@@ -65,7 +69,7 @@ def test_an_expert_is_told_what_was_done() -> None:
 
     collector = Collector(UnevenEnv, 1, Heeding)
     agents = make_learner("imitation", collector.interface, IMITATION).agents
-    episode = collector.play(agents, mixed(0.0), np.random.default_rng(0), [0], ask_experts=True)[0]
+    episode = collector.play(agents, expert_mixture(0.0), np.random.default_rng(0), [0], ask_experts=True)[0]
     (expert,) = collector._experts
     assert isinstance(expert, Heeding)
     heard = expert.heard
@@ -276,6 +280,33 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     train(UnevenEnv, "iql", SMALL, tmp_path / "values")
     with pytest.raises(CheckpointError, match="iql learns no policy"):
         make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
+
+
+def test_weights_to_start_from_are_of_actions_that_mean_the_same(tmp_path: Path) -> None:
+    """Time limits may be others; so it is whether or not the setting is given to ``train``."""
+    short = partial(chmarl_pb.parallel_env, split="val-unseen", max_steps=3)
+    tiny = replace(IMITATION, episodes=4, horizon=28, graph_pool=MAPPO.graph_pool, validation_interval=4)
+    train(short, "imitation", tiny, tmp_path / "first", expert=partial(make_policy, "belief"))
+    kept = load(tmp_path / "first" / BEST, "value")
+    assert kept["setting"]["rules"] == {"max_steps": 3} and kept["config"]["expert"] == "belief"
+    started = replace(MAPPO, episodes=4, horizon=28, start=str(tmp_path / "first" / BEST))
+    check_first_weights(started, setting_of(chmarl_pb.parallel_env(split="val-unseen")))
+    for differs in ({"messages": False}, {"pointing": True}, {"goal": True}):
+        with pytest.raises(CheckpointError, match="was trained with"):
+            train(partial(short, **differs), "mappo", started)
+
+
+def test_experts_are_named_in_what_is_kept() -> None:
+    made: tuple[Any, ...] = (
+        partial(make_policy, "search"),
+        partial(make_expert, name="belief"),
+        EXPERT,
+        Constant,
+        lambda env: None,
+    )
+    names = [name_of(one) for one in made]
+    assert names[:4] == ["search", "belief", *["tests.helpers.small_runs:Constant"] * 2]
+    assert names[4].startswith(f"{__name__}:")
 
 
 def test_a_run_goes_on_without_the_weights_that_it_began_with(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.bc import LAST
-from chmarl_pb.learning.algorithms.dagger import draw, imitation_loss, mixed
+from chmarl_pb.learning.algorithms.dagger import draw, expert_mixture, imitation_loss
 from chmarl_pb.learning.algorithms.losses import Batch, best_action, chosen, unroll
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import make_learner
@@ -93,7 +93,7 @@ def test_both_heads_are_drawn_by_their_own_probabilities() -> None:
 
 
 def test_log_probabilities_and_entropies_of_heads_add_up() -> None:
-    learner, batch = played("mappo", mixed(0.0))
+    learner, batch = played("mappo", expert_mixture(0.0))
     assert isinstance(learner, Mappo)
     logs, entropies = learner._log_probabilities(batch)
     values = unroll(learner.agents, batch).values["teller"][:, :-1].double()
@@ -131,7 +131,7 @@ def test_each_head_has_its_labels() -> None:
     acts = cross(logits[:, :2, 0].flatten(0, 1), labels[:, :2, 0].flatten())
     says = cross(logits[:, ::2, 1].flatten(0, 1), labels[:, ::2, 1].flatten())
     torch.testing.assert_close(imitation_loss(logits, labels), acts + says)
-    _, batch = played("imitation", mixed(1.0))
+    _, batch = played("imitation", expert_mixture(1.0))
     assert torch.equal(batch.actions["teller"], batch.labels["teller"]), "what the expert does and says is followed"
 
 

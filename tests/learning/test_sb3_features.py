@@ -243,3 +243,10 @@ def test_models_of_normalised_observations_are_no_policies() -> None:
     with pytest.raises(ValueError, match="norm_obs=False"):
         policy_of(ppo(env, GoalFeatures))
     env.close()
+
+
+def test_tasks_of_several_objects_have_longer_instructions() -> None:
+    env = gymnasium.make("CHMARL/SceneGraph-v0", task="tidy", split="val-unseen")
+    space = env.observation_space
+    env.close()
+    assert isinstance(space, spaces.Dict) and HouseholdFeatures(space, 8).features_dim == 8

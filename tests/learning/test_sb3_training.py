@@ -48,6 +48,7 @@ from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, register_loader
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.damage import Evil, flipped
+from tests.helpers.own_things import write_things
 from tests.helpers.stopping import in_pieces
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -247,6 +248,23 @@ def test_a_run_goes_on_in_the_same_home_alone(tmp_path: Path, small_home: Path) 
     small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
     with pytest.raises(CheckpointError, match="home_sha256="):
         run(config, tmp_path / "run", workers=0)
+
+
+@pytest.mark.parametrize("preset", get_args(PresetName))
+def test_own_things_are_more_ids(preset: PresetName, tmp_path: Path) -> None:
+    """The hash of the catalogue is kept, by which weights are refused among other things."""
+    catalog = write_things(tmp_path)
+    config = Config("ppo", HUMANOID, preset=preset, steps=8, interval=8, catalog=str(catalog), **TINY)
+    run(config, tmp_path / "run", workers=0)
+    options: dict[str, Any] = {"split": "val-unseen", "goal": True}
+    with pytest.raises(CheckpointError, match="give the catalogue file that it was trained with"):
+        load_policy(tmp_path / "run" / BEST)(chmarl_pb.parallel_env(**options))
+    load_policy(tmp_path / "run" / BEST)(chmarl_pb.parallel_env(**options, catalog=catalog))
+
+
+def test_encoders_of_pictures_need_a_preset_that_looks_at_them() -> None:
+    with pytest.raises(ValueError, match="preset 'goal' looks at no picture; use goal-encoder or encoder"):
+        Config("ppo", "CHMARL/Visual-v0", image_encoder="resnet18")
 
 
 def test_folders_are_named_after_homes_and_robots() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 from chmarl_pb.envs.observations import Observer
 from chmarl_pb.envs.options import Options
 from chmarl_pb.files import write_atomically
+from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, AlgorithmName, Config, EnvId
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards
 
@@ -56,12 +57,17 @@ def _code(arguments: dict[str, Any]) -> str:
     return f"dict({', '.join(f'{name}={value}' for name, value in values.items())})"
 
 
-def main() -> None:
-    """Write all files."""
+def main() -> int:
+    """Write all files; return the exit code."""
     argparse.ArgumentParser(prog="python -m training.sb3.zoo", description=__doc__).parse_args()
+    return run_command(_main)
+
+
+def _main() -> int:
     for algo, name in NAMES.items():
         write_atomically(FOLDER / f"{name}.yml", text_of(algo))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

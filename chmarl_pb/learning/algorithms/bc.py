@@ -27,7 +27,7 @@ from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
 from chmarl_pb.learning.runs import checkpoint, interrupts
 from chmarl_pb.learning.runs.device import find_device
-from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.threads import threads as torch_threads
@@ -82,7 +82,7 @@ def clone(
                     while run.epoch < config.epochs:
                         run.next_epoch(logger)
                         signals.check()
-                except Asked:
+                except StopRequested:
                     run.save()
                     raise signals.interrupted(f"{run.epoch} epochs and {run.batch} batches", folder / LAST) from None
     checkpoint.check_kept(folder / BEST)
@@ -125,7 +125,7 @@ class _Run:
         """Go through the data once, or through what is left of it, and do what is due after it.
 
         Raises:
-            Asked: the run is to end; its state is that after some batch.
+            StopRequested: the run is to end; its state is that after some batch.
         """
         start, epoch = time.perf_counter(), self.epoch + 1
         losses = self._learn()

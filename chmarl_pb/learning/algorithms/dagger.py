@@ -40,7 +40,8 @@ class DAggerConfig(RunConfig):
     (1.0, 0.0)
 
     Attributes:
-        expert: built-in policy that is imitated on the benchmark: "belief" or "search"; ``train`` is given one itself.
+        expert: name of what is imitated: on the command line a built-in policy, "belief" or "search"; ``train`` writes
+            down here what it is given.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
         anneal: share of the episodes, the last ones, in which the learning rate falls linearly, to 0 after the last
@@ -86,7 +87,7 @@ class DAgger:
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: a share of the actions is the expert's, others are drawn."""
-        return mixed(self.config.expert_share(episodes))
+        return expert_mixture(self.config.expert_share(episodes))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes."""
@@ -141,7 +142,7 @@ def _cross_entropy(logits: Tensor, labels: Tensor) -> Tensor:
     return nn.functional.cross_entropy(logits[labelled], labels[labelled])
 
 
-def mixed(expert_share: float) -> Choose:
+def expert_mixture(expert_share: float) -> Choose:
     """Return how to act: as the expert says in a share of the steps, else by the networks' probabilities."""
 
     def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -7,13 +7,15 @@ from typing import Any
 
 from torch import Tensor
 
+from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
-from chmarl_pb.learning.config import HOME, TRAINED_IN, RunConfig
+from chmarl_pb.learning.config import HOME, RULES, TRAINED_IN, RunConfig
+from chmarl_pb.learning.policies.checks import meaning_of
 from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.spaces import Interface
 
@@ -81,7 +83,9 @@ def make_learner(algorithm: str, interface: Interface, config: RunConfig, resume
 
 
 def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
-    """Check that the weights to begin with were learned in the same setting, in whatever homes: messages, images.
+    """Check that the weights to begin with were learned in the same setting: messages, images, meaning of actions.
+
+    Homes, wording and time limit may be others.
 
     Raises:
         CheckpointError: they were not, or the file is damaged.
@@ -91,10 +95,11 @@ def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
     path = Path(config.first_weights)
     with reading(path):
         theirs = dict(load(path, "value")["setting"])
-    for name, own in setting.items():
-        if name not in (HOME, TRAINED_IN) and theirs.get(name) != own:
+    theirs, own = ({**one, RULES: meaning_of(Options(**one.get(RULES, {})))} for one in (theirs, setting))
+    for name in sorted((theirs.keys() | own.keys()) - {HOME, TRAINED_IN}):
+        if theirs.get(name) != own.get(name):
             raise CheckpointError(
-                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own!r}; start from another"
+                f"{path}: was trained with {name}={theirs.get(name)!r}, not {own.get(name)!r}; start from another"
             )
 
 

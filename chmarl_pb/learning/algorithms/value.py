@@ -102,7 +102,7 @@ class ValueLearner:
         self._rewards = Normalizer(numbers) if config.standardize_rewards else None
         scales = {"of_states": self._states, "of_values": self.aim.scale, "of_rewards": self._rewards}
         self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
-        self._targets = copy.deepcopy(self.networks).requires_grad_(False)
+        self._targets = copy.deepcopy(self.networks).requires_grad_(False).eval()
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
         self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
         self.updates = 0
@@ -148,6 +148,8 @@ class ValueLearner:
     def _update_targets(self) -> None:
         for target, weight in zip(self._targets.parameters(), self.networks.parameters(), strict=True):
             target.lerp_(weight, self.config.tau)
+        for kept, counted in zip(self._targets.buffers(), self.networks.buffers(), strict=True):
+            kept.copy_(counted)
 
     def loss(self, batch: Batch) -> dict[str, Tensor]:
         """Return the algorithm's loss of a batch, with what goes with it."""

@@ -77,15 +77,18 @@ def check_rules(env: HouseholdEnv, rules: Mapping[str, Any], path: Path) -> None
     Raises:
         CheckpointError: they do not.
     """
-    wanted = Options(**rules)
-    theirs, own = (
-        {"pointing": one.pointing, "lookalikes": one.lookalikes, "own words": isinstance(one.channel, Talk)}
-        for one in (wanted, env.options)
-    )
+    theirs, own = meaning_of(Options(**rules)), meaning_of(env.options)
     if theirs != own:
         told = ", ".join(f"{name}={value!r}" for name, value in {"track": PAPER, **rules}.items())
         differ = ", ".join(name for name in own if own[name] != theirs[name])
         raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
+
+
+def meaning_of(options: Options) -> dict[str, bool]:
+    """Return the rules by which actions and observations mean what they do; not the wording, nor the time limit."""
+    return {
+        "pointing": options.pointing, "lookalikes": options.lookalikes, "own words": isinstance(options.channel, Talk)
+    }  # fmt: skip
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from chmarl_pb.signals import Interrupted, handled
 EVERY = 60.0  # seconds of work that may be lost when a process is killed; checkpoints are written as often
 
 
-class Asked(BaseException):
+class StopRequested(BaseException):
     """The work is to end here, at a place where its state is whole."""
 
 
@@ -33,10 +33,10 @@ class Signals:
         """End the work here if a signal asks for it.
 
         Raises:
-            Asked: one does.
+            StopRequested: one does.
         """
         if self.number is not None:
-            raise Asked
+            raise StopRequested
 
     def interrupted(self, done: str, place: Any) -> Interrupted:
         """Return what ends the work after it was saved.

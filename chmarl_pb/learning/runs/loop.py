@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from torch import nn
 
+from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm
 from chmarl_pb.learning.benchmark_env import setting_of
@@ -15,7 +17,7 @@ from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs.checkpoint import check_kept, load, reading
 from chmarl_pb.learning.runs.collect import Collector
 from chmarl_pb.learning.runs.device import find_device
-from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
@@ -23,6 +25,16 @@ from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import Validate, by_return
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.registry import make_expert, make_policy
+
+
+def name_of(expert: Callable[[Any], Expert | Policy]) -> str:
+    """Return the name of what makes an expert: of a built-in policy its own, of others ``module:name``."""
+    make = expert.func if isinstance(expert, partial) else expert
+    if isinstance(expert, partial) and make in (make_policy, make_expert):
+        return str((*expert.args, expert.keywords.get("name"))[0])
+    named = make if hasattr(make, "__qualname__") else type(make)
+    return f"{named.__module__}:{named.__qualname__}"
 
 
 @dataclass(frozen=True)
@@ -82,7 +94,7 @@ def train(
             None: where an environment of the benchmark was trained in, with which alone a run goes on.
         quiet: whether no progress is shown.
         expert: makes what is imitated in an environment: a policy, or an expert that observes the actions taken in its
-            place, see :class:`chmarl_pb.policies.expert.Expert`.
+            place, see :class:`chmarl_pb.policies.expert.Expert`; algorithms that imitate nobody ask it nothing.
         threads: of torch, while this runs; networks as small as these are fastest with one.
         device: of torch, that the networks learn and act on; an interrupted run may go on on another.
 
@@ -96,16 +108,19 @@ def train(
     if row.imitates and expert is None:
         raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, 'belief')")
     config = config or row.config()
+    if isinstance(config, DAggerConfig) and expert is not None:
+        config = replace(config, expert=name_of(expert))
+    imitated = expert if row.imitates else None
     where, signals = find_device(device), Signals()
     last = None if folder is None else folder / LAST
-    if last is None or not last.exists():
-        check_first_weights(config, setting or {})
     with (
         torch_threads(threads), run_lock(folder),
-        closing(Collector(env_fn, config.envs, expert, config.horizon, signals.check)) as collector,
+        closing(Collector(env_fn, config.envs, imitated, config.horizon, signals.check)) as collector,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
         setting = setting_of(collector.envs[0]) if setting is None else setting
+        if not resumed:
+            check_first_weights(config, setting)
         run = Run(collector, algorithm, config, folder, validate or by_return(), setting, where, resumed)
         if last is not None and resumed:
             with reading(last):
@@ -115,7 +130,7 @@ def train(
                 while not run.is_over:
                     run.advance(logger)
                     signals.check()
-            except Asked:
+            except StopRequested:
                 run.save()
                 raise signals.interrupted(f"{run.episodes} episodes", last) from None
         if folder is not None:

@@ -43,10 +43,6 @@ class Episode:
         """Return the number of steps."""
         return len(self.actions)
 
-    def label(self, name: str) -> Any:
-        """Return what the expert would do now in an agent's place, or -1."""
-        return self.labels[-1].get(name, -1) if self.labels else -1
-
     @property
     def episode_return(self) -> float:
         """The sum of the rewards, averaged over the agents that act."""
@@ -142,7 +138,7 @@ class ReplayBuffer:
     def state(self) -> dict[str, Any]:
         """Return the episodes that are kept, as tensors that share the buffer's memory."""
         used = len(self)
-        return {"added": self.added, "kept": _deep(lambda array: torch.from_numpy(array[:used]), self._kept)}
+        return {"added": self.added, "kept": tree_map(lambda array: torch.from_numpy(array[:used]), self._kept)}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state of a buffer of the same kind."""
@@ -171,12 +167,6 @@ class ReplayBuffer:
 def leaves(tree: Any) -> list[Any]:
     """Return the arrays of a nested dict, in order."""
     return [leaf for part in tree.values() for leaf in leaves(part)] if isinstance(tree, dict) else [tree]
-
-
-def _deep(function: Any, tree: Any) -> Any:
-    if isinstance(tree, dict):
-        return {key: _deep(function, part) for key, part in tree.items()}
-    return function(tree)
 
 
 def _write(array: np.ndarray, place: int, new: np.ndarray) -> None:

@@ -3,7 +3,7 @@
 import json
 import time
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,13 @@ import numpy as np
 import torch
 
 from chmarl_pb.files import file_hash
+from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import TRAINED_IN, RunConfig
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.checkpoint import check_same, load, save
 from chmarl_pb.learning.runs.collect import Collector
-from chmarl_pb.learning.runs.interrupts import Asked
+from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.validation import Validate
@@ -30,7 +31,7 @@ class Run:
     """A training run; all of it can be saved between two rollouts, and in one before its validation.
 
     Attributes:
-        learner: networks and optimizer.
+        learner: networks and optimizer; the agents' networks are in training mode in gradient steps alone.
         episodes: number of played episodes.
         rows: number of written rows of metrics.
         best_score: of the best validation so far.
@@ -52,7 +53,9 @@ class Run:
         self._collector, self._validate = collector, validate
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
         self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
-        self.learner.to(device or torch.device("cpu"))
+        self._device = device or torch.device("cpu")
+        self.learner.to(self._device)
+        self.learner.agents.eval()
         self.replay = _make_buffer(collector.interface, algorithm, config, device)
         streams = np.random.SeedSequence(config.seed).spawn(3)
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
@@ -71,7 +74,7 @@ class Run:
         """Play a rollout, learn from it, and do what is due after it; what was left of the last rollout comes first.
 
         Raises:
-            Asked: the run is to end; its state is that of before the rollout, or of before its validation.
+            StopRequested: the run is to end; its state is that of before the rollout, or of before its validation.
             ValueError: the score of a validation is no number.
         """
         if self._unreported is None:
@@ -154,7 +157,7 @@ class Run:
             played = self._collector.play(
                 self.learner.agents, choose, self._streams["actions"], seeds, ask_experts=True
             )
-        except Asked:
+        except StopRequested:
             for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
             raise
@@ -179,12 +182,25 @@ class Run:
 
     def _learn(self) -> None:
         start = time.perf_counter()
-        for batch, figures in self.learner.learn(self.replay, self._streams["batches"]):
+        for batch, figures in self._gradient_steps():
             for name, value in figures.items():
                 self._window[name].append(value)
             self._clock["transitions"] += int(batch.acted.any(dim=-1).sum())
             self._clock["gradients"] += 1
         self._clock["updates"] += time.perf_counter() - start
+
+    def _gradient_steps(self) -> Iterator[tuple[Batch, dict[str, float]]]:
+        """Take gradient steps in training mode; what networks draw, as dropout does, follows from seed and step."""
+        steps = self.learner.learn(self.replay, self._streams["batches"])
+        self.learner.agents.train()
+        with torch.random.fork_rng([self._device] if self._device.type == "cuda" else []):
+            while True:
+                place = np.random.SeedSequence([self.config.seed, self.learner.updates])
+                torch.manual_seed(int(place.generate_state(1)[0]))
+                if (step := next(steps, None)) is None:
+                    break
+                yield step
+        self.learner.agents.eval()
 
     def _score(self) -> dict[str, float]:
         """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures.

@@ -1,5 +1,6 @@
 """Observations as the benchmark gives them: networks that read ids refuse what a wrapper has stacked or scaled."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, TypeGuard
 
@@ -63,13 +64,26 @@ def _check_robot(prefix: str, own: Mapping[str, spaces.Space[Any]]) -> None:
     given = Observer(Options(goal=True, lookalikes=_among_lookalikes(own)), ("",) * rooms).space
     symbols = MESSAGES in own and own[MESSAGES].shape != (2, rooms)  # of a vocabulary of any size
     for name in (own.keys() & given.spaces.keys()) - ({MESSAGES} if symbols else set()):
-        if own[name].shape != given[name].shape:
+        if own[name].shape != given[name].shape and not (name == INSTRUCTION and _of_several(own[name], given[name])):
             raise ValueError(f"{prefix + name!r} has the shape {own[name].shape}, not {given[name].shape}: {_MEMORY}")
-        if _has_whole_numbers(given[name]) and own[name] != given[name]:
+        if _has_whole_numbers(given[name]) and not _holds(own[name], given[name]):
             raise ValueError(f"{prefix + name!r} is {own[name]}, not {given[name]}: {_IDS}; {_SCALED}")
     picture = own.get(IMAGE)
     if picture is not None and not is_picture(picture) and picture.dtype != np.float16:  # as frozen features have
         raise ValueError(f"{prefix + IMAGE!r} is {picture}, not one uint8 picture: stacked or scaled; {_SCALED}")
+
+
+def _of_several(own: spaces.Space[Any], one: spaces.Space[Any]) -> bool:
+    """Return whether an instruction has words for several objects; one that is stacked is not stacked alone."""
+    return len(own.shape or ()) == 1 and math.prod(own.shape or ()) % math.prod(one.shape or ()) == 0
+
+
+def _holds(own: spaces.Space[Any], given: spaces.Space[Any]) -> bool:
+    """Return whether a space has the whole numbers of the benchmark's; classes and words of the user's own are more."""
+    assert isinstance(given, spaces.Box)
+    if not isinstance(own, spaces.Box) or own.dtype != given.dtype or own.low.any():
+        return False
+    return bool(own.high.max() >= given.high.max())
 
 
 def _rooms(own: Mapping[str, spaces.Space[Any]]) -> int:

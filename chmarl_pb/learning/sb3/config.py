@@ -133,8 +133,8 @@ class Config:
         algo: "ppo", "a2c", "dqn", "qr-dqn" or "recurrent-ppo".
         env_id: a Gymnasium id of the benchmark; it names the policy of the drone, too, where the humanoid learns alone.
         preset: what the network reads, and how it learns. "goal": the few numbers of ``messages``, ``self``, ``goal``
-            alone, so that ``features``, ``graph_pool`` and ``word_vectors`` are of no use; "goal-encoder": the
-            encoder's features, too; "encoder": these alone, without the goal.
+            alone, so that ``features``, ``graph_pool`` and ``word_vectors`` are of no use, and pictures are not seen;
+            "goal-encoder": the encoder's features, too; "encoder": these alone, without the goal.
         steps: of the environments in all.
         seed: of every random stream.
         envs: environments played side by side.
@@ -142,7 +142,7 @@ class Config:
         feedback: whether they get language feedback, where the track has any.
         image_size: pixels.
         image_encoder: "cnn" learns from pictures; others are frozen, see :mod:`chmarl_pb.learning.networks.frozen`.
-        frozen: sha256 of the frozen weights; empty without them.
+        frozen: sha256 of the frozen weights, which ``run`` finds out; empty without them.
         features: numbers that an observation is encoded to.
         graph_pool: of scene graphs; see :func:`chmarl_pb.learning.networks.encoders.build_encoder`.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
@@ -154,7 +154,7 @@ class Config:
         robots: with commas between them; see :class:`chmarl_pb.envs.options.Options`.
         home: name or path of a home to train in instead of the split's.
         catalog: catalogue file of own things.
-        catalog_sha256: of that file and all that it names; empty without it.
+        catalog_sha256: of that file and all that it names, which ``run`` finds out; empty without it.
     """
 
     algo: AlgorithmName
@@ -188,6 +188,11 @@ class Config:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
         if self.preset not in PRESETS:
             raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
+        if self.image_encoder != "cnn" and self.keys:
+            raise ValueError(
+                f"image_encoder={self.image_encoder!r}: preset {self.preset!r} looks at no picture; "
+                "use goal-encoder or encoder"
+            )
         look_up("graph_pool", self.graph_pool, GRAPH_POOLS)
         look_up("image_encoder", self.image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
 

@@ -3,7 +3,7 @@
 import json
 import time
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,10 @@ from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.benchmark_env import trained_in
 from chmarl_pb.learning.config import TRAINED_IN
-from chmarl_pb.learning.networks.frozen import frozen_encoder
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
 from chmarl_pb.learning.runs.checkpoint import check_kept
 from chmarl_pb.learning.runs.device import find_device
-from chmarl_pb.learning.runs.interrupts import Asked, Signals
+from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.sb3.bar import Bar
@@ -70,7 +70,7 @@ def run(
         CheckpointError: the folder's checkpoint is damaged or of other settings, another process trains there, or the
             run is over and its best weights are gone.
     """
-    where = find_device(device)
+    where, config = find_device(device), _completed(config)
     tasks = validation_tasks(config.tasks, config.home, listed(config.robots), config.catalog, config.track)
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     signals = Signals()
@@ -87,6 +87,15 @@ def run(
         best = _Best(config, folder)
         validation = Validation(validation_env, len(tasks), config.sampled, folder, best, bar.say, signals.check)
         return _learn(config, folder, env, journal, validation, signals, bar, where)
+
+
+def _completed(config: Config) -> Config:
+    """Return settings with what the files hold that they name: the weights of a frozen encoder, a catalogue."""
+    frozen = config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys
+    return replace(
+        config, frozen=frozen_encoder(config.image_encoder).fingerprint if frozen else "",
+        catalog_sha256=Options(catalog=config.catalog).things.content,
+    )  # fmt: skip
 
 
 def _settings(config: Config) -> dict[str, Any]:
@@ -137,7 +146,7 @@ def _learn(
         with signals:
             try:
                 model.learn(config.steps - first, [milestones, bar], log_interval=every, reset_num_timesteps=False)
-            except (Asked, WorkerError) as error:
+            except (StopRequested, WorkerError) as error:
                 if isinstance(error, WorkerError) and signals.number is None:  # else the signal has ended the workers
                     raise
                 milestones.save()
