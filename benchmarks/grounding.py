@@ -27,7 +27,7 @@ with needs("benchmarks.grounding", "train", script=True):
 
 import chmarl_pb
 from chmarl_pb.evaluation.recognition import total
-from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig, mixed
+from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig, expert_mixture
 from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.observation_keys import GOAL
@@ -114,7 +114,9 @@ def demonstrations(path: Path, episodes: int) -> ReplayBuffer:
             agents = make_learner("imitation", collector.interface, DAggerConfig(features=8, hidden=8)).agents
             rng, seeds = np.random.default_rng(0), np.random.default_rng(1).integers(2**31, size=episodes).tolist()
             for first in range(0, episodes, ENVS):
-                for episode in collector.play(agents, mixed(1.0), rng, seeds[first : first + ENVS], ask_experts=True):
+                for episode in collector.play(
+                    agents, expert_mixture(1.0), rng, seeds[first : first + ENVS], ask_experts=True
+                ):
                     shown.add(episode)
             checkpoint.save(path, KIND, {"replay": shown.state()})
     return shown

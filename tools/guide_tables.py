@@ -6,7 +6,7 @@ from pathlib import Path
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import URDF_DIR
-from chmarl_pb.homes import home, layout, source
+from chmarl_pb.homes import layout, rooms, source
 from chmarl_pb.homes.materials import MOST_LIBRARY_BYTES, MOST_PIXELS
 from chmarl_pb.homes.mesh import MOST_TRIANGLES
 from chmarl_pb.homes.solids import MOST_CORNERS
@@ -36,7 +36,7 @@ def _limits() -> list[tuple[str, str]]:
     return [
         ("rooms of a home", f"{check.MOST_ROOMS}"),
         ("furniture and scenery of a home", f"{check.MOST_THINGS}, one less for each robot beyond two"),
-        ("size of a home", f"{home.WIDEST} m from end to end, {home.LARGEST} m² of floor"),
+        ("size of a home", f"{rooms.WIDEST} m from end to end, {rooms.LARGEST} m² of floor"),
         ("tops of all receptacles", f"{surfaces.MOST_CELLS * surfaces.CELL**2:.0f} m²"),
         ("edges of rooms in a layout", f"on multiples of {layout.GRID} m"),
         ("URDF", f"{source.MOST_URDF_BYTES // 2**20} MiB, {source.MOST_ELEMENTS:,} elements"),

@@ -30,7 +30,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     adding.add_argument("--class", dest="name", required=True, metavar="NAME", help="name of the class, as rubber_duck")
     adding.add_argument("--kind", choices=tuple(KEYS), default="graspable", help="default: %(default)s")
     adding.add_argument("--scale", type=float, default=1.0, metavar="S", help="metres in a unit of it (default: 1)")
-    adding.add_argument("--up", choices=AXES, default="z", help="axis of the file that points up (default: z)")
+    adding.add_argument(
+        "--up", choices=AXES, help="axis of the file that points up (default: z, if the file says no other)"
+    )
     adding.add_argument("--mass", type=float, metavar="KG", help="default: the file's, else guessed from its size")
     for option, text in (
         ("--names", "other names of it in instructions, as 'yellow duck'; some before one that takes no 'a'"),

@@ -163,17 +163,32 @@ def save_episode(file: EpisodeFile, path: Path | str) -> None:
 
 
 def load_episode(path: Path | str) -> EpisodeFile:
-    """Read an episode file.
+    """Read an episode file; files that it names are looked for where it was saved, then beside it.
 
     Raises:
         ResultError: the file is missing, damaged, or of another kind.
     """
     try:
-        return _parse(read_object(path))
+        return _located(_parse(read_object(path)), Path(path).parent)
     except FileNotFoundError as error:
         raise ResultError(f"{path}: no such file; `chmarl-pb episode save` writes episodes") from error
     except WRONG as error:
         raise ResultError(f"{path}: not a whole episode file: {str(error)[:300]}; save the episode again") from error
+
+
+def _located(file: EpisodeFile, folder: Path) -> EpisodeFile:
+    """Return an episode whose home, catalogue and robots are those in a folder, where paths lead to nothing."""
+
+    def found(name: str) -> str:
+        beside = folder / name
+        return str(beside) if Path(name).suffix and not Path(name).is_file() and beside.is_file() else name
+
+    options = dict(file.options)
+    if options.get("catalog"):
+        options["catalog"] = found(options["catalog"])
+    if "robots" in options:
+        options["robots"] = tuple(map(found, options["robots"]))
+    return replace(file, task=replace(file.task, home=found(file.task.home)), options=options)
 
 
 def _parse(data: dict[str, Any]) -> EpisodeFile:

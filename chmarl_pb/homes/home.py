@@ -15,77 +15,15 @@ from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.object_looks import looks_in
 from chmarl_pb.homes.problem import Findings, Refused, raise_first
+from chmarl_pb.homes.rooms import Room, Thing, rooms_of
 from chmarl_pb.homes.solids import Points, Solid
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
 from chmarl_pb.kept import Kept
 
-#: Metres that a home may measure from one end of its floors to the other: its lattice must fit into memory.
-WIDEST = 60
-#: Square metres of all floors, for the same reason; the benchmark's homes have 71 to 105.
-LARGEST = 400
-
 _KEPT: Kept["Reading"] = Kept(32)
 _LONGEST_NAME = 400  # characters of a home's name or path in messages
-_LEVEL = 0.01  # metres that a floor's top may lie off z = 0
 _NAME = re.compile(r"[a-z][a-z0-9_]*/[a-z][a-z0-9_]*_[0-9]+")
-
-
-@dataclass(frozen=True, eq=False)
-class Thing:
-    """One static thing of a home: a piece of furniture, scenery or structure.
-
-    Attributes:
-        name: ``<room>/<class>_<n>``.
-        frame: its link's frame in the world, 4 x 4.
-        solids: its convex pieces, in the world frame.
-    """
-
-    name: str
-    frame: Points
-    solids: tuple[Solid, ...]
-
-    @cached_property
-    def class_name(self) -> str:
-        """The class, e.g. ``stove``; it may be one that the catalogue does not know."""
-        return catalog.class_of(self.name)
-
-    @cached_property
-    def room(self) -> str:
-        """The room in its name."""
-        return catalog.room_of(self.name)
-
-    @cached_property
-    def centre(self) -> Points:
-        """Middle (2,) of its footprint; of its frame when it has no solids."""
-        if not self.solids:
-            return self.frame[:2, 3]
-        middle: Points = (
-            np.min([s.low for s in self.solids], axis=0) + np.max([s.high for s in self.solids], axis=0)
-        ) / 2
-        return middle
-
-
-@dataclass(frozen=True, eq=False)
-class Room:
-    """One room: its name and the convex polygons of its floor (metres, world frame)."""
-
-    name: str
-    floors: tuple[Points, ...]
-
-    @cached_property
-    def centre(self) -> Points:
-        """Area-weighted middle (2,) of the floor."""
-        areas = np.array([_area(floor) for floor in self.floors])
-        middle: Points = (areas[:, None] * np.array([floor.mean(axis=0) for floor in self.floors])).sum(
-            axis=0
-        ) / areas.sum()
-        return middle
-
-    @property
-    def area(self) -> float:
-        """Floor area in square metres."""
-        return sum(_area(floor) for floor in self.floors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +96,8 @@ def home_path(name_or_path: str | Path) -> Path:
     packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(str(name_or_path))
     try:
         found = next((file for file in (packaged, path) if file.exists() and not file.is_dir()), None)
+        if found is not None and found.suffix == ".toml":
+            raise HomeError(f"{found}: is a layout, no home yet; build it: chmarl-pb homes build {found}")
         if found is not None:
             return found.resolve()
     except (OSError, RuntimeError):  # too long a name, a loop of links
@@ -236,7 +176,7 @@ def _home(path: Path, found: Findings, known: Catalog) -> Home | None:
     links = tuple(link for link in links if link.visuals or link.collisions)
     links = tuple(link for link in links if _is_well_named(link.name, found))
     things = [Thing(link.name, link.frame, link.solids) for link in links]
-    rooms = _rooms(things, found)
+    rooms = rooms_of(things, found)
     things = [thing for thing in things if thing.room in rooms]
     if not rooms:
         return None
@@ -262,40 +202,3 @@ def _is_well_named(name: str, found: Findings) -> bool:
             "a link with geometry is named <room>/<class>_<number>; call it e.g. kitchen/stove_1, in lower case", name
         )
     return good
-
-
-def _rooms(things: list[Thing], found: Findings) -> dict[str, Room]:
-    """Return the rooms, and list floors and rooms that are none.
-
-    Raises:
-        Refused: they are larger than a home can be.
-    """
-    floors: dict[str, list[Points]] = {}
-    for thing in things:
-        if thing.class_name == "floor":
-            if not thing.solids:
-                found.error("it has no <collision>; a floor's footprint is the room, add one", thing.name)
-                continue
-            top = max(solid.top for solid in thing.solids)
-            if abs(top) > _LEVEL:
-                found.error(f"its top lies at z = {top:.2f} m; a floor's top lies at z = 0, move it there", thing.name)
-            floors.setdefault(thing.room, []).extend(solid.polygon for solid in thing.solids)
-    if not floors:
-        found.error("no floor; add a link <room>/floor_1 for every room, its top at z = 0")
-        return {}
-    for thing in things:
-        if thing.room not in floors:
-            found.error(f"room {thing.room!r} has no floor; add a link {thing.room}/floor_1", thing.name)
-    rooms = {name: Room(name, tuple(polygons)) for name, polygons in floors.items()}
-    width = float(np.ptp(np.concatenate([polygon for room in rooms.values() for polygon in room.floors]), axis=0).max())
-    if width > WIDEST:
-        raise Refused(f"it is {width:,.0f} m wide, at most {WIDEST} m can be played; a URDF's unit is the metre")
-    area = sum(room.area for room in rooms.values())
-    if area > LARGEST:
-        raise Refused(f"{area:,.0f} m2 of floor, at most {LARGEST} m2 can be played; make it smaller")
-    return rooms
-
-
-def _area(polygon: Points) -> float:
-    x, y = polygon.T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

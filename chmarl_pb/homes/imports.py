@@ -35,6 +35,7 @@ AXES = tuple(_UP)
 _DENSITY = 150.0  # kg in a cubic metre of the box, where a file does not say what a thing weighs
 _HEAVIEST_GUESS = 2.0  # kg
 _LARGEST = 4.0  # metres: no furniture is larger along a side
+_SMALLEST = 0.05  # metres along its longest side
 _MOST_PIECES = 64  # convex pieces of furniture
 
 
@@ -46,7 +47,7 @@ class Wish:
         name: the class.
         kind: of the class.
         scale: metres in a unit of the file.
-        up: the axis of the file that points up, "x", "y" or "z".
+        up: the axis of the file that points up, "x", "y" or "z"; None: z, unless the file says that it is another.
         mass: kilograms; None: as the file says, else guessed from its size.
         names: names for all tasks.
         held_out: names that are not used in training.
@@ -56,7 +57,7 @@ class Wish:
     name: str
     kind: OwnKind = "graspable"
     scale: float = 1.0
-    up: str = "z"
+    up: str | None = None
     mass: float | None = None
     names: tuple[str, ...] = ()
     held_out: tuple[str, ...] = ()
@@ -132,7 +133,12 @@ def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
         if not np.isfinite(wish.scale) or not 1e-6 <= wish.scale <= 1e6:
             raise ValueError(f"a scale of {wish.scale} is not from 0.000001 to 1,000,000")
         links, mass = _read(file)
-        turn = _UP[wish.up] * wish.scale
+        meshes = [shape.mesh for link in links for shape in link.shapes if shape.mesh is not None]
+        if wish.up is None and any("up axis" in mesh.unread for mesh in meshes):
+            raise ValueError(
+                "says that another axis than z is up, which is not read; say which one is: --up y, or --up z if it is z"
+            )
+        turn = _UP[wish.up or "z"] * wish.scale
         parts = [_turned(part, turn) for link in links for part in painted(link)]
         pieces = [shape.points(link.frame) @ turn.T for link in links for shape in (link.collisions or link.visuals)]
         parts = list(simplified(parts, MOST_TRIANGLES if wish.kind == "graspable" else 4 * MOST_TRIANGLES))
@@ -185,9 +191,11 @@ def _standing(parts: Sequence[Part], mass: float | None) -> tuple[Thing, Points]
 
 
 def _check_furniture(thing: Thing, pieces: Sequence[Points]) -> None:
+    sides = " x ".join(f"{side:.3g}" for side in thing.size)
     if max(thing.size) > _LARGEST:
-        sides = " x ".join(f"{side:.3g}" for side in thing.size)
         raise ValueError(f"measures {sides} m; furniture has at most {_LARGEST:g} m along a side: scale it down")
+    if max(thing.size) < _SMALLEST:
+        raise ValueError(f"measures {sides} m; furniture has at least {_SMALLEST:g} m along a side: scale it up")
     if len(pieces) > _MOST_PIECES:
         raise ValueError(f"has {len(pieces)} collisions; furniture has at most {_MOST_PIECES}: join some")
     count = sum(len(part.corners) for part in thing.parts)

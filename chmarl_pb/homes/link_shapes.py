@@ -22,6 +22,7 @@ MOST_PICTURE_BYTES = 256 * 2**20
 Numbered = list[tuple[int, Shape]]
 
 _SMALLEST = 1e-5  # metres
+_MOST_TURN = 4 * math.pi  # radians; what is beyond are degrees
 _LONGEST = 40  # characters of an element's name in a message
 #: Element -> attribute -> how many finite numbers it holds.
 Rules = Mapping[str, Mapping[str, int]]
@@ -71,6 +72,8 @@ def _problem_with(name: str, count: int, text: str) -> str:
         return "is not above 0; fix it"
     if name in _LENGTHS and min(numbers) < _SMALLEST:
         return f"is below {_SMALLEST} m, too small to be there; make it larger or remove it"
+    if name == "rpy" and max(map(abs, numbers)) > _MOST_TURN:
+        return "turns it several times; angles are in radians, 90 degrees are 1.5708"
     if name == "scale" and 0 in numbers:
         return "leaves nothing of the mesh; fix it"
     if name == "rgba" and not 0 <= min(numbers) <= max(numbers) <= 1:
@@ -180,7 +183,10 @@ class Shapes:
             problem = str(error)
             if problem.endswith("does not exist"):
                 near = _near(name, self._source)
-                problem += f"; write {near!r}, as it is called" if near else f"; add the file or remove the {tag}"
+                if near == name:
+                    problem += f"; add it, or take the line that names it out of {name!r}"
+                else:
+                    problem += f"; write {near!r}, as it is called" if near else f"; add the file or remove the {tag}"
             raise ValueError(f"{tag} {name!r}: {problem}") from error
 
 

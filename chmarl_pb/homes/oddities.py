@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb import catalog
-from chmarl_pb.homes.home import Home, Room, Thing
+from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.problem import Findings
-from chmarl_pb.homes.solids import Points, Solid, inside
+from chmarl_pb.homes.rooms import Room, Thing
+from chmarl_pb.homes.solids import Points, Solid, inside, overlap
 from chmarl_pb.homes.urdf import Link
 
 _DEEP = 0.05  # metres: how far things may be inside one another, as a chair's back and a table's edge are
@@ -25,6 +26,7 @@ _UNREAD = {
     "colours": "it is white, for the colours of its mesh file are not read; give it a <material> with a <color>",
     "up axis": "its mesh file says that another axis than z is up, which is not read; export it with z up",
 }
+_LARGER = 2.0  # times as large as what is solid: what is seen, or the other way round
 _AT_WALLS = ("picture", "mirror", "window", "tv", "radiator", "towel_rack", "door")  # may be let into a wall
 
 
@@ -91,6 +93,8 @@ def _covers(room: Room, points: Points) -> bool:
 def _check_visuals(link: Link, found: Findings) -> None:
     """Compare what cameras see of a link with what is solid."""
     if not link.visuals:
+        if any(problem.link == link.name for problem in found.errors):  # it may have some, which are broken
+            return
         found.warning("it has no <visual>, so cameras see its collision shapes, in white; add one", link.name)
         return
     if all(shape.colour is not None and shape.colour[3] == 0 for shape in link.visuals):
@@ -110,6 +114,12 @@ def _check_visuals(link: Link, found: Findings) -> None:
                 f"what cameras see lies {apart:.2f} m beside what is solid; give <visual> and <collision> one origin",
                 link.name,
             )
+        seen_size, size = np.linalg.norm(high - low), np.linalg.norm(top - bottom)
+        if not size / _LARGER < seen_size < size * _LARGER:
+            found.warning(
+                f"what cameras see measures {seen_size:.3g} m from corner to corner, what is solid {size:.3g} m; a "
+                "URDF's unit is the metre, so give its <visual> the right scale", link.name,
+            )  # fmt: skip
 
 
 def _check_hulls(link: Link, found: Findings) -> None:
@@ -184,15 +194,7 @@ def _meeting(lows: Points, highs: Points, owners: Sequence[Thing]) -> Iterator[t
 
 def _overlap(one: Solid, other: Solid) -> float:
     """Return how far one has to be moved at most to be clear of another, by the axes of their outlines and upwards."""
-    least = min(one.top, other.top) - max(one.bottom, other.bottom)
-    for polygon in (one.polygon, other.polygon):
-        edges = np.roll(polygon, -1, axis=0) - polygon
-        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        a, b = one.polygon @ normals.T, other.polygon @ normals.T
-        depth = np.minimum(a.max(axis=0), b.max(axis=0)) - np.maximum(a.min(axis=0), b.min(axis=0))
-        least = min(least, float(depth.min()))
-    return least
+    return min(min(one.top, other.top) - max(one.bottom, other.bottom), overlap(one.polygon, other.polygon))
 
 
 def _is_carried(thing: Thing, lows: Points, highs: Points, owners: Sequence[Thing]) -> bool:

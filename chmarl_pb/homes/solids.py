@@ -287,3 +287,16 @@ def _point_distance(points: Points, starts: Points, ends: Points) -> NDArray[np.
     length = np.maximum(along[..., 0] ** 2 + along[..., 1] ** 2, 1e-18)
     t = np.clip((away[..., 0] * along[..., 0] + away[..., 1] * along[..., 1]) / length, 0.0, 1.0)
     return np.hypot(away[..., 0] - t * along[..., 0], away[..., 1] - t * along[..., 1])
+
+
+def overlap(one: Points, other: Points) -> float:
+    """Return how far one convex polygon has to be moved to be clear of another, by the normals of their edges."""
+    least = np.inf
+    for polygon in (one, other):
+        edges = np.roll(polygon, -1, axis=0) - polygon
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        a, b = one @ normals.T, other @ normals.T
+        depth = np.minimum(a.max(axis=0), b.max(axis=0)) - np.maximum(a.min(axis=0), b.min(axis=0))
+        least = min(least, float(depth.min()))
+    return least

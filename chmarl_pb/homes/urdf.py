@@ -131,6 +131,8 @@ def _root(source: Source) -> Element:
         root = safe_xml(text)
     except ValueError as error:
         raise Refused(str(error)) from error
+    if any("xacro" in element.tag for element in root.iter()):
+        raise Refused("it holds xacro, which is no URDF yet; run xacro, which writes one")
     if root.tag != "robot":
         raise Refused(f"the root element is <{root.tag[:_LONGEST_VALUE]}>, a URDF has <robot>; export it as URDF")
     if not root.get("name"):

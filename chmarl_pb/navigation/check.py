@@ -12,9 +12,10 @@ import numpy as np
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.home import Home, Room, Thing, read_home
+from chmarl_pb.homes.home import Home, read_home
 from chmarl_pb.homes.oddities import find_oddities
 from chmarl_pb.homes.problem import Findings, Problem
+from chmarl_pb.homes.rooms import Room, Thing
 from chmarl_pb.navigation.free_space import Size, Space, grip_point, space_of
 from chmarl_pb.navigation.lattice import FOOTPRINT, reached_lattice, unreachable
 from chmarl_pb.navigation.surfaces import CELL

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.home import Home, Thing
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.rooms import Thing
 from chmarl_pb.homes.solids import Points, Solid, half_planes, within
 from chmarl_pb.navigation.reach import REACH
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from chmarl_pb.errors import TaskError
+from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.problem import Findings, Problem
 from chmarl_pb.navigation.free_space import grip_point
 from chmarl_pb.navigation.lattice import HEADINGS
@@ -179,13 +180,8 @@ def _try_tasks(simulation: Simulation, found: Findings) -> None:
     failed = [trial for trial in solved if trial.reason]
     if not solved:
         found.error(f"no task can be solved: {_reason(trials)}; make room on receptacles and before them")
-    for name in classes if solved else []:
-        if not any(name in (trial.source, trial.target) for trial in solved):
-            own = [trial for trial in trials if name in (trial.source, trial.target)]
-            found.warning(
-                f"no task from or to a {name} could be solved: {_reason(own)}; make room on it and before it",
-                receptacles_of(home, name)[0],
-            )
+    if solved:
+        _warn_of_classes(home, classes, trials, found)
     if len(failed) > _FAILED * len(solved):
         found.error(
             f"{len(failed)} of {len(solved)} tasks fail when they are carried out as planned: {_reason(failed)}; make "
@@ -212,8 +208,24 @@ class _Trial(NamedTuple):
     reason: str
 
 
-def _reason(trials: list[_Trial]) -> str:
-    return trials[-1].reason.replace(";", ",") if trials else "there are too few classes"
+def _warn_of_classes(home: Home, classes: list[str], trials: list[_Trial], found: Findings) -> None:
+    """Add a warning for each class from which, or to which, no task could be solved."""
+    for name in classes:
+        ways = {
+            "from": [trial for trial in trials if trial.source == name],
+            "to": [trial for trial in trials if trial.target == name],
+        }
+        hopeless = {way: own for way, own in ways.items() if own and not any(trial.objects for trial in own)}
+        if hopeless:
+            found.warning(
+                f"no task {' or '.join(hopeless)} a {name} could be solved: {_reason(*hopeless.values())}; make room "
+                "on it and before it, and let cameras see it", receptacles_of(home, name)[0],
+            )  # fmt: skip
+
+
+def _reason(*trials: list[_Trial]) -> str:
+    reasons = [trial.reason for each in trials for trial in each if trial.reason]
+    return reasons[-1].replace(";", ",") if reasons else "there are too few classes"
 
 
 def _try_pair(simulation: Simulation, source: str, target: str, rng: np.random.Generator) -> _Trial:

@@ -68,6 +68,21 @@ def test_the_benchmarks_robots_are_not_named(episode: EpisodeFile) -> None:
     assert not {"robots", "task"} & set(episode.options)
 
 
+def test_files_that_an_episode_names_may_have_moved_with_it(
+    tmp_path: Path, small_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "before").mkdir()
+    (tmp_path / "before" / "own.urdf").write_bytes(small_home.read_bytes())
+    monkeypatch.chdir(tmp_path / "before")
+    env = HouseholdEnv(home="own.urdf", max_steps=3)
+    task = replace(TASK, home="own.urdf", graspable="mug", source="desk", target="sofa")
+    save_episode(record_episode(env, make_policy("random", env), "random", 5, task), "episode.json")
+    env.close()
+    (tmp_path / "before").rename(tmp_path / "after")
+    monkeypatch.chdir(tmp_path)
+    assert replay_episode(load_episode(Path("after") / "episode.json")) is None
+
+
 def test_replay_after_other_episodes_is_the_same(env: HouseholdEnv) -> None:
     """The planner's episode in a long-used environment equals its replay in a fresh one."""
     policy = make_policy("planner", env)

@@ -130,6 +130,45 @@ def test_looks_are_compared_with_what_is_solid(write_home: Write) -> None:
         assert problem.severity == "warning" and words in problem.measured and problem.link == "livingroom/desk_1"
 
 
+@pytest.mark.parametrize("size", ["120 60 75", "0.0012 0.0006 0.00075"])
+def test_looks_in_millimetres_are_noticed(write_home: Write, size: str) -> None:
+    """What cannot be seen is no target; tasks to it would be missing without a word."""
+    text = home_text()
+    desk = text[text.index('<link name="livingroom/desk_1"') : text.index('<joint name="to_livingroom/desk_1"')]
+    assert desk.count('size="1.2 0.6 0.75"') == 2
+    told = check_home(write_home(text.replace(desk, desk.replace("1.2 0.6 0.75", size, 1)))).problems
+    assert any("the right scale" in problem.fix for problem in told)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('size="1.2 0.6 0.75"', 'size="120 60 75"', "measures 120 x 60 x 75 m.* unit is the metre"),
+        ("<link name=", '<xacro:bed xmlns:xacro="http://ros.org/wiki/xacro"/><link name=', "run xacro"),
+        ('<origin xyz="0 1.6 0.375"', '<origin rpy="0 0 90" xyz="0 1.6 0.375"', "angles are in radians"),
+    ],
+    ids=["centimetres", "xacro", "degrees"],
+)
+def test_units_and_macros_are_told_as_what_they_are(write_home: Write, old: str, new: str, words: str) -> None:
+    text = home_text()
+    assert old in text
+    errors = [str(problem) for problem in check_home(write_home(text.replace(old, new))).errors]
+    assert any(re.search(words, error) for error in errors), errors
+
+
+def test_floors_of_two_rooms_touch(write_home: Write) -> None:
+    boxes = {**SMALL_HOME, "bedroom/floor_1": ((4, 4, 0.1), (3, 0, -0.05))}
+    with pytest.raises(HomeError, match=r"livingroom/floor_1.* it reaches 1\.00 m into the floor of 'bedroom'"):
+        load_home(write_home(home_text(boxes)))
+    load_home(write_home(home_text({**boxes, "bedroom/floor_1": ((4, 4, 0.1), (3.9, 0, -0.05))})))  # under a wall
+
+
+def test_a_layout_is_no_home(tmp_path: Path) -> None:
+    (tmp_path / "cabin.toml").touch()
+    with pytest.raises(HomeError, match=r"is a layout, no home yet; build it: chmarl-pb homes build"):
+        load_home(tmp_path / "cabin.toml")
+
+
 def test_report_as_text_json_and_picture(write_home: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     good, bad, picture = write_home(home_text()), write_home(broken(), "bad.urdf"), tmp_path / "marks.png"
     assert main(["homes", "check", str(good)]) == 0

@@ -11,7 +11,8 @@ from chmarl_pb.frames.canvas import ROBOTS
 from chmarl_pb.frames.motion_player import Scene
 from chmarl_pb.frames.recording import Recording
 from chmarl_pb.homes.export import gltf_of
-from chmarl_pb.homes.home import Home, Thing
+from chmarl_pb.homes.home import Home
+from chmarl_pb.homes.rooms import Thing
 from chmarl_pb.homes.solids import Points
 from chmarl_pb.rendering.movables import movables
 from chmarl_pb.viewer.live.gltf import frames_of
