@@ -28,14 +28,14 @@ with needs("benchmarks.grounding", "train", script=True):
 import chmarl_pb
 from chmarl_pb.evaluation.recognition import total
 from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig, expert_mixture
-from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.observation_keys import GOAL
-from chmarl_pb.learning.runs import checkpoint
-from chmarl_pb.learning.runs.collect import Collector
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Collector
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import play_tasks, spread_tasks
+from chmarl_pb.learning.storage import checkpoint
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.task import Task
 

@@ -23,7 +23,7 @@ from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.learning.components import counts_in, of_each
 from chmarl_pb.learning.policies.learned import ValuePolicies
-from chmarl_pb.learning.runs.collect import NO_LABEL, Explorer, greedy
+from chmarl_pb.learning.rollouts.collect import NO_LABEL, Explorer, greedy
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import make_expert

@@ -112,6 +112,23 @@ def test_no_modules_import_each_other() -> None:
     assert list(TopologicalSorter(graph).static_order())  # raises CycleError, which names the modules
 
 
+def test_no_folders_of_a_package_import_each_other() -> None:
+    """Also not by way of others; modules beside the folders count by themselves."""
+    folders: dict[str, str] = {}
+    for path in FILES:
+        parts = path.relative_to(PACKAGE).parts
+        folders[module_of(path)] = ".".join(parts[:2]) if len(parts) > 2 else module_of(path)
+    graph: dict[str, set[str]] = {}
+    for path in FILES:
+        if path.name == "__init__.py":
+            continue  # what a package offers
+        own = folders[module_of(path)]
+        names = imported(path.read_text())
+        needed = {folders.get(name) or folders.get(name.rpartition(".")[0], own) for name in names}
+        graph.setdefault(own, set()).update(needed - {own})
+    assert list(TopologicalSorter(graph).static_order())
+
+
 @pytest.mark.parametrize("path", [*FILES, *SCRIPTS], ids=module_of)
 def test_no_module_is_named_as_what_its_package_offers(path: Path) -> None:
     package = path.parent / "__init__.py"

@@ -11,7 +11,7 @@ from chmarl_pb.learning.networks.colour_table import ColourTable, codes_of, leve
 from chmarl_pb.learning.networks.detector import Detector, read
 from chmarl_pb.learning.networks.frozen import read_weights
 from chmarl_pb.learning.networks.pyramid import CELL
-from chmarl_pb.learning.runs.checkpoint import reading
+from chmarl_pb.learning.storage.checkpoint import reading
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 
 

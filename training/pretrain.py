@@ -24,11 +24,12 @@ from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_file, read_weights, weights_file
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
-from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Signals, StopRequested, run_command
-from chmarl_pb.learning.runs.seal import seal
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.storage import checkpoint
+from chmarl_pb.learning.storage.seal import seal
+from chmarl_pb.learning.threads import threads
 from training.onnx_file import read_detector, write_onnx
 
 KIND = "pretraining"

@@ -23,10 +23,10 @@ from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.algorithms.losses import unroll
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
-from chmarl_pb.learning.runs.collect import Collector, advance, begin
+from chmarl_pb.learning.rollouts.collect import Collector, advance, begin
+from chmarl_pb.learning.rollouts.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import train
-from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame

@@ -21,10 +21,10 @@ from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import Lock, file_hash, sealed, write_atomically
 from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.run import origin
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, reading
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
 

@@ -12,8 +12,8 @@ from chmarl_pb.learning.algorithms.pqn import PqnConfig
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.config import RunConfig
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface, interface_of
 from training.tables.rows import TABLES, Row
 

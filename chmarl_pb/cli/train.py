@@ -189,7 +189,7 @@ class Clone:
 
     def run(self, folder: Path) -> None:
         """Train in a folder."""
-        from chmarl_pb.learning.algorithms.bc import clone  # needs the extra data
+        from chmarl_pb.learning.cloning.bc import clone  # needs the extra data
 
         clone(self.config, folder, self.data, self.place.quiet, self.place.threads, self.place.device)
 

@@ -17,6 +17,7 @@ from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
+from chmarl_pb.tasks.symbols import Talk
 
 Observation = Literal["scene_graph", "visual"]
 
@@ -99,6 +100,13 @@ def rules_of(options: Options) -> dict[str, Any]:
         and not (track == PAPER and isinstance(value, bool) and isinstance(usual[name], bool) and usual[name])
     }  # fmt: skip
     return ({"track": track} if track != PAPER else {}) | differs
+
+
+def meaning_of(options: Options) -> dict[str, bool]:
+    """Return the rules by which actions and observations mean what they do; not the wording, nor the time limit."""
+    return {
+        "pointing": options.pointing, "lookalikes": options.lookalikes, "own words": isinstance(options.channel, Talk)
+    }  # fmt: skip
 
 
 def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:

@@ -127,3 +127,8 @@ def apart(outputs: Tensor, counts: Counts) -> Tensor:
 def taken(values: Tensor, actions: Tensor) -> Tensor:
     """Return the sum (...) over the components of what values (..., K, A) have for actions (..., K)."""
     return values.gather(-1, actions.unsqueeze(-1)).squeeze(-1).sum(dim=-1)
+
+
+def best_action(values: Tensor, action_mask: Tensor) -> Tensor:
+    """Return the best action (...) of values (..., A) among those that a mask (..., A) allows."""
+    return values.masked_fill(~action_mask, -torch.inf).argmax(dim=-1)

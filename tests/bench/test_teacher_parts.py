@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from benchmarks.teacher_parts import PartlyTold, obeying, parts_by_name
-from chmarl_pb.learning.runs.collect import NO_LABEL
+from chmarl_pb.learning.rollouts.collect import NO_LABEL
 
 
 class Sayer:

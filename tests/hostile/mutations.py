@@ -15,7 +15,7 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from chmarl_pb.learning.runs.seal import LENGTH, seal
+from chmarl_pb.learning.storage.seal import LENGTH, seal
 from tests.helpers.damage import Evil
 
 _Option = TypeVar("_Option")

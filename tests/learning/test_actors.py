@@ -17,20 +17,20 @@ import chmarl_pb
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, expert_mixture, imitation_loss
-from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import HOME, TRAINED_IN
 from chmarl_pb.learning.networks import build_encoder
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
-from chmarl_pb.learning.runs.collect import NO_LABEL, Collector
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import NO_LABEL, Collector
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import name_of
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
 from chmarl_pb.policies.registry import make_expert, make_policy
 from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
 from tests.helpers.uneven_env import UnevenEnv

@@ -16,12 +16,12 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
-from chmarl_pb.learning.policies.batched import IndependentPolicies, as_batched
 from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
-from chmarl_pb.learning.runs import checkpoint
+from chmarl_pb.learning.rollouts.batched import IndependentPolicies, as_batched
 from chmarl_pb.learning.runs.run import BEST
+from chmarl_pb.learning.storage import checkpoint
 from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import load_tasks
 

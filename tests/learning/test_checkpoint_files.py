@@ -13,9 +13,9 @@ import torch
 from chmarl_pb.learning import train
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.policies.load import load_policy
-from chmarl_pb.learning.runs.checkpoint import BEFORE, FORMAT, CheckpointError, load, save
 from chmarl_pb.learning.runs.run import BEST, LAST
-from chmarl_pb.learning.runs.seal import LENGTH, fault, is_sealed, seal
+from chmarl_pb.learning.storage.checkpoint import BEFORE, FORMAT, CheckpointError, load, save
+from chmarl_pb.learning.storage.seal import LENGTH, fault, is_sealed, seal
 from tests.helpers.damage import Evil, flipped
 from tests.helpers.frozen_weights import random_weights
 from tests.helpers.small_runs import SMALL

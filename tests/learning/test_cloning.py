@@ -15,16 +15,16 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.learning.algorithms import bc as cloning
-from chmarl_pb.learning.algorithms.bc import clone
-from chmarl_pb.learning.algorithms.demonstrations import read_demonstrations
+from chmarl_pb.learning.cloning import bc as cloning
+from chmarl_pb.learning.cloning.bc import clone
+from chmarl_pb.learning.cloning.demonstrations import read_demonstrations
 from chmarl_pb.learning.config import CATALOG
 from chmarl_pb.learning.networks.agents import NO_ACTION
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import BCPolicy, CloningConfig, make_actors
 from chmarl_pb.learning.policies.load import load_policy
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.stopping import in_pieces
 

@@ -10,15 +10,16 @@ import torch
 from gymnasium import spaces
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.bc import LAST
 from chmarl_pb.learning.algorithms.dagger import draw, expert_mixture, imitation_loss
-from chmarl_pb.learning.algorithms.losses import Batch, best_action, chosen, unroll
+from chmarl_pb.learning.algorithms.losses import chosen, unroll
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.components import NEVER, as_action, as_row, counts_in, mask_of
+from chmarl_pb.learning.cloning.bc import LAST
+from chmarl_pb.learning.components import NEVER, as_action, as_row, best_action, counts_in, mask_of
 from chmarl_pb.learning.networks.agents import NO_ACTION, Agent
-from chmarl_pb.learning.runs.collect import NO_LABEL, Collector, epsilon_greedy
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import NO_LABEL, Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of

@@ -28,7 +28,7 @@ from chmarl_pb.learning.networks.parts import Asked
 from chmarl_pb.learning.networks.pyramid import CELL, IntegerPyramid, Pyramid, pyramid_ranges
 from chmarl_pb.learning.networks.tables import EMBEDDING
 from chmarl_pb.learning.policies.eyes import DetectorEyes
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures
 from training.onnx_file import write_onnx
 

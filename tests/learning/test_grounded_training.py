@@ -20,10 +20,10 @@ from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.benchmark_env import benchmark, rules_of
 from chmarl_pb.learning.networks.agents import Agent
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
-from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import by_tasks
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.sources import find_policy
 from tests.helpers.stopping import in_pieces

@@ -13,12 +13,12 @@ import pytest
 import torch
 
 from chmarl_pb.learning import train
-from chmarl_pb.learning.runs.checkpoint import load
 from chmarl_pb.learning.runs.interrupts import Signals, run_command
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
-from chmarl_pb.learning.runs.threads import threads
 from chmarl_pb.learning.runs.validation import by_return
+from chmarl_pb.learning.storage.checkpoint import load
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.signals import Interrupted
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces

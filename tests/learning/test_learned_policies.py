@@ -17,12 +17,12 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_size, silenced
 from chmarl_pb.learning.policies.learned import ValuePolicy
 from chmarl_pb.learning.policies.load import load_policy
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load, save
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs.run import BEST, LAST
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.policies.sources import find_policy, register_loader
 from training.score import score
 

@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, best_action, mean_square, td_loss
+from chmarl_pb.learning.algorithms.losses import Aim, Unrolled, mean_square, td_loss
 from chmarl_pb.learning.algorithms.mixers import DeepQMixer, Independent, QMixer, Sum
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
+from chmarl_pb.learning.components import best_action
+from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.spaces import Interface, interface_of
 from training.games import TwoStepGame
 from training.theory import additive_fit, supermodular_fit

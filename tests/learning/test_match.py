@@ -21,8 +21,8 @@ from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.agents import Agent
 from chmarl_pb.learning.networks.match import ROOMS, Match, named_by
 from chmarl_pb.learning.networks.tables import class_table, shared_map, word_table
-from chmarl_pb.learning.runs.collect import Collector, greedy
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.collect import Collector, greedy
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.language.vectors import class_vectors
 from chmarl_pb.tasks.splits import load_tasks

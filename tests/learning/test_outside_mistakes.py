@@ -16,11 +16,11 @@ from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.networks.encoders import build_encoder
 from chmarl_pb.learning.networks.images import ConvEncoder
 from chmarl_pb.learning.networks.parts import FlatEncoder
-from chmarl_pb.learning.runs.checkpoint import load
-from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.storage.checkpoint import load
 from tests.helpers.small_runs import SMALL
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame

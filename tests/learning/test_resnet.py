@@ -13,7 +13,7 @@ from chmarl_pb.learning.networks import build_encoder, int8
 from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, fingerprint, frozen_encoder, sealed
 from chmarl_pb.learning.networks.int8 import LARGEST, RANGES, compact
 from chmarl_pb.learning.networks.residual import ResNet18, folded
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 from tests.helpers.frozen_weights import pictures, random_weights
 
 WHOLE = random_weights()

@@ -19,7 +19,7 @@ from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_pres
 from chmarl_pb.learning.algorithms.pqn import Pqn
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import ValueLearner
-from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
 from tests.helpers.small_runs import MAPPO, PQN, SMALL

@@ -21,15 +21,15 @@ from chmarl_pb.learning.benchmark_env import benchmark
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
-from chmarl_pb.learning.runs.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
-from chmarl_pb.learning.runs.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import name_of
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
+from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame

@@ -31,9 +31,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.networks.resnet import FEATURES
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from chmarl_pb.learning.runs.seal import LENGTH
 from chmarl_pb.learning.sb3 import GoalFeatures, load_policy, policy_of
 from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.checkpoint import read_model
@@ -43,6 +41,8 @@ from chmarl_pb.learning.sb3.run import Log
 from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.seal import LENGTH
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy, register_loader

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.networks.encoders import build_encoder
-from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.runs.validation import by_return
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces

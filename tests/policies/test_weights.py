@@ -139,7 +139,7 @@ def test_the_published_resnet_is_the_one_that_the_rows_on_pictures_see_by(
 def test_the_published_detector_is_the_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch")
     from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with, weights_file
-    from chmarl_pb.learning.runs.checkpoint import CheckpointError
+    from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("CHMARL_DETECTOR", raising=False)

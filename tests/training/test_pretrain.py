@@ -33,7 +33,7 @@ from chmarl_pb.learning.networks.labelled_views import (
     read_views,
 )
 from chmarl_pb.learning.networks.view_parts import batch_of
-from chmarl_pb.learning.runs.seal import is_sealed
+from chmarl_pb.learning.storage.seal import is_sealed
 from chmarl_pb.tasks.generated_homes import numbered_homes
 from tests.helpers.damage import flipped
 from tests.helpers.stopping import in_pieces

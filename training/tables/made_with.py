@@ -6,7 +6,7 @@ from typing import Any
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.learning.config import FROZEN
-from chmarl_pb.learning.runs.checkpoint import RENAMED
+from chmarl_pb.learning.storage.checkpoint import RENAMED
 from training.tables.cells import NOT_RUN
 from training.tables.lessons import TEACHER
 from training.tables.rows import Row

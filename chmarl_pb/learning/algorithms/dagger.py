@@ -17,14 +17,15 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Batch, unroll
+from chmarl_pb.learning.algorithms.losses import unroll
 from chmarl_pb.learning.algorithms.on_policy import set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
-from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
-from chmarl_pb.learning.runs.collect import NO_LABEL, Choose
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import NO_LABEL, Choose
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
 @dataclass(frozen=True)

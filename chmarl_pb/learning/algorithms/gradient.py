@@ -8,7 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.errors import ChmarlError
-from chmarl_pb.learning.algorithms.losses import Batch, grounding
+from chmarl_pb.learning.algorithms.losses import grounding
+from chmarl_pb.learning.rollouts.batch import Batch
 
 
 class DivergedError(ChmarlError, ArithmeticError):

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Batch
-from chmarl_pb.learning.runs.collect import Choose
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Choose
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 
 
 class Learner(Protocol):

@@ -1,10 +1,10 @@
-"""Whole episodes as a batch, what the networks make of them, and the loss of IQL, VDN and QMIX.
+"""What networks make of a batch of episodes, and the loss of IQL, VDN and QMIX.
 
 A batch has T steps and T + 1 observations. Actions have K components with A values at most. An agent counts at a step
 if it acts there; a truncated episode is bootstrapped from its last observation, a terminated one is not.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, cast
 
 import torch
@@ -12,72 +12,10 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.mixers import Mixer, mixed
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
-from chmarl_pb.learning.components import taken
+from chmarl_pb.learning.components import best_action, taken
 from chmarl_pb.learning.networks.agents import NO_ACTION
+from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.spaces import Tree, tree_map
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Episodes as tensors, padded to the longest.
-
-    Attributes:
-        observations: agent -> (B, T + 1, ...).
-        actions: agent -> (B, T, K) int64.
-        action_mask: agent -> (B, T + 1, K, A) bool, the actions that it may take.
-        states: (B, T + 1, S).
-        rewards: (B, T, N).
-        acted: (B, T, N) bool, whether the agent took part in the step.
-        terminated: (B, T, N) bool, whether the step ended the agent's task.
-        labels: agent -> (B, T, K) int64, what an expert would have done, or -1.
-    """
-
-    observations: dict[str, Tree]
-    actions: dict[str, Tensor]
-    action_mask: dict[str, Tensor]
-    states: Tensor
-    rewards: Tensor
-    acted: Tensor
-    terminated: Tensor
-    labels: dict[str, Tensor] = field(default_factory=dict)
-
-    @property
-    def not_done(self) -> Tensor:
-        """(B, T, N) bool: whether the next observation's value mask for the agent."""
-        return self.acted & ~self.terminated
-
-    @property
-    def next_mask(self) -> Tensor:
-        """(B, T, N) bool: whose next values make up the team's next value.
-
-        Of those who act in the next step; after an episode's last, of those who were cut off in it.
-        """
-        follows = nn.functional.pad(self.acted[:, 1:], (0, 0, 0, 1))
-        return torch.where(follows.any(dim=-1, keepdim=True), follows, self.not_done)
-
-    def rows(self, rows: Tensor) -> "Batch":
-        """Return some of the episodes, by their numbers."""
-
-        def pick(part: Tensor) -> Tensor:
-            return part[rows]
-
-        return Batch(
-            {name: tree_map(pick, tree) for name, tree in self.observations.items()},
-            tree_map(pick, self.actions), tree_map(pick, self.action_mask), self.states[rows], self.rewards[rows],
-            self.acted[rows], self.terminated[rows], tree_map(pick, self.labels),
-        )  # fmt: skip
-
-    @property
-    def real(self) -> Tensor:
-        """(B, T + 1, N) bool: which observations are more than padding, up to the one after an agent's last step."""
-        later = self.acted.flip(1).cumsum(dim=1).flip(1) > 0
-        return nn.functional.pad(later, (0, 0, 1, 0), value=True)
-
-    def team(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the team's reward (the mean of those who act), whether it goes on, whether it acts: (B, T, 1)."""
-        acting = self.acted.sum(dim=-1, keepdim=True)
-        reward = (self.rewards * self.acted).sum(dim=-1, keepdim=True) / acting.clamp(min=1)
-        return reward, self.next_mask.any(dim=-1, keepdim=True), acting > 0
 
 
 @dataclass(frozen=True)
@@ -123,11 +61,6 @@ def _first(observation: Tree) -> Tree:
 def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
     """Return agent -> its best allowed action after each observation, (B, T + 1, K)."""
     return {name: best_action(value, batch.action_mask[name]) for name, value in values.items()}
-
-
-def best_action(values: Tensor, action_mask: Tensor) -> Tensor:
-    """Return the best action (...) of values (..., A) among those that a mask (..., A) allows."""
-    return values.masked_fill(~action_mask, -torch.inf).argmax(dim=-1)
 
 
 def chosen(values: dict[str, Tensor], actions: dict[str, Tensor]) -> Tensor:

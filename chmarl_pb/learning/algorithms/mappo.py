@@ -21,16 +21,17 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Batch, lambda_returns, unroll
+from chmarl_pb.learning.algorithms.losses import lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.components import taken
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
-from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
-from chmarl_pb.learning.runs.collect import Choose
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Choose
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 
 
 class _Config(Protocol):

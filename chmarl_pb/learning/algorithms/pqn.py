@@ -17,16 +17,17 @@ import torch
 from torch import nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, q_loss, td_targets, unroll
+from chmarl_pb.learning.algorithms.losses import Aim, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.agents import make_agents
-from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
-from chmarl_pb.learning.runs.collect import Choose, epsilon_after, epsilon_greedy
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Choose, epsilon_after, epsilon_greedy
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
 @dataclass(frozen=True)

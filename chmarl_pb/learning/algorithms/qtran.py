@@ -11,7 +11,6 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import (
     Aim,
-    Batch,
     Unrolled,
     before,
     chosen,
@@ -22,6 +21,7 @@ from chmarl_pb.learning.algorithms.losses import (
 )
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.components import of_each
+from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.spaces import Interface
 
 

@@ -14,10 +14,10 @@ from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
+from chmarl_pb.learning.benchmark_env import meaning_of
 from chmarl_pb.learning.config import HOME, RULES, TRAINED_IN, RunConfig
-from chmarl_pb.learning.policies.checks import meaning_of
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, fill, load, reading
 
 
 @dataclass(frozen=True)

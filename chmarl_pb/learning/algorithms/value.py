@@ -16,16 +16,17 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Aim, Batch, Unrolled, td_loss, unroll
+from chmarl_pb.learning.algorithms.losses import Aim, Unrolled, td_loss, unroll
 from chmarl_pb.learning.algorithms.mixers import BY_MIXER, MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.agents import make_agents
-from chmarl_pb.learning.runs.checkpoint import fill, fill_optimizer
-from chmarl_pb.learning.runs.collect import Choose, epsilon_after, epsilon_greedy
-from chmarl_pb.learning.runs.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Choose, epsilon_after, epsilon_greedy
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from chmarl_pb.extras import needs
 from chmarl_pb.files import file_hash
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 NAME = "efficientnet-lite0"
 FEATURES = 1280

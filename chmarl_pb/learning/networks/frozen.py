@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, tensors_of
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, tensors_of
 from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
 IMAGENET = "imagenet"  # name of torchvision's weights

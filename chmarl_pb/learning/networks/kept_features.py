@@ -20,7 +20,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.files import Lock, write_atomically, writing
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import IMAGE, named
-from chmarl_pb.learning.runs import seal
+from chmarl_pb.learning.storage import seal
 
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari

@@ -8,9 +8,9 @@ from typing import Any
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER
+from chmarl_pb.learning.benchmark_env import meaning_of
 from chmarl_pb.learning.config import CATALOG
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
-from chmarl_pb.tasks.symbols import Talk
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 _PART = re.compile(r"'([^']+)': (\w+\(.*?\))(?=, '|\)$)")  # of the text of a Dict space
 _LONGEST = 100  # characters of a space in a message
@@ -82,13 +82,6 @@ def check_rules(env: HouseholdEnv, rules: Mapping[str, Any], path: Path) -> None
         told = ", ".join(f"{name}={value!r}" for name, value in {"track": PAPER, **rules}.items())
         differ = ", ".join(name for name in own if own[name] != theirs[name])
         raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
-
-
-def meaning_of(options: Options) -> dict[str, bool]:
-    """Return the rules by which actions and observations mean what they do; not the wording, nor the time limit."""
-    return {
-        "pointing": options.pointing, "lookalikes": options.lookalikes, "own words": isinstance(options.channel, Talk)
-    }  # fmt: skip
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

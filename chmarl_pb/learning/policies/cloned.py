@@ -17,11 +17,11 @@ from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, devi
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size
-from chmarl_pb.learning.runs import checkpoint
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.spaces import stack, tensors
+from chmarl_pb.learning.storage import checkpoint
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.robots.registry import TEAM
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from chmarl_pb.learning.networks.detections import LABELS, PLACE, THINGS
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.pyramid import CELL
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.eyes import Sight
 
 SURE = 0.02  # confidence from which on a class counts as seen, chosen on validation tasks by benchmarks.eyes

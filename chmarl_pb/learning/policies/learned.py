@@ -14,7 +14,6 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.observation_keys import GOAL
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import (
     check_catalog,
     check_rules,
@@ -23,10 +22,11 @@ from chmarl_pb.learning.policies.checks import (
     image_size_of,
     silenced,
 )
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, fill, load, reading
-from chmarl_pb.learning.runs.collect import Explorer, greedy
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
+from chmarl_pb.learning.rollouts.collect import Explorer, greedy
 from chmarl_pb.learning.spaces import spaces_of
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, fill, load, reading
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from chmarl_pb.learning.policies.cloned import KIND, BCPolicies
 from chmarl_pb.learning.policies.learned import ValuePolicies
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, load
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
 from chmarl_pb.policies.policy import Factory
 
 #: Kind of a checkpoint -> what makes the policies of one.

@@ -9,7 +9,7 @@ from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, episode_seed, policy_seed
-from chmarl_pb.learning.policies.batched import BatchedPolicy, as_batched, play_together
+from chmarl_pb.learning.rollouts.batched import BatchedPolicy, as_batched, play_together
 from chmarl_pb.policies.policy import Actions
 from chmarl_pb.policies.seats import seated
 from chmarl_pb.policies.sources import find_policy

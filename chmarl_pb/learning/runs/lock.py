@@ -6,7 +6,7 @@ from pathlib import Path
 
 from chmarl_pb.errors import BusyError
 from chmarl_pb.files import Lock
-from chmarl_pb.learning.runs.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 
 @contextmanager

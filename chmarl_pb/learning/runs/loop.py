@@ -14,15 +14,15 @@ from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm
 from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import RunConfig
-from chmarl_pb.learning.runs.checkpoint import check_kept, load, reading
-from chmarl_pb.learning.runs.collect import Collector
+from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
-from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import Validate, by_return
+from chmarl_pb.learning.storage.checkpoint import check_kept, load, reading
+from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_expert, make_policy

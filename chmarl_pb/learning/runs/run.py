@@ -12,17 +12,17 @@ import numpy as np
 import torch
 
 from chmarl_pb.files import file_hash
-from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import TRAINED_IN, RunConfig
+from chmarl_pb.learning.rollouts.batch import Batch
+from chmarl_pb.learning.rollouts.collect import Collector
+from chmarl_pb.learning.rollouts.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs import interrupts
-from chmarl_pb.learning.runs.checkpoint import check_same, load, save
-from chmarl_pb.learning.runs.collect import Collector
 from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
-from chmarl_pb.learning.runs.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.validation import Validate
 from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.storage.checkpoint import check_same, load, save
 
 LAST, BEST = "last.pt", "best.pt"
 

@@ -15,8 +15,8 @@ from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.recognition import Recognition, recognition, total
-from chmarl_pb.learning.runs.collect import Collector, greedy
-from chmarl_pb.learning.runs.replay_buffer import Episode
+from chmarl_pb.learning.rollouts.collect import Collector, greedy
+from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.splits import load_tasks

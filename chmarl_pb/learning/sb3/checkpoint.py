@@ -20,12 +20,12 @@ from chmarl_pb.files import replacing
 from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
-from chmarl_pb.learning.runs.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
-from chmarl_pb.learning.runs.seal import seal
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from chmarl_pb.learning.sb3.policy import Sb3Policy, flat_counts, joined, learner_of
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
+from chmarl_pb.learning.storage.seal import seal
 from chmarl_pb.policies.policy import Policy
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip

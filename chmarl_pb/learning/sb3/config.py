@@ -188,13 +188,13 @@ class Config:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
         if self.preset not in PRESETS:
             raise ValueError(f"preset={self.preset!r} is not known; use one of: {', '.join(PRESETS)}")
+        look_up("graph_pool", self.graph_pool, GRAPH_POOLS)
+        look_up("image_encoder", self.image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
         if self.image_encoder != "cnn" and self.keys:
             raise ValueError(
                 f"image_encoder={self.image_encoder!r}: preset {self.preset!r} looks at no picture; "
                 "use goal-encoder or encoder"
             )
-        look_up("graph_pool", self.graph_pool, GRAPH_POOLS)
-        look_up("image_encoder", self.image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
 
     @property
     def alone(self) -> bool:

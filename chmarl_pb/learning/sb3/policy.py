@@ -17,10 +17,10 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import GOAL, IMAGE, named
-from chmarl_pb.learning.policies.batched import BatchOfOne
-from chmarl_pb.learning.runs.threads import threads
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
 from chmarl_pb.policies.registry import make_policy
 

@@ -16,10 +16,10 @@ from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.runs import interrupts
-from chmarl_pb.learning.runs.checkpoint import check_same, load, reading, save
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
 from chmarl_pb.learning.sb3.config import BEFORE_PRESETS
 from chmarl_pb.learning.sb3.journal import Journal, buffer_content, counters, fill_buffer, go_back, moment
+from chmarl_pb.learning.storage.checkpoint import check_same, load, reading, save
 
 KIND = "sb3"
 _VALIDATED = "eval/mean_reward"  # what SB3 calls a figure that a validation alone has

@@ -23,11 +23,9 @@ from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.benchmark_env import trained_in
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
-from chmarl_pb.learning.runs.checkpoint import check_kept
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
-from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.checkpoint import save_model
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
@@ -35,6 +33,8 @@ from chmarl_pb.learning.sb3.journal import Journal
 from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
+from chmarl_pb.learning.storage.checkpoint import check_kept
+from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.robots.registry import listed
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"

@@ -7,11 +7,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from chmarl_pb.learning.algorithms.losses import best_action
-from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, mask_of, of_each
+from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, best_action, mask_of, of_each
 from chmarl_pb.learning.networks.agents import Agent, Player
-from chmarl_pb.learning.policies.batched import play_together
-from chmarl_pb.learning.runs.replay_buffer import Episode
+from chmarl_pb.learning.rollouts.batched import play_together
+from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, zeros
 from chmarl_pb.policies.expert import Expert, as_expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy

@@ -17,7 +17,7 @@ from torch import nn
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.lookup import UntrustedError, guarded
-from chmarl_pb.learning.runs.seal import fault, seal
+from chmarl_pb.learning.storage.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
 

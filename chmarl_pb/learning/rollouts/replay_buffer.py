@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from chmarl_pb.learning.algorithms.losses import Batch
 from chmarl_pb.learning.components import as_row, of_each
+from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.spaces import Interface, Tree, check_values, stack, tree_map, zeros
 
 GIB = 2**30

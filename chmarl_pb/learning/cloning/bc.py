@@ -21,17 +21,18 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
-from chmarl_pb.learning.algorithms.demonstrations import Batch, Demonstrations, read_demonstrations
+from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import CATALOG, FROZEN
-from chmarl_pb.learning.policies.batched import BatchOfOne
 from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
-from chmarl_pb.learning.runs import checkpoint, interrupts
+from chmarl_pb.learning.rollouts.batched import BatchOfOne
+from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
-from chmarl_pb.learning.runs.threads import threads as torch_threads
 from chmarl_pb.learning.runs.validation import spread_tasks
+from chmarl_pb.learning.storage import checkpoint
+from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.robots.registry import TEAM, listed
 
 BEST, LAST = "best.pt", "last.pt"

@@ -1,0 +1,1 @@
+"""Learning from stored episodes of the planner."""

@@ -1,0 +1,1 @@
+"""Files of trainings: checkpoints, checked before they are trusted."""
