@@ -24,7 +24,7 @@ SHOWN = (
     "tasks.kinds.TaskKind", "rendering.renderer.Renderer", "learning.runs.loop.train", "learning.config.RunConfig",
     "learning.algorithms.value.Config", "learning.algorithms.mappo.MappoConfig",
     "learning.algorithms.dagger.DAggerConfig", "learning.algorithms.mixers.Mixer",
-    "learning.networks.encoders.build_encoder", "learning.policies.batched.BatchedPolicy",
+    "learning.networks.encoders.build_encoder", "learning.rollouts.batched.BatchedPolicy",
     "learning.policies.cloned.CloningConfig", "learning.sb3.config.Config", "learning.sb3.vec_env.sb3_vec_env",
 )  # fmt: skip
 
