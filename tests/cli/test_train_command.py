@@ -1,5 +1,7 @@
 """The command `chmarl-pb train`: its flags; and what a run writes for TensorBoard."""
 
+import argparse
+import shlex
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,9 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("tyro")
 
+from chmarl_pb.cli.evaluate import add, evaluate_command
 from chmarl_pb.cli.train import COMMANDS, main, name_of, parse
+from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.policies.cloned import CloningConfig
@@ -161,3 +165,13 @@ def test_events_of_tensorboard_are_the_metrics(tmp_path: Path) -> None:
 def test_the_time_limit_is_not_the_horizon(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["--algo", "vdn", "--horizon", "10", "--out", str(tmp_path / "run")]) == 2
     assert "--horizon 10: the time limit of episodes is 28; give --max-steps instead" in capsys.readouterr().err
+
+
+def test_the_command_that_is_printed_can_be_run() -> None:
+    options = Options("visual", track="grounded", goal=True)
+    words = shlex.split(evaluate_command(Path("my runs/best.pt"), options, "humanoid,drone"))
+    wanted = "evaluate --split generated-test --track grounded --observation visual --goal --policy"
+    assert words[0] == "chmarl-pb" and set(words[1:]) == {*wanted.split(), "my runs/best.pt"}
+    parser = argparse.ArgumentParser()
+    add(parser)
+    assert str(parser.parse_args(words[2:]).policy) == "my runs/best.pt"

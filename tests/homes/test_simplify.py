@@ -1,11 +1,13 @@
 """Imported meshes are brought within the triangles of their kind."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.imports import Wish, add_thing, read_file
 from chmarl_pb.homes.paint import Part
 from chmarl_pb.homes.simplify import simplified
@@ -33,6 +35,28 @@ def test_furniture_may_have_more(tmp_path: Path) -> None:
     thing, pieces = read_file(tmp_path / "ball.stl", Wish("pouffe", "receptacle"))
     assert MOST_TRIANGLES < len(thing.parts[0].corners) <= 4 * MOST_TRIANGLES
     assert len(pieces[0]) == 3 * 20_480, "what is solid is that of the file"
+
+
+def test_furniture_in_millimetres_is_refused(tmp_path: Path) -> None:
+    trimesh.creation.box((0.006, 0.01, 0.007)).export(tmp_path / "desk.stl")
+    with pytest.raises(AssetError, match=r"measures 0\.006 x 0\.01 x 0\.007 m; furniture has at least"):
+        read_file(tmp_path / "desk.stl", Wish("tiny_desk", "receptacle"))
+
+
+def test_an_axis_that_a_file_names_is_asked_for(tmp_path: Path) -> None:
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "box.dae")
+    text = (tmp_path / "box.dae").read_text()
+    axis = "<up_axis>Y_UP</up_axis>"
+    text = (
+        re.sub("<up_axis>.*?</up_axis>", axis, text)
+        if "<up_axis>" in text
+        else text.replace("<asset>", "<asset>" + axis)
+    )
+    (tmp_path / "box.dae").write_text(text)
+    with pytest.raises(AssetError, match="say which one is: --up y"):
+        read_file(tmp_path / "box.dae", Wish("parcel"))
+    sizes = [read_file(tmp_path / "box.dae", Wish("parcel", up=up))[0].size for up in ("y", "z")]
+    np.testing.assert_allclose(sizes, [(0.1, 0.3, 0.2), (0.1, 0.2, 0.3)], atol=1e-6)
 
 
 @pytest.mark.parametrize("most", [12, 40])

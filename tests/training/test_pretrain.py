@@ -33,6 +33,7 @@ from chmarl_pb.learning.networks.labelled_views import (
     read_views,
 )
 from chmarl_pb.learning.networks.view_parts import batch_of
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 from chmarl_pb.learning.storage.seal import is_sealed
 from chmarl_pb.tasks.generated_homes import numbered_homes
 from tests.helpers.damage import flipped
@@ -165,6 +166,15 @@ def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
         lambda: pretrain("resnet18", tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(99)), 2, monkeypatch
     )
     assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
+
+
+def test_an_unfinished_training_of_other_settings_is_not_lost(tmp_path: Path, views: Views) -> None:
+    with pytest.raises(Stopped):
+        pretrain("resnet18", tmp_path / "cut.pt", views, {}, 3, 0, Bar(5))
+    kept = (tmp_path / "cut.unfinished").read_bytes()
+    with pytest.raises(CheckpointError, match="seed=0, not 1"):
+        pretrain("resnet18", tmp_path / "cut.pt", views, {}, 3, 1, Bar(99))
+    assert (tmp_path / "cut.unfinished").read_bytes() == kept
 
 
 def test_counting_colours_anew_leaves_an_unfinished_training_alone(tmp_path: Path, views: Views) -> None:
