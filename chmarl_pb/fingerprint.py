@@ -30,11 +30,15 @@ def name_of(given: object) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def fingerprint(given: object) -> str | None:
+def fingerprint(given: object, code: bool = True) -> str | None:
     """Return the sha256 of an object.
 
     It covers what the object holds, and the files of all classes and functions in it, with those around decorated ones:
     two objects of one class with other numbers, or other weights, differ.
+
+    Args:
+        given: the object.
+        code: whether the files count.
 
     Returns:
         None if that cannot be told: it holds what cannot be pickled, or there is no file, as in a notebook.
@@ -44,7 +48,7 @@ def fingerprint(given: object) -> str | None:
         content = _content(given, files)
     except Exception:  # whatever the methods raise by which objects say what they hold
         return None
-    return sha256_of([content, *(file_hash(path).encode() for path in sorted(files))])
+    return sha256_of([content, *(file_hash(path).encode() for path in sorted(files) if code)])
 
 
 def _content(given: object, files: set[Path]) -> bytes:

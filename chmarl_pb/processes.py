@@ -12,11 +12,11 @@ from itertools import islice
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
-from numbers import Integral
 from threading import Thread
 from typing import Any, TypeVar
 
-from chmarl_pb.errors import OptionError, WorkerError
+from chmarl_pb.errors import WorkerError
+from chmarl_pb.limits import whole_number
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -75,8 +75,7 @@ def check_workers(workers: int) -> None:
     Raises:
         OptionError: it is no whole number, less than one, or more than any machine can start.
     """
-    if not isinstance(workers, Integral) or isinstance(workers, bool) or not 1 <= workers <= _MOST_WORKERS:
-        raise OptionError(f"workers={workers!r}: use at least 1, a whole number, and at most {_MOST_WORKERS:,}")
+    whole_number("workers", workers, 1, _MOST_WORKERS)
 
 
 @contextmanager

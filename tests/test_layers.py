@@ -14,6 +14,8 @@ ROWS = (
         "files",
         "fingerprint",
         "kept",
+        "limits",
+        "named",
         "progress",
         "reading",
         "compiled",

@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
+from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
 from chmarl_pb.evaluation.played_again import what_differs
@@ -90,7 +90,7 @@ def sent(path: Path) -> Entry:
 def _fault(report: Report) -> str:
     """Return why a result is none of the leaderboard; empty if it is one."""
     settings, track = report.settings, report.track
-    split = TEST_SPLITS[track]
+    split = HEADLINE_SPLITS[track]
     if settings["split"] != split:
         return f"it is of {settings['split']}; play {split}"
     if settings["tasks_sha256"] != tasks_hash(load_tasks(split)):
@@ -118,7 +118,7 @@ def trained() -> tuple[Entry, ...]:
 
 
 def _of_training(run: dict[str, Any], track: str) -> Entry:
-    split, options = TEST_SPLITS[track], run["evaluation"]["options"]
+    split, options = HEADLINE_SPLITS[track], run["evaluation"]["options"]
     summary = run["evaluation"]["splits"][split]["summary"]
     success, plw = summary["success_rate"]["mean"], summary["plw"]["mean"]
     given = [f"no {name}" for name in ("messages", "feedback") if TRACKS[track][name] and not run[name]]
@@ -137,7 +137,9 @@ def tables(entries: Iterable[Entry]) -> str:
     best_first = sorted(rows.values(), key=lambda row: (-_mean(row), row[0].row))
     of_track = {track: [row for row in best_first if row[0].track == track] for track in TRACKS}
     return "\n\n".join(
-        f"## The {track} track, {TEST_SPLITS[track]}\n\n{HEAD}\n{_lines(own)}" for track, own in of_track.items() if own
+        f"## The {track} track, {HEADLINE_SPLITS[track]}\n\n{HEAD}\n{_lines(own)}"
+        for track, own in of_track.items()
+        if own
     )
 
 

@@ -14,10 +14,10 @@ from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import check_apart
+from chmarl_pb.limits import whole_number
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.language.templates import REVISIONS
 
-OBSERVATIONS = ("scene_graph", "visual")
 EXAMPLE = "example: "
 STDOUT = "-"
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
@@ -104,7 +104,7 @@ def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str =
     )
 
 
-def rules_of(options: argparse.Namespace) -> dict[str, Any]:
+def given_rules(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of the environment that ``add_rules`` has added and that were given."""
     names = ("track", "messages", "feedback", "pointing", "lookalikes", "templates", "max_steps")
     return {name: value for name in names if (value := getattr(options, name)) is not OF_TRACK}
@@ -148,20 +148,7 @@ def seeds_of(options: argparse.Namespace) -> range:
     Raises:
         OptionError: there is none, or more than a machine can play.
     """
-    if options.seeds > _MOST_SEEDS:
-        raise OptionError(f"seeds={options.seeds}: use {_MOST_SEEDS:,} at most")
-    return range(at_least_one("seeds", options.seeds))
-
-
-def at_least_one(name: str, count: int) -> int:
-    """Return a number of things to do.
-
-    Raises:
-        OptionError: there is nothing to do.
-    """
-    if count < 1:
-        raise OptionError(f"{name}={count}: use at least 1")
-    return count
+    return range(whole_number("seeds", options.seeds, 1, _MOST_SEEDS))
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import STDOUT, OutputFile, add_played, add_rules, chosen_executor, rules_of, seeds_of
+from chmarl_pb.cli.arguments import STDOUT, OutputFile, add_played, add_rules, chosen_executor, given_rules, seeds_of
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import add_json, tell
-from chmarl_pb.envs.tracks import OF_TRACK, TEST_SPLITS
+from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
 
@@ -37,12 +37,12 @@ def run_audit(options: argparse.Namespace) -> int:
         OptionError: there is no such split, or a number is less than 1.
         TaskError: there is no such task.
     """
-    split = TEST_SPLITS[options.track] if options.split is OF_TRACK else options.split
+    split = HEADLINE_SPLITS[options.track] if options.split is OF_TRACK else options.split
     out = options.out or Path("out/audit") / f"{options.track}-{split}.json"
     with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
             split, seeds=seeds_of(options), executor=executor, out=out, progress=partial(_advance, bar, {}),
-            observation=options.observation or "scene_graph", tasks=options.task, **rules_of(options),
+            observation=options.observation or "scene_graph", tasks=options.task, **given_rules(options),
         )  # fmt: skip
     tell(
         options, lambda: {**found.settings, "rows": list(map(asdict, found.lines))},

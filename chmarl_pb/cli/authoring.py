@@ -12,7 +12,6 @@ from chmarl_pb.cli.arguments import (
     add_catalog,
     add_verb,
     add_workers,
-    at_least_one,
     catalog_of,
     chosen_executor,
     output_folder,
@@ -26,6 +25,7 @@ from chmarl_pb.homes.generate.names import MOST_SEED
 from chmarl_pb.homes.generate.store import check_seed, files_of, generate_home, put_home
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import SCHEMA, STYLES
+from chmarl_pb.limits import whole_number
 from chmarl_pb.rendering.preview import preview
 
 _GLANCE = 0.3  # seconds between two looks at the layout
@@ -145,7 +145,7 @@ def _seeds(first: int, count: int) -> range:
         OptionError: one of them is none, or there are none.
     """
     left = MOST_SEED - check_seed(first)
-    if at_least_one("count", count) > left:
+    if whole_number("count", count, 1) > left:
         raise OptionError(f"count={count}: seeds end at {MOST_SEED - 1:,}; use at most {left:,}")
     return range(first, first + count)
 

@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 
 from chmarl_pb.cli.arguments import (
-    OBSERVATIONS,
     add_catalog,
     add_home,
     add_lookalikes,
@@ -18,7 +17,8 @@ from chmarl_pb.cli.arguments import (
     check_home,
     output_folder,
 )
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.options import OBSERVATIONS
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile
 from chmarl_pb.files import open_folder

@@ -18,17 +18,16 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_robots,
     add_rules,
-    at_least_one,
     check_home,
     check_used,
     chosen_executor,
     given_of,
-    rules_of,
+    given_rules,
     seeds_of,
 )
 from chmarl_pb.cli.output import add_json, say, tell
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
+from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.gain import gain_of, interval_text, points
@@ -37,6 +36,8 @@ from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.rules import rules_with
+from chmarl_pb.evaluation.tables import notes_of, where_of
+from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.progress import LateProgress
@@ -80,13 +81,13 @@ def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     check_home(options)
     source = find_policy(options.policy)
-    rules = rules_with(source.rules, rules_of(options) | given_of(options))
+    rules = rules_with(source.rules, given_rules(options) | given_of(options))
     tasks, track = options.task, rules.get("track", PAPER)
-    where = TEST_SPLITS[track] if options.split is OF_TRACK else options.split
+    where = HEADLINE_SPLITS[track] if options.split is OF_TRACK else options.split
     if options.home is not None:
         tasks = draw_tasks(
             options.home,
-            _DRAWN if options.draw is None else at_least_one("draw", options.draw),
+            _DRAWN if options.draw is None else whole_number("draw", options.draw, 1),
             0,
             options.catalog,
             options.robots,
@@ -139,16 +140,9 @@ def progress_bar() -> LateProgress:
 def print_report(console: Console, report: Report) -> None:
     """Print the metrics of a result, for all homes and, if they are not too many, for each."""
     settings = report.settings
-    without = f", no {' and no '.join(report.without)}" if report.without else ""
-    if settings["options"]["feedback"] in ("paper", "planner"):
-        without += f", {settings['options']['feedback']} feedback"
-    if settings["options"].get("goal"):
-        without += ", goal observed"
-    if report.declared:
-        without += f", {report.declared}"
-    if report.changed:
-        without += f", changed: {report.changed}"
-    title = f"{settings['policy']} on {_where(report)}, {settings['observation']}{without}"
+    where = where_of(report)
+    notes = [note for note in notes_of(report) if note != f"in {where}"]
+    title = ", ".join((f"{settings['policy']} on {where}", settings["observation"], *notes))
     columns = ("", "episodes", "success %", "PLW %", "steps if solved", "potential")
     table = Table(title=title, title_justify="left")
     for column in columns:
@@ -161,13 +155,6 @@ def print_report(console: Console, report: Report) -> None:
     table.add_row("all", *_cells(report.summary), style="bold")
     console.print(table)
     _print_notes(console, report)
-
-
-def _where(report: Report) -> str:
-    """Return the split, or the homes of tasks that are of none."""
-    split: str = report.settings["split"]
-    own = any(episode.task.id.startswith(f"{split}-") for episode in report.episodes)
-    return split if own else ", ".join(report.per_home)
 
 
 def _cells(summary: Summary) -> list[str]:
@@ -250,7 +237,7 @@ def evaluate_command(policy: Path, options: Options, robots: str) -> str:
         robots: names and files of its robots, with commas between them.
     """
     words = ["chmarl-pb", "evaluate", "--policy", str(policy)]
-    words += ["--home", str(options.home)] if options.home else ["--split", TEST_SPLITS[options.track]]
+    words += ["--home", str(options.home)] if options.home else ["--split", HEADLINE_SPLITS[options.track]]
     words += ["--track", options.track] if options.track != PAPER else []
     words += ["--observation", str(options.observation), *(["--goal"] if options.goal else [])]
     words += ["--robots", robots] if listed(robots) != TEAM else []

@@ -13,13 +13,14 @@ from chmarl_pb.cli.arguments import (
     add_track,
     given_of,
 )
-from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
-from chmarl_pb.evaluation.play import Player, Setup, episode_seed, policy_seed
+from chmarl_pb.evaluation.play import Player, Setup, seeds_of
 from chmarl_pb.evaluation.rules import rules_with
+from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import find_task
 from chmarl_pb.tasks.task import Task
@@ -68,11 +69,11 @@ def played(options: argparse.Namespace, task: Task) -> tuple[EpisodeFile, int]:
     Raises:
         OptionError: the policy or an option is unknown.
     """
-    source, seed = find_policy(options.policy), checked_seed(options.seed)
+    source, seed = find_policy(options.policy), whole_number("seed", options.seed)
     player = Player(Setup(options.policy, Options(observation_of(options), home=task.home, **rules_for(options))))
     try:
-        own = policy_seed(player.env.instruction_of(task), seed)
-        file = record_episode(player.env, player.policy, source.name, episode_seed(task, seed), task, policy_seed=own)
+        start, own = seeds_of(player.env, task, seed)
+        file = record_episode(player.env, player.policy, source.name, start, task, policy_seed=own)
         return file, optimal_steps(player.env, task)
     finally:
         player.close()

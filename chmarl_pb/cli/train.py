@@ -8,16 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_type_hints
 
-from chmarl_pb.cli.arguments import add_rules, rules_of
+from chmarl_pb.cli.arguments import add_rules, given_rules
 from chmarl_pb.cli.evaluate import evaluate_command
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
-from chmarl_pb.learning.algorithms.registry import ALGORITHMS
-from chmarl_pb.learning.benchmark_env import Observation, benchmark
-from chmarl_pb.learning.benchmark_env import rules_of as rules_of_run
+from chmarl_pb.learning.algorithms.registry import ALGORITHMS, find_algorithm
+from chmarl_pb.learning.benchmark_env import Observation, benchmark, rules_of
 from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
@@ -211,7 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str]) -> int:
     command = parse(arguments)
-    folder = command.place.out or Path("out/train") / name_of(command)
+    folder = command.place.out or Path("out/train") / run_name(command)
     command.run(folder)
     if command.place.quiet:
         return 0
@@ -228,11 +227,17 @@ def parse(arguments: Sequence[str]) -> Command:
     Raises:
         ValueError: no algorithm is named, or one that there is not.
     """
-    commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
-    kinds: Any = Union[tuple(commands)]  # noqa: UP007
     words = _algorithm_first(arguments)
     rules, words = _rules_first(words)
-    found: Command = tyro.cli(kinds, args=words, prog="chmarl-pb train --algo", description=ABOUT)
+    prog = "chmarl-pb train --algo"
+    found: Command
+    if ":" in words[0]:
+        own = Play(words[0], find_algorithm(words[0]).config(image_encoder="resnet18"))
+        found = tyro.cli(Play, default=own, args=words[1:], prog=f"{prog} {words[0]}", description=ABOUT)
+    else:
+        commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
+        kinds: Any = Union[tuple(commands)]  # noqa: UP007
+        found = tyro.cli(kinds, args=words, prog=prog, description=ABOUT)
     return replace(found, env=replace(found.env, rules=rules)) if isinstance(found, Play) else found
 
 
@@ -253,7 +258,7 @@ def _rules_first(words: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
     if "-h" in words or "--help" in words:
         print(parser.format_help())
     given, rest = parser.parse_known_args(words)
-    return {name: value for name, value in rules_of(given).items() if (name, value) != ("track", PAPER)}, rest
+    return {name: value for name, value in given_rules(given).items() if (name, value) != ("track", PAPER)}, rest
 
 
 def _algorithm_first(arguments: Sequence[str]) -> list[str]:
@@ -262,7 +267,7 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
     if "--algo" in words[:-1]:
         place = words.index("--algo")
         words = [words[place + 1], *words[:place], *words[place + 2 :]]
-    if words[:1] not in ([name] for name in (*COMMANDS, "-h", "--help")):
+    if words[:1] not in ([name] for name in (*COMMANDS, "-h", "--help")) and ":" not in "".join(words[:1]):
         raise ValueError(f"--algo {words[0] if words else 'is missing'}: use one of: {', '.join(COMMANDS)}")
     return words
 
@@ -291,15 +296,15 @@ def _validation(env: Env) -> Validate:
     return by_tasks(("generated-val",)) if env.options.split == STREAM else by_tasks()
 
 
-def name_of(command: Command) -> str:
+def run_name(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
     setting = command.setting
     rules = setting.options if isinstance(setting, Env) else setting
-    own = rules_of_run(setting.options) if isinstance(setting, Env) else {}
+    own = rules_of(setting.options) if isinstance(setting, Env) else {}
     words = [own.pop("track")] if "track" in own else []
     words += ["centralized"] if getattr(setting, "centralized", False) else []
     words += [word for word in ("messages", "feedback", "goal") if getattr(rules, word, False)]
     words += [f"{name}-{value}".lower() for name, value in own.items()]
     words += [split for split in (getattr(setting, "split", None),) if split not in (None, "train")]
     words += [Path(file).stem for file in (getattr(setting, name, None) for name in ("home", "catalog")) if file]
-    return "-".join([command.algo, setting.observation, *words, f"seed{command.config.seed}"])
+    return "-".join([command.algo.replace(":", "-"), setting.observation, *words, f"seed{command.config.seed}"])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from chmarl_pb import catalog
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.files import write_atomically
 from chmarl_pb.navigation.lattice import HEADINGS
 from chmarl_pb.policies.open_loop import FILE

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.options import MAX_STEPS, OBSERVATIONS, Options
+from chmarl_pb.envs.options import OBSERVATIONS, Options
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks, stream_tasks
 from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash

@@ -7,10 +7,11 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from chmarl_pb.envs.options import check_one_of, checked_seed, plain_value
+from chmarl_pb.envs.options import check_one_of, plain_value
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.world import World
@@ -89,7 +90,7 @@ class JointEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], Info]:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
-        super().reset(seed=None if seed is None else checked_seed(seed))
+        super().reset(seed=None if seed is None else whole_number("seed", seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
         return _joined(observations), _info(infos)
 
@@ -182,7 +183,7 @@ class HumanoidEnv(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], Info]:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
-        super().reset(seed=None if seed is None else checked_seed(seed))
+        super().reset(seed=None if seed is None else whole_number("seed", seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
         self._others.reset(int(self.np_random.integers(2**31)) if seed is None else seed)
         self._choose(observations, infos)

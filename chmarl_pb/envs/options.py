@@ -10,11 +10,11 @@ import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.envs.own_parts import CheckedAdviser, CheckedChannel, CheckedSensor, CheckedTalk
-from chmarl_pb.envs.tracks import MAX_STEPS as MAX_STEPS
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import name_of
 from chmarl_pb.homes.catalog_file import load_catalog
+from chmarl_pb.limits import whole_number
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import TEAM, team_of
@@ -135,8 +135,8 @@ class Options:
             raise OptionError("goal=True needs tasks that name one object; use task='rearrange'")
         if self.lookalikes and self.kind.objects != 1:
             raise OptionError("lookalikes=True needs tasks that name one object; use task='rearrange'")
-        _check_whole("max_steps", self.max_steps, 1, 1_000_000)
-        _check_whole("image_size", self.image_size, 16, 1024)
+        whole_number("max_steps", self.max_steps, 1, 1_000_000)
+        whole_number("image_size", self.image_size, 16, 1024)
 
     def _observed(self) -> tuple[Any, ...]:
         """Return the names and sensors that ``observation`` means."""
@@ -264,17 +264,6 @@ def _is_own(value: Any) -> bool:
     return not told and not (is_dataclass(value) and type(value).__module__.startswith("chmarl_pb."))
 
 
-def checked_seed(seed: int) -> int:
-    """Return a seed that random generators take.
-
-    Raises:
-        OptionError: it is not a whole number from 0 on.
-    """
-    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
-        raise OptionError(f"seed={seed!r} is not a whole number from 0 on")
-    return int(seed)
-
-
 def plain_value(value: Any) -> Any:
     """Return a value of NumPy's that is a truth, a whole number or a text as Python's own, and others as they are."""
     return value.item() if isinstance(value, np.bool_ | np.integer | np.str_) else value
@@ -299,8 +288,3 @@ def check_one_of(name: str, value: object, known: tuple[object, ...], protocol: 
         objects = f", or an object that is a {protocol.__name__}" if protocol else ""
         values = ", ".join(repr(item) for item in known)
         raise OptionError(f"{name}={value!r} is not known; use one of: {values}{objects}")
-
-
-def _check_whole(name: str, value: object, low: int, high: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise OptionError(f"{name}={value!r} is not a whole number from {low} to {high}")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import name_of
+from chmarl_pb.limits import whole_number
 from chmarl_pb.navigation.free_space import Space
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.sensing.sensors import Sensor, View
@@ -123,10 +124,7 @@ class CheckedTalk(CheckedChannel):
     def __init__(self, channel: Talk):
         """Check what this one returns."""
         super().__init__(channel)
-        count: Any = channel.vocabulary
-        if not isinstance(count, int | np.integer) or isinstance(count, bool) or not 2 <= count <= MOST_SYMBOLS:
-            raise _wrong(f"{self._name}.vocabulary", count, f"a whole number from 2 to {MOST_SYMBOLS}")
-        self.vocabulary = int(count)
+        self.vocabulary = whole_number(f"{self._name}.vocabulary", channel.vocabulary, 2, MOST_SYMBOLS)
 
     def among(self, robots: tuple[str, ...]) -> "CheckedTalk":
         """Return the channel between these robots."""
@@ -179,9 +177,7 @@ class CheckedKind:
             attributes: whether instructions may name colours and rooms, too.
         """
         self._kind, self._name = kind, name_of(kind)
-        self.objects: int = kind.objects
-        if not isinstance(self.objects, int) or isinstance(self.objects, bool) or self.objects < 1:
-            raise _wrong(f"{self._name}.objects", self.objects, "a whole number from 1 on")
+        self.objects = whole_number(f"{self._name}.objects", kind.objects, 1)
         self._most = INSTRUCTION_LENGTH * self.objects + ATTRIBUTES_LENGTH * attributes
 
     def tasks(self, split: str) -> list[AnyTask]:

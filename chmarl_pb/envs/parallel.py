@@ -11,12 +11,13 @@ from pettingzoo import ParallelEnv
 from chmarl_pb.envs.last_step import LastStep
 from chmarl_pb.envs.observations import Observation, Observer
 from chmarl_pb.envs.of_episode import of_episode
-from chmarl_pb.envs.options import Observed, Options, checked_seed
+from chmarl_pb.envs.options import Observed, Options
 from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.state import global_state, state_size
 from chmarl_pb.envs.window import close_window, open_display, show
 from chmarl_pb.envs.words import action_space, numbers_in, parted
 from chmarl_pb.errors import ActionError, NotResetError, OptionError
+from chmarl_pb.limits import whole_number
 from chmarl_pb.robots.execution import Snapshot, collisions, execute
 from chmarl_pb.robots.motion import Motion
 from chmarl_pb.robots.pointing import verb_of
@@ -182,7 +183,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             TaskError: the task is unknown or cannot be set up.
         """
         if seed is not None:
-            self._rng = np.random.default_rng(checked_seed(seed))
+            self._rng = np.random.default_rng(whole_number("seed", seed))
             self._tasks.begin(int(seed))
         self.task = self._choose_task(options or {})
         self.agents = []  # should the task not fit, there is no episode to go on with
@@ -249,8 +250,12 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         )
 
     def instruction_of(self, task: AnyTask) -> str:
-        """Return what a task asks for in the words of this environment."""
-        if self.options.lookalikes:  # what it names besides classes follows from the home
+        """Return what a task asks for in the words of this environment; with lookalikes this ends the episode.
+
+        What it names besides classes follows there from the home, in which the task is laid out.
+        """
+        if self.options.lookalikes:
+            self.agents = []
             task = self._simulations.enter(task.home).definite(task, self._kind)
         return self._kind.instruction(task)
 

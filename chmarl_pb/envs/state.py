@@ -4,6 +4,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.navigation.free_space import grip_point
 from chmarl_pb.navigation.lattice import heading_angle
 from chmarl_pb.tasks.messages import Messages
 from chmarl_pb.tasks.outcome import Outcome
@@ -45,7 +46,8 @@ def global_state(
         angle = heading_angle(robot.heading)
         parts += [*point(*robot.base[0])[:2], np.cos(angle), np.sin(angle)]
     x, y, _ = outcome.state.robots[grasper].base[0]
-    parts += point(*simulation.world.grip(goal.item))
+    x_of, y_of, z_of = outcome.state.objects.poses[goal.item][0]
+    parts += point(*grip_point((x_of, y_of, z_of), simulation.world.size(goal.item)))
     centres = np.array([simulation.home.receptacles[name].centre for name in goal.receptacles])
     nearest = np.argsort(np.hypot(*(centres - (x, y)).T), kind="stable")[:_NEAREST_TARGETS]
     for number in nearest:

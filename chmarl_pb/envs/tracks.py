@@ -28,4 +28,4 @@ TRACKS: dict[str, dict[str, Any]] = {
 PAPER, GROUNDED = TRACKS
 
 #: Track -> split on which its scores are compared.
-TEST_SPLITS = {PAPER: "test-unseen", GROUNDED: "generated-test"}
+HEADLINE_SPLITS = {PAPER: "test-unseen", GROUNDED: "generated-test"}

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from chmarl_pb.envs.optimum import says_optimum
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode
 from chmarl_pb.errors import TaskError
 from chmarl_pb.evaluation.intervals import rate_interval
-from chmarl_pb.evaluation.optimum import Optimum, optimum, says_optimum
+from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.recognition import Recognition, recognition
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.outcome import Outcome
+from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 

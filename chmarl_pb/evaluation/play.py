@@ -88,15 +88,25 @@ class Player:
     def play(self, job: Job) -> Played:
         """Play one job; its result does not depend on those before it."""
         task, seed = job
-        own = policy_seed(core_of_parallel(self.env).instruction_of(task), seed)
+        start, own = seeds_of(self.env, task, seed)
         outcomes: list[Outcome] = []
-        start = episode_seed(task, seed)
         episode = rollout(self.env, self.policy, start, task, lambda core: outcomes.append(core.outcome), own)
         return played(core_of_parallel(self.env), episode, seed, outcomes)
 
     def close(self) -> None:
         """Disconnect from physics."""
         self.env.close()
+
+
+def seeds_of(env: Any, task: AnyTask, seed: int) -> tuple[int, int]:
+    """Return the seeds of an episode, and of the policy in it; the environment is to be reset before it is played on.
+
+    Args:
+        env: a ParallelEnv made from this package's.
+        task: to be played.
+        seed: of the evaluation.
+    """
+    return episode_seed(task, seed), policy_seed(core_of_parallel(env).instruction_of(task), seed)
 
 
 def episode_seed(task: AnyTask, seed: int) -> int:

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from chmarl_pb.envs.options import Options, checked_seed
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.rollout import core_of_parallel
-from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TEST_SPLITS
+from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.ledger import Ledger
@@ -30,6 +30,7 @@ from chmarl_pb.evaluation.sample import sample_of
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
 from chmarl_pb.fingerprint import fingerprint, name_of
+from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.tasks.kinds import named_task
@@ -107,7 +108,7 @@ def evaluate(
     source = find_policy(policy)
     observation = observation or source.observation or "scene_graph"
     options = rules_with(source.rules, options)
-    split = TEST_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
+    split = HEADLINE_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
     if tasks is None and split == STREAM:
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
@@ -195,7 +196,7 @@ def _check_label(label: str | None) -> None:
 def _seeds(seeds: Sequence[int]) -> list[int]:
     if not isinstance(seeds, Iterable):
         raise OptionError(f"seeds={seeds!r}: give several in a row, e.g. range({seeds!r})")
-    checked = [checked_seed(seed) for seed in seeds]
+    checked = [whole_number("seed", seed) for seed in seeds]
     if not checked or len(set(checked)) < len(checked):
         raise OptionError(f"seeds={checked}: give one or more different whole numbers from 0 on")
     return checked

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation import paper
 from chmarl_pb.evaluation.cooperation import reference_scores

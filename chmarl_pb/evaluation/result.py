@@ -13,11 +13,11 @@ from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
 from chmarl_pb.evaluation.json_file import WRONG, plain, read_object
 from chmarl_pb.evaluation.metrics import Played, Summary, of_tasks, summarize, summarize_by, summarize_by_wording
-from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.recognition import Recognition, total
 from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.splits import SPLITS
+from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"

@@ -7,7 +7,8 @@ from statistics import fmean
 
 import numpy as np
 
-from chmarl_pb.envs.options import MAX_STEPS, Options
+from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.evaluation.cooperation import Score, reference_scores, reference_scores_by_wording
 from chmarl_pb.evaluation.gain import gain_of, interval_text, points
 from chmarl_pb.evaluation.metrics import Figure, Summary
@@ -189,9 +190,14 @@ def label_of(report: Report) -> str:
 
 def title_of(report: Report) -> str:
     """Return a result's label and what sets it apart: what was switched off or given, and other tasks or limits."""
-    off = [f"no {name}" for name in report.without]
-    notes = [*off, *_apart(report), *([report.declared] if report.declared else [])]
+    notes = notes_of(report)
     return label_of(report) + (f" ({', '.join(notes)})" if notes else "")
+
+
+def notes_of(report: Report) -> list[str]:
+    """Return what sets a result apart, see :func:`title_of`."""
+    off = [f"no {name}" for name in report.without]
+    return [*off, *_apart(report), *([report.declared] if report.declared else [])]
 
 
 def where_of(report: Report) -> str:

@@ -1,6 +1,6 @@
 """The benchmark as a learner meets it: how its environment is made, and what a checkpoint has to know of that."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Literal
 
@@ -9,8 +9,9 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.evaluation.provenance import robots_hash
+from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, RULES, TRAINED_IN
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, MEANING, RULES, TRAINED_IN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -71,18 +72,23 @@ def _setting(options: Options, frozen: FrozenEncoder | None) -> dict[str, Any]:
     own |= {GOAL: True} if options.goal else {}
     own |= {HOME: str(options.home)} if options.home else {}
     own |= {RULES: rules} if (rules := rules_of(options)) else {}
+    own |= {MEANING: meaning} if (meaning := meaning_of(options)) != meaning_in(own) else {}
     own |= {TRAINED_IN: trained_in(options)}
     return {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 
 def trained_in(options: Options) -> dict[str, Any]:
-    """Return what a run has to go on with: the split and the like, and what the files of its home and robots hold."""
+    """Return what a run has to go on with: the split and the like, what its files hold, and the user's own objects."""
     recorded = options.recorded()
     files: dict[str, Any] = {}
     if options.home is not None:
         files["home_sha256"] = load_home(options.home, options.things).content
     if "robots" in recorded:
         files["robots_sha256"] = robots_hash(options.models.values())
+    if own := options.own():  # what they hold; their code may be mended in the course of a run
+        files["own_sha256"] = {
+            f"what {name} holds": fingerprint(one, code=False) or "unknown" for name, one in own.items()
+        }
     return {name: recorded[name] for name in _TRAINED_IN if name in recorded} | files
 
 
@@ -107,6 +113,12 @@ def meaning_of(options: Options) -> dict[str, bool]:
     return {
         "pointing": options.pointing, "lookalikes": options.lookalikes, "own words": isinstance(options.channel, Talk)
     }  # fmt: skip
+
+
+def meaning_in(setting: Mapping[str, Any]) -> dict[str, bool]:
+    """Return the same of the setting of a training."""
+    told: dict[str, bool] = setting.get(MEANING) or meaning_of(Options(**setting.get(RULES, {})))
+    return told
 
 
 def _environment(frozen: FrozenEncoder | None, observation: str, **options: Any) -> Any:

@@ -15,6 +15,7 @@ FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that p
 TRAINED_IN = "trained_in"  # key of a run's setting: split, kind of task and the like; absent in older ones
 HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
 RULES = "rules"  # options of the environment by which a policy plays again; absent by the paper's rules
+MEANING = "meaning"  # what actions and observations mean; only where an object of an option makes it another than RULES
 CATALOG = "catalog_sha256"  # the same of a catalogue file and all that it names; absent without one
 
 

@@ -2,15 +2,14 @@
 
 import inspect
 import os
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 from torch import nn
+
+from chmarl_pb.named import import_named
 
 T = TypeVar("T")
 
@@ -51,10 +50,8 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
         raise ValueError(f"{option}={name!r} is not known; use one of: {', '.join(registry)}; or module:name")
     if _at_reading.get() and name not in os.environ.get(TRUSTED, "").split(","):
         raise UntrustedError(f"{option}={name!r} is code, which would be run; if you trust it, set {TRUSTED}={name}")
-    if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
     try:
-        found: T = resolve_name(name)
+        found: T = import_named(name)
         return found
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"{option}={name!r}: {error}; name a module that can be imported from here") from error

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.sights import OTHER, classes_of_nodes
+from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS
 from chmarl_pb.robots.pointing import CELLS, GRID, MIDDLE, VERBS, Cell, named
 
 Observation = dict[str, np.ndarray]
 Views = NDArray[np.float64]  # (n, 3) u, v and share of pixels of some nodes, as in ``node_view``
 
 SURE = 0.5  # part of the pixels in a cell from which on it is pointed at
-_LEAST = 4 / 128**2  # share of a picture from which on things are visible
+_LEAST = VISIBLE_PIXELS / VISIBILITY_SIZE**2  # share of a picture from which on things are visible
 _TURN, _PITCH, _FIELD = np.pi / 6, np.pi / 9, 1.0  # of the humanoid: a turn, its camera's pitch and half width at 1 m
 
 

@@ -100,12 +100,6 @@ class RoomCode:
         told = {BEARINGS: self.bearings.copy(), LIVE: live} if self._directions else {}
         return {**observation, "messages": self.board.copy(), SHARED: self.shared.copy(), **told}
 
-    def speak(self) -> int:
-        """Return the symbol that is said now; see :meth:`propose`."""
-        symbol = self.propose()
-        self.note(symbol)
-        return symbol
-
     def propose(self) -> int:
         """Return the symbol that is to be said now: something new, of X first, else what is to be repeated.
 

@@ -13,7 +13,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
-from chmarl_pb.policies.sights import classes_in_view, colors_in_view, messages_read, supports_in_view
+from chmarl_pb.policies.sights import classes_in_view, colors_in_view, messages_read, own_room, supports_in_view
 from chmarl_pb.robots.pointing import Cell
 from chmarl_pb.tasks.language import read_pairs
 
@@ -86,11 +86,10 @@ def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, know
 
 
 def _blind(rooms: tuple[str, ...], observation: Observation) -> dict[str, Any]:
-    own = int(np.argmax(observation["self"][: len(rooms) + 1]))
     known = [tuple(room for room, bit in zip(rooms, row, strict=True) if bit) for row in observation["messages"]]
     return {
         "messages": (known[0], known[1]), "feedback": bool(observation["feedback"].any()),
-        "room": rooms[own] if own < len(rooms) else None, "holding": bool(observation["self"][-1]),
+        "room": own_room(observation, rooms) or None, "holding": bool(observation["self"][-1]),
     }  # fmt: skip
 
 

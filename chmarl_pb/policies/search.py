@@ -16,7 +16,7 @@ import numpy as np
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
-from chmarl_pb.policies.sights import classes_in_view, messages_read
+from chmarl_pb.policies.sights import classes_in_view, messages_read, own_room
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
 from chmarl_pb.tasks.language import read_pairs
@@ -95,7 +95,7 @@ class HumanoidSearch:
         verb, row = ("place", 1) if holding else ("pick", 0)
         if wanted != self._wanted:
             self._wanted, self._looks, self._searched = wanted, [], set()
-        here = room_of(observation, self.rooms)
+        here = own_room(observation, self.rooms) or None
         failed = self._tried == verb
         aims = [cell for name, cell in cells.items() if name in wanted]
         if wanted & seen and not failed and (aims or "node_view" not in observation):
@@ -232,9 +232,3 @@ class SearchPolicy:
         """Go on from what the robots have done."""
         for name, action in actions.items():
             self.searches[name].note(action)
-
-
-def room_of(observation: dict[str, np.ndarray], rooms: tuple[str, ...]) -> str | None:
-    """Return the room that a robot's ``self`` observation tells, or None between rooms."""
-    number = int(np.argmax(observation["self"][: len(rooms) + 1]))
-    return rooms[number] if number < len(rooms) else None

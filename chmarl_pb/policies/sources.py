@@ -1,8 +1,6 @@
 """Where policies come from: built in, published weights, ``module:callable``, a checkpoint, or a factory."""
 
-import importlib
 import os
-import sys
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -14,6 +12,7 @@ from typing import Any, cast
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
 from chmarl_pb.fingerprint import fingerprint, name_of
+from chmarl_pb.named import import_named
 from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
@@ -206,15 +205,10 @@ def imported(path: str, what: str) -> Callable[..., Any]:
     Raises:
         OptionError: it cannot be imported, or called.
     """
-    module, colon, name = path.partition(":")
-    if not colon:
+    if ":" not in path:
         raise OptionError(f"{what} {path!r} is not a name like module:callable")
-    if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.insert(0, str(Path.cwd()))  # as `python -m` has it; console scripts do not
     try:
-        found: Any = importlib.import_module(module)
-        for part in name.split("."):
-            found = getattr(found, part)
+        found = import_named(path)
     except MissingExtraError:
         raise
     except (ImportError, AttributeError, ValueError) as error:

@@ -8,7 +8,6 @@ the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, t
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from chmarl_pb.robots.driven_arm import TOLERANCE as TOLERANCE
 from chmarl_pb.robots.driven_arm import MissedError
 from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot, taken_cells

@@ -20,7 +20,7 @@ from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
 from chmarl_pb.robots.chain import Joint, Tree, chain_to
 from chmarl_pb.robots.model import ALTITUDE, FOV, POSITION, SPEED, CameraMount, RobotModel, check_name
 from chmarl_pb.robots.motors import Configuration
-from chmarl_pb.robots.plain_robot import FOLDER as FOLDER
+from chmarl_pb.robots.plain_robot import FOLDER
 from chmarl_pb.robots.workspace import BEARING
 
 if sys.version_info >= (3, 11):

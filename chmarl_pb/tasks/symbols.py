@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.limits import real_number, whole_number
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.messages import Channel, Messages, Rooms
 from chmarl_pb.tasks.outcome import Outcome
@@ -75,18 +76,17 @@ class Symbols:
         Raises:
             OptionError: one is out of range.
         """
-        for name, value, low, high in (
-            ("vocabulary", self.vocabulary, 2, MOST_SYMBOLS), ("delay", self.delay, 1, _LONGEST)
-        ):  # fmt: skip
-            if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-                raise OptionError(f"Symbols({name}={value!r}): use a whole number from {low} to {high}")
-        for name, chance in (("loss", self.loss), ("flips", self.flips)):
-            if not 0 <= chance <= 1:
-                raise OptionError(f"Symbols({name}={chance!r}): use a probability from 0 to 1")
+        checked = {
+            "vocabulary": whole_number("Symbols: vocabulary", self.vocabulary, 2, MOST_SYMBOLS),
+            "delay": whole_number("Symbols: delay", self.delay, 1, _LONGEST),
+            "loss": real_number("Symbols: loss", self.loss, 0, 1),
+            "flips": real_number("Symbols: flips", self.flips, 0, 1),
+            "price": real_number("Symbols: price", self.price, 0),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
         if self.flips and self.vocabulary < 3:
             raise OptionError(f"Symbols(flips={self.flips!r}): needs a vocabulary of 3, to have another symbol")
-        if not 0 <= self.price < np.inf:
-            raise OptionError(f"Symbols(price={self.price!r}): use 0 or more")
 
     def among(self, robots: tuple[str, ...]) -> "Symbols":
         """Return the channel between these robots.

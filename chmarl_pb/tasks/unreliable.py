@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from chmarl_pb.errors import OptionError
+from chmarl_pb.limits import real_number, whole_number
+from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Critic, Goals, SpokenAdviser
 from chmarl_pb.tasks.messages import Board, Messages
 from chmarl_pb.tasks.outcome import Outcome
@@ -37,7 +39,7 @@ class NoisyBoard(Board):
         Raises:
             OptionError: it is no probability.
         """
-        _probability("NoisyBoard", "flips", self.flips)
+        object.__setattr__(self, "flips", real_number("NoisyBoard: flips", self.flips, 0, 1))
 
     def hear(self, messages: Messages, robot: str, rng: np.random.Generator) -> Messages:
         """Return the board with some bits flipped."""
@@ -77,10 +79,9 @@ class UnreliableAdviser:
         """
         if self.style not in STYLES:
             raise OptionError(f"UnreliableAdviser(style={self.style!r}): use one of: {', '.join(STYLES)}")
-        _probability("UnreliableAdviser", "loss", self.loss)
-        _probability("UnreliableAdviser", "wrong", self.wrong)
-        if not isinstance(self.delay, int) or isinstance(self.delay, bool) or not 0 <= self.delay <= _LONGEST:
-            raise OptionError(f"UnreliableAdviser(delay={self.delay!r}): use a whole number from 0 to {_LONGEST}")
+        self.loss = real_number("UnreliableAdviser: loss", self.loss, 0, 1)
+        self.wrong = real_number("UnreliableAdviser: wrong", self.wrong, 0, 1)
+        self.delay = whole_number("UnreliableAdviser: delay", self.delay, 0, _LONGEST)
 
     def begin(self, simulation: Simulation, task: AnyTask, goals: Goals) -> None:
         """Watch an episode that begins in a simulation."""
@@ -117,13 +118,10 @@ class _Unreliable:
     def after(self, succeeded: bool) -> str | None:
         better = self._critic.after(succeeded)
         lost, wrong = self._rng.random(2) < (self._loss, self._wrong)  # the same draws, whatever becomes of it
-        number = int(self._rng.integers(len(self._actions) - 1))
+        draw = self._rng.random()
         if better is None or lost:
             return None
-        others = [action for action in self._actions if action not in (better, self._done)]
-        return others[number % len(others)] if wrong else better
-
-
-def _probability(owner: str, name: str, value: float) -> None:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 <= value <= 1:
-        raise OptionError(f"{owner}({name}={value!r}): use a probability from 0 to 1")
+        # sentences name verbs alone: to pick at another cell would be said like the better action
+        said = {verb_of(better), verb_of(self._done)}
+        others = [action for action in self._actions if verb_of(action) not in said]
+        return others[int(draw * len(others))] if wrong else better

@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 pytest.importorskip("tyro")
 
 from chmarl_pb.cli.evaluate import add, evaluate_command
-from chmarl_pb.cli.train import COMMANDS, main, name_of, parse
+from chmarl_pb.cli.train import COMMANDS, main, parse, run_name
 from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.algorithms.value import Config
@@ -46,7 +46,7 @@ def test_flags_are_typed_and_belong_to_their_learner(capsys: pytest.CaptureFixtu
     assert first == parse(["qmix", "--gamma", "0.5", "--episodes", "7", "--no-messages"])
     config, cloning = first.config, parse(["--algo", "bc", "--no-past-actions", "--epochs", "2"]).config
     assert isinstance(config, Config) and isinstance(cloning, CloningConfig)
-    assert (config.episodes, config.gamma, name_of(first)) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
+    assert (config.episodes, config.gamma, run_name(first)) == (7, 0.5, "qmix-scene_graph-feedback-seed0")
     assert cloning.past_actions is False
     for wrong in (["--algo", "bc", "--episodes", "3"], ["--algo", "iql", "--epochs", "3"]):
         with pytest.raises(SystemExit) as caught:
@@ -75,7 +75,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         ): "iql-scene_graph-messages-feedback-home_2-mine-seed0",
     }
     for words, name in names.items():
-        assert name_of(parse(words)) == name
+        assert run_name(parse(words)) == name
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_numbers_of_words_that_cannot_be(count: Any) -> None:
 
     words = Words()
     object.__setattr__(words, "vocabulary", count)
-    with pytest.raises(OptionError, match=r"Words\.vocabulary is .*; it is to be a whole number from 2 to 1024"):
+    with pytest.raises(OptionError, match=r"Words\.vocabulary=.* is not a whole number from 2 to 1,024"):
         play(messages=words)
 
 
@@ -193,7 +193,7 @@ class Errand(Rearrange):
 @pytest.mark.parametrize(
     ("method", "value", "message"),
     [
-        ("objects", "a", r"Errand\.objects is 'a'; it is to be a whole number"),
+        ("objects", "a", r"Errand\.objects='a' is not a whole number from 1 on"),
         ("tasks", None, r"Errand\.tasks\(\) is None; it is to be a list of tasks"),
         ("tasks", ["val-unseen-000"], r"tasks\(\) is \['val-unseen-000'\]"),
         ("set_up", None, r"Errand\.set_up\(\) is None"),

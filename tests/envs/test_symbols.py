@@ -155,8 +155,9 @@ def test_spaces_and_wrong_pairs(env: HouseholdEnv) -> None:
 @pytest.mark.parametrize(
     ("dials", "words"),
     [
-        ({"vocabulary": 1}, "2 to 1024"), ({"delay": 0}, "1 to 1000"), ({"loss": 1.5}, "probability"),
-        ({"flips": -0.1}, "probability"), ({"price": -1}, "0 or more"), ({"vocabulary": 2, "flips": 0.1}, "needs a"),
+        ({"vocabulary": 1}, "2 to 1,024"), ({"delay": 0}, "1 to 1,000"), ({"loss": 1.5}, "from 0 to 1"),
+        ({"loss": "0.5"}, "loss='0.5'"), ({"loss": True}, "loss=True"), ({"flips": -0.1}, "from 0 to 1"),
+        ({"price": -1}, "from 0 on"), ({"vocabulary": 2, "flips": 0.1}, "needs a"),
     ],
 )  # fmt: skip
 def test_wrong_dials_are_refused(dials: dict[str, Any], words: str) -> None:
@@ -272,7 +273,9 @@ def test_code_tells_directions_by_what_is_left_of_the_symbols(env: HouseholdEnv)
             own = speaker.listen(seen, infos["drone"])
             assert own["shared"][0, 2] == (step > 0), "it is known to all when it has been heard"
             seen["messages"] = np.zeros((1, 16), np.int8)
-            heard = {**seen, "messages": np.eye(16, dtype=np.int8)[[speaker.speak()]]}
+            symbol = speaker.propose()
+            speaker.note(symbol)
+            heard = {**seen, "messages": np.eye(16, dtype=np.int8)[[symbol]]}
             found = hearer.listen(heard, infos["drone"])
         assert found["messages"].tolist() == found["shared"].tolist() and found["messages"][0].tolist() == [0, 0, 1, 0]
         assert abs(found["bearings"][0, 2] - angle) <= np.pi / 7 + 1e-9
@@ -288,7 +291,8 @@ def test_x_is_told_first_and_its_direction_as_soon_as_it_is_known(env: Household
     for step in range(6):
         angle[0] = 1.0 if step > 2 else None
         code.listen(seen, infos["drone"])
-        said.append(code.speak())
+        said.append(code.propose())
+        code.note(said[-1])
     direction = 9 + int(1.0 / (2 * np.pi) * 7)
     assert said == [3, 5, 3, direction, 5, direction], "what it names last is not named again before its direction"
 

@@ -22,7 +22,6 @@ from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, 
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played, path_weighted, summarize, summarize_by
-from chmarl_pb.evaluation.optimum import Optimum
 from chmarl_pb.evaluation.play import Job, Setup
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import robots_hash
@@ -37,7 +36,7 @@ from chmarl_pb.robots.registry import team_of
 from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.task import Optimum, Task
 
 TASKS = load_tasks("test-unseen")[:3]
 MAX_STEPS = 12

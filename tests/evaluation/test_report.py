@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from chmarl_pb.cli import main
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper, plots, tables
 from chmarl_pb.evaluation.cooperation import reference_scores

@@ -26,7 +26,7 @@ from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import NO_LABEL, Collector
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from chmarl_pb.learning.runs.loop import name_of
+from chmarl_pb.learning.runs.loop import expert_name
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
@@ -304,7 +304,7 @@ def test_experts_are_named_in_what_is_kept() -> None:
         Constant,
         lambda env: None,
     )
-    names = [name_of(one) for one in made]
+    names = [expert_name(one) for one in made]
     assert names[:4] == ["search", "belief", *["tests.helpers.small_runs:Constant"] * 2]
     assert names[4].startswith(f"{__name__}:")
 

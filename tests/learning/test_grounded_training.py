@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 import torch
 
 import chmarl_pb
-from chmarl_pb.cli.train import Play, main, name_of, parse
+from chmarl_pb.cli.train import Play, main, parse, run_name
 from chmarl_pb.envs.options import Options
 from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
@@ -153,7 +153,7 @@ def test_rules_are_flags_as_of_evaluate(capsys: pytest.CaptureFixture[str]) -> N
         "--messages --feedback --track paper": "qmix-scene_graph-messages-feedback-seed0",
     }
     for words, name in names.items():
-        assert name_of(parse(["--algo", "qmix", *words.split()])) == name
+        assert run_name(parse(["--algo", "qmix", *words.split()])) == name
     with pytest.raises(SystemExit):
         main(["--algo", "qmix", "--help"])
     assert "--no-pointing" in capsys.readouterr().out

@@ -18,7 +18,7 @@ from chmarl_pb.errors import DatasetError
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, feature_space, kept_features, reset_all, step_all
-from chmarl_pb.learning.networks.resnet import FEATURES
+from chmarl_pb.learning.networks.residual import FEATURES
 from chmarl_pb.learning.storage.seal import LENGTH
 from chmarl_pb.policies.registry import make_policy
 from tests.helpers.damage import flipped

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from chmarl_pb.learning.algorithms.losses import Aim, Unrolled, mean_square, td_loss
+from chmarl_pb.learning.algorithms.losses import Returns, Unrolled, mean_square, td_loss
 from chmarl_pb.learning.algorithms.mixers import DeepQMixer, Independent, QMixer, Sum
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
 from chmarl_pb.learning.algorithms.registry import make_learner
@@ -154,34 +154,36 @@ def values() -> Unrolled:
 
 @pytest.mark.parametrize(("terminated", "last_target"), [(True, 2.0), (False, 2.0 + 0.5 * (5 + 2))])
 def test_vdn_loss_bootstraps_at_truncation_only(terminated: bool, last_target: float) -> None:
-    loss = td_loss(values(), values(), Sum(), Sum(), batch_of(terminated), Aim(0.5))["loss"]
+    loss = td_loss(values(), values(), Sum(), Sum(), batch_of(terminated), Returns(0.5))["loss"]
     first = (1 + 1) - (2.0 + 0.5 * (3 + 1))  # the team's reward is the mean of both
     assert float(loss) == pytest.approx((first**2 + (3 + 0 - last_target) ** 2) / 2)
 
 
 def test_iql_learns_from_own_rewards() -> None:
-    loss = td_loss(values(), values(), Independent(), Independent(), batch_of(True), Aim(0.5))["loss"]
+    loss = td_loss(values(), values(), Independent(), Independent(), batch_of(True), Returns(0.5))["loss"]
     errors = [1 - (1 + 0.5 * 3), 3 - 2, 1 - (3 + 0.5 * 1), 0 - 2]
     assert float(loss) == pytest.approx(np.mean(np.square(errors)))
 
 
 def test_double_q_takes_the_online_argmax_and_the_target_value() -> None:
     target = Unrolled({name: tensor.flip(-1) * 10 for name, tensor in values().values.items()}, {})
-    loss = td_loss(values(), target, Sum(), Sum(), batch_of(True), Aim(1.0))["loss"]
+    loss = td_loss(values(), target, Sum(), Sum(), batch_of(True), Returns(1.0))["loss"]
     assert float(loss) == pytest.approx(((2 - (2 + 20 + 0)) ** 2 + (3 + 0 - 2) ** 2) / 2)
 
 
 def test_padding_and_absent_agents_do_not_count() -> None:
     padded = batch_of(True, [[True, True], [False, False]])
-    loss = td_loss(values(), values(), Sum(), Sum(), padded, Aim(0.5))["loss"]
+    loss = td_loss(values(), values(), Sum(), Sum(), padded, Returns(0.5))["loss"]
     assert float(loss) == pytest.approx((2 - (2.0 + 0.5 * 4)) ** 2)
-    alone = td_loss(values(), values(), Sum(), Sum(), batch_of(True, [[True, False], [True, False]]), Aim(0.0))["loss"]
+    alone = td_loss(values(), values(), Sum(), Sum(), batch_of(True, [[True, False], [True, False]]), Returns(0.0))[
+        "loss"
+    ]
     assert float(alone) == pytest.approx(((1 - 1) ** 2 + (3 - 2) ** 2) / 2)
 
 
 def test_an_agent_that_is_cut_off_before_the_others_has_no_next_value() -> None:
     cut = batch_of(False, [[True, True], [True, False]])
-    loss = td_loss(values(), values(), Sum(), Sum(), cut, Aim(0.5))["loss"]
+    loss = td_loss(values(), values(), Sum(), Sum(), cut, Returns(0.5))["loss"]
     first, last = 2 - (2 + 0.5 * 3), 3 - (2 + 0.5 * 5)  # b is not there in the second step
     assert float(loss) == pytest.approx((first**2 + last**2) / 2)
 
@@ -235,7 +237,7 @@ class Fixed(QtranNetworks):
 
 def test_qtran_losses_by_hand() -> None:
     networks = Fixed(2.0, -1.0)
-    parts = qtran_loss(values(), values(), networks, Fixed(4.0, 0.0), batch_of(True), Aim(0.5))
+    parts = qtran_loss(values(), values(), networks, Fixed(4.0, 0.0), batch_of(True), Returns(0.5))
     assert float(parts["td"]) == pytest.approx(((2 - (2 + 0.5 * 4)) ** 2 + (2 - 2) ** 2) / 2)
     best, taken = np.array([1 + 1, 3 + 1]), np.array([1 + 1, 3 + 0])
     assert float(parts["opt"]) == pytest.approx(np.mean((best - 2 - 1) ** 2))

@@ -12,7 +12,7 @@ from torch import nn
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.gradient import DivergedError, descend
-from chmarl_pb.learning.algorithms.losses import Aim, lambda_returns
+from chmarl_pb.learning.algorithms.losses import Returns, lambda_returns
 from chmarl_pb.learning.algorithms.mappo import Mappo
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
@@ -147,34 +147,34 @@ def test_qmix_learns_of_values_far_below_zero_once_they_are_normal() -> None:
 def test_agents_that_are_cut_off_go_on_at_their_own_rate() -> None:
     reward = torch.tensor([1.0, -3.0]).expand(4, 5, 2)
     mask = torch.ones_like(reward, dtype=torch.bool)
-    aim = Aim(0.9, 0.0, Normalizer(2))
-    aim.take_in(reward, mask, mask)
-    assert aim.scale is not None
-    torch.testing.assert_close(aim.scale.mean, torch.tensor([10.0, -30.0]))
+    returns = Returns(0.9, 0.0, Normalizer(2))
+    returns.update_scale(reward, mask, mask)
+    assert returns.scale is not None
+    torch.testing.assert_close(returns.scale.mean, torch.tensor([10.0, -30.0]))
 
 
 def test_the_scale_of_values_does_not_follow_itself() -> None:
     """It once followed targets, which hold what it makes of the networks' values, and grew without end."""
     config = replace(SMALL, normalize_values=True, gamma=0.99, td_lambda=0.6)
     learner = make_learner("vdn", interface_of(TwoStepGame()), config)
-    assert isinstance(learner, ValueLearner) and learner.aim.scale is not None
+    assert isinstance(learner, ValueLearner) and learner.returns.scale is not None
     with torch.no_grad():
         for part in learner._targets.parameters():
             part.add_(3.0)  # targets that think too much of themselves
     rewards, ones = torch.full((16, 25, 1), -10.0), torch.ones(16, 25, 1, dtype=torch.bool)
     for _ in range(300):
-        learner.aim.take_in(rewards + torch.randn(16, 25, 1), ones, ones)
-    assert learner.aim.scale.mean.item() == pytest.approx(-1000, rel=0.01), "-10 a step, for ever"
-    assert 1 < learner.aim.scale.deviation.item() < 10
+        learner.returns.update_scale(rewards + torch.randn(16, 25, 1), ones, ones)
+    assert learner.returns.scale.mean.item() == pytest.approx(-1000, rel=0.01), "-10 a step, for ever"
+    assert 1 < learner.returns.scale.deviation.item() < 10
 
 
 @pytest.mark.parametrize("algorithm", ["iql", "vdn", "qmix", "qtran"])
 def test_the_scale_of_values_stays_that_of_the_returns_in_a_run(algorithm: str) -> None:
     game = partial(MatrixGame, MATRIX_GAMES["additive"] - 200)
     learner = train(game, algorithm, replace(SMALL, episodes=200, gradient_steps=8, normalize_values=True)).learner
-    assert isinstance(learner, ValueLearner) and learner.aim.scale is not None
-    assert ((learner.aim.scale.mean > -215) & (learner.aim.scale.mean < -190)).all()
-    assert (learner.aim.scale.deviation < 15).all()
+    assert isinstance(learner, ValueLearner) and learner.returns.scale is not None
+    assert ((learner.returns.scale.mean > -215) & (learner.returns.scale.mean < -190)).all()
+    assert (learner.returns.scale.deviation < 15).all()
 
 
 def test_standardized_rewards_hide_scale_and_level() -> None:

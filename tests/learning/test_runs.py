@@ -25,11 +25,12 @@ from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
-from chmarl_pb.learning.runs.loop import name_of
+from chmarl_pb.learning.runs.loop import expert_name
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
 from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
+from chmarl_pb.tasks.splits import SPLITS
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
@@ -443,7 +444,7 @@ def test_runs_and_weights_of_earlier_versions_are_used(algorithm: str, tmp_path:
         as_before(tmp_path / name)
         stored = torch.load(tmp_path / name, weights_only=True)["config"]
         assert "gradient_clip" in stored and not NEW & stored.keys()
-        own: dict[str, Any] = {"expert": name_of(EXPERT)} if algorithm == "imitation" else {}
+        own: dict[str, Any] = {"expert": expert_name(EXPERT)} if algorithm == "imitation" else {}
         assert type(config)(**load(tmp_path / name)["config"]) == replace(config, **own)
     again = train(
         UnevenEnv, algorithm, config, tmp_path, expert=EXPERT
@@ -465,6 +466,7 @@ def test_metrics_that_cannot_be_read_are_one_error(size: int | None, tmp_path: P
             use()
 
 
-def test_no_checkpoint_is_chosen_on_a_test_split() -> None:
+@pytest.mark.parametrize("split", [split for split in SPLITS if "test" in split])
+def test_no_checkpoint_is_chosen_on_a_test_split(split: str) -> None:
     with pytest.raises(ValueError, match="test split"):
-        by_tasks(("test-unseen",))
+        by_tasks(("val-unseen", split))

@@ -28,8 +28,7 @@ from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import MissingExtraError
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
-from chmarl_pb.learning.networks.residual import ResNet18
-from chmarl_pb.learning.networks.resnet import FEATURES
+from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.sb3 import GoalFeatures, load_policy, policy_of

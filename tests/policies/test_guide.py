@@ -87,7 +87,8 @@ def test_it_points_in_every_step_and_news_of_x_come_first(env: HouseholdEnv) -> 
             facts.append(("mug", (0, 2)))
         angle[0] = 3.0 if step > 4 else None
         speaker.listen(seen, infos["drone"])
-        said.append(speaker.speak())
+        said.append(speaker.propose())
+        speaker.note(said[-1])
     assert said == [5, 3, 10, 5, 10, 3, 12, 12]
     heard = {**seen, "messages": np.eye(16, dtype=np.int8)[[3]]}
     assert not hearer.listen(heard, infos["drone"])["live"].any()

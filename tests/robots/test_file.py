@@ -9,8 +9,8 @@ import chmarl_pb
 from chmarl_pb.errors import AssetError
 from chmarl_pb.navigation.lattice import FOOTPRINT
 from chmarl_pb.navigation.reach import REACH
-from chmarl_pb.robots.file import FOLDER, find_model
-from chmarl_pb.robots.plain_robot import plain_robot
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.plain_robot import FOLDER, plain_robot
 
 GOOD = """
 urdf = "drone.urdf"

@@ -1,5 +1,6 @@
 """Messages and feedback that are noisy, missing, wrong or late."""
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.errors import OptionError
-from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
+from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser, _Unreliable
 
 IDLE = {"humanoid": 9, "drone": 8}
 
@@ -44,6 +45,40 @@ def test_some_sentences_are_lost_and_the_others_stay() -> None:
 def test_wrong_sentences_name_another_action() -> None:
     right, wrong = heard("planner"), heard(UnreliableAdviser("planner", wrong=1.0))
     assert all(wrong) and not set(right) & set(wrong)
+
+
+def test_wrong_sentences_name_another_verb_where_actions_point() -> None:
+    env = chmarl_pb.parallel_env(
+        "scene_graph", feedback=UnreliableAdviser("planner", wrong=1.0), split="val-unseen", pointing=True
+    )
+    twin = chmarl_pb.parallel_env("scene_graph", feedback="planner", split="val-unseen", pointing=True)
+    said = []
+    for number in range(4):
+        for one in (env, twin):
+            one.reset(options={"task": f"val-unseen-{number:03d}"})
+        plan = next(iter(twin.simulation.solve(twin.task).plans.values())).actions
+        twin.reset(options={"task": f"val-unseen-{number:03d}"})
+        for action in [*plan[:-1], *["stay"] * 3]:  # to where it is better to place
+            wanted = {name: names.index("stay") for name, names in env.action_names.items()}
+            wanted["humanoid"] = env.action_names["humanoid"].index(action)
+            said.append([one.step(wanted)[-1]["humanoid"]["feedback"] for one in (env, twin)])
+    for one in (env, twin):
+        one.close()
+    assert all(wrong != right for wrong, right in said if right) and sum(bool(right) for _, right in said) >= 12
+
+
+def test_wrong_actions_are_equally_likely() -> None:
+    class Always:
+        def before(self, action: str, outcome: Any) -> None: ...
+
+        def after(self, succeeded: bool) -> str:
+            return "a"
+
+    critic, counts = _Unreliable(Always(), ("a", "b", "c", "d", "e"), 0.0, 1.0, np.random.default_rng(0)), Counter()
+    for _ in range(3000):
+        critic.before("e", None)  # type: ignore[arg-type]
+        counts[critic.after(False)] += 1
+    assert counts.keys() == {"b", "c", "d"} and min(counts.values()) > 900
 
 
 def test_a_share_of_the_bits_is_misread() -> None:

@@ -42,5 +42,5 @@ def test_what_a_command_needs_is_made_before_it() -> None:
 
 
 def test_the_checkpoint_that_is_evaluated_is_of_a_training_before() -> None:
-    folders = [str(Path("out/train") / train.name_of(train.parse(words))) for words in TRAININGS]
+    folders = [str(Path("out/train") / train.run_name(train.parse(words))) for words in TRAININGS]
     assert str(Path(EVALUATED[EVALUATED.index("--policy") + 1]).parent) in folders

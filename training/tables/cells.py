@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cache
 from statistics import fmean, stdev
 
-from chmarl_pb.envs.options import MAX_STEPS
+from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.gain import gain_of_runs
 from chmarl_pb.evaluation.metrics import Figure
@@ -60,6 +60,6 @@ def built_in(policy: str, metric: str, split: str) -> float | None:
     return getattr(scores[policy], metric) if policy in scores else None
 
 
-def name_of(row: Row) -> str:
+def shown_name(row: Row) -> str:
     """Return a row's name as the tables show it."""
     return row.name if row.published else f"*{row.name}* (ours)"

@@ -4,8 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from chmarl_pb.envs.options import MAX_STEPS
-from chmarl_pb.envs.tracks import GROUNDED, TEST_SPLITS
+from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, MAX_STEPS
 from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
@@ -15,7 +14,7 @@ from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.tables import limited
 from training.tables.attribution import attribution
-from training.tables.cells import HEADLINE, METRICS, Records, built_in, cell, gained, name_of, runs_of, values
+from training.tables.cells import HEADLINE, METRICS, Records, built_in, cell, gained, runs_of, shown_name, values
 from training.tables.curves import draw_curves
 from training.tables.lessons import lessons
 from training.tables.made_with import budget, encoder_of, made_with, seeds
@@ -25,7 +24,7 @@ from training.tables.without_feedback import without_feedback
 
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}
 TITLES |= {GROUNDED: "The grounded track"}
-GROUNDED_SPLIT = TEST_SPLITS[GROUNDED]
+GROUNDED_SPLIT = HEADLINE_SPLITS[GROUNDED]
 #: Built-in policies below the learners -> what they do.
 BUILT_IN = {**SHORTCUTS, **SEARCHES}
 
@@ -137,7 +136,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     lines.append("|---|---|---|" + "--:|--:|" * len(SPLITS))
     if gains := metric == "plw" and best_blind(HEADLINE) is not None:
         lines = [lines[0] + " gain |", lines[1] + "--:|"]
-    name = _setting if table == "feedback" else name_of
+    name = _setting if table == "feedback" else shown_name
     for row in rows:
         same = runs_of(row, records)
         cells = (
@@ -181,7 +180,7 @@ def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
             record for record in runs_of(row, records) if "per_wording" in record["evaluation"]["splits"][SPLITS[-1]]
         ]
         cells = (", ".join(cell(_apart(known, split, name)) for name in WORDINGS) for split in SPLITS)
-        lines += [f"| {name_of(row)}{_some(row, known, records)} | {' | '.join(cells)} |"] if known else []
+        lines += [f"| {shown_name(row)}{_some(row, known, records)} | {' | '.join(cells)} |"] if known else []
     scores = {split: reference_scores_by_wording(split, MAX_STEPS) for split in SPLITS}
     for policy in BUILT_IN:
         if all(policy in same for of_split in scores.values() for same in of_split.values()):
@@ -212,7 +211,7 @@ def _ends(rows: Sequence[Row], records: Records) -> list[str]:
             )
         shares = (sum(counts[phi] for phi in phis) / max(counts.total(), 1) for phis in ENDS.values())
         if counts:
-            lines.append(f"| {name_of(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
+            lines.append(f"| {shown_name(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
     return [ENDS_NOTE, "\n".join(lines)] if len(lines) > 2 else []
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from chmarl_pb.envs.tracks import GROUNDED, PAPER, TEST_SPLITS, TRACKS
+from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.evaluation import paper
 
 #: Name of the table of clones that learn in limited layouts (chmarl_pb/tasks/own_places.py), their data set, and the
@@ -96,7 +96,7 @@ def splits_of(table: str) -> tuple[str, ...]:
     """Return the splits that the rows of a table are evaluated on."""
     if table == LIMITED:
         return LIMITED_SPLITS
-    return (TEST_SPLITS[table],) if table in TRACKS else paper.SPLITS
+    return (HEADLINE_SPLITS[table],) if table in TRACKS else paper.SPLITS
 
 
 def _switch(name: str, on: bool) -> str:

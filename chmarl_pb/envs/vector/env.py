@@ -22,6 +22,7 @@ from chmarl_pb.envs.vector.exchange import Seeds, gather, seeds_of, write_action
 from chmarl_pb.envs.vector.infos import InfoTable
 from chmarl_pb.envs.vector.pool import Pool
 from chmarl_pb.errors import OptionError
+from chmarl_pb.limits import whole_number
 from chmarl_pb.world import Uncopied
 
 Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
@@ -165,8 +166,7 @@ def check_counts(n: int, workers: int | None) -> None:
         OptionError: one of them cannot be.
     """
     for name, value, least in (("n", n, 1), ("workers", 0 if workers is None else workers, 0)):
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise OptionError(f"{name}={value!r} is not a whole number from {least} on")
+        whole_number(name, value, least)
 
 
 @overload
@@ -241,8 +241,7 @@ def vector_env(
 
 
 def _check_batch(batch_size: int, n: int, mode: AutoresetMode, copy: bool, backend: str) -> None:
-    if not isinstance(batch_size, int) or isinstance(batch_size, bool) or not 1 <= batch_size <= n:
-        raise OptionError(f"batch_size={batch_size!r} is not a whole number from 1 to n={n}")
+    whole_number("batch_size", batch_size, 1, n)
     for given, reason in (
         (mode is AutoresetMode.DISABLED, "autoreset_mode='Disabled': environments are reset by themselves"),
         (not copy, "copy=False: each batch is an array of its own"),

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb.envs.options import checked_seed
 from chmarl_pb.envs.vector.batch import Part
 from chmarl_pb.envs.vector.engine import AnyEngine
 from chmarl_pb.errors import ActionError, OptionError
+from chmarl_pb.limits import whole_number
 
 Seeds = int | Sequence[int | None] | None
 
@@ -22,10 +22,10 @@ def seeds_of(seed: Seeds, count: int) -> list[int | None]:
     if seed is None:
         return [None] * count
     if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray):
-        return [checked_seed(seed) + number for number in range(count)]
+        return [whole_number("seed", seed) + number for number in range(count)]
     if len(seed) != count:
         raise OptionError(f"reset got {len(seed)} seeds for {count} environments")
-    return [None if one is None else checked_seed(one) for one in seed]
+    return [None if one is None else whole_number("seed", one) for one in seed]
 
 
 def write_actions(engine: AnyEngine, actions: Any, numbers: np.ndarray | None = None) -> None:

@@ -11,6 +11,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.files import cache_folder, replacing, write_atomically
 from chmarl_pb.homes.generate.draws import VERSION
 from chmarl_pb.homes.generate.names import MOST_SEED, home_name, seed_of
+from chmarl_pb.limits import whole_number
 
 #: Homes that the user's cache holds, some 160 KB each; those that were made first give way, and can be made again.
 MOST_HOMES = 4000
@@ -31,7 +32,7 @@ def generate_home(seed: int, out: str | Path | None = None) -> Path:
             changed by hand.
         WriteError: the folder cannot be written.
     """
-    check_seed(seed)
+    seed = check_seed(seed)
     if out is not None:
         with tempfile.TemporaryDirectory(prefix="chmarl-home-") as scratch:
             made = _write(seed, Path(scratch))
@@ -49,9 +50,7 @@ def check_seed(seed: int) -> int:
     Raises:
         OptionError: it is none.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < MOST_SEED:
-        raise OptionError(f"seed={seed!r} is not a whole number from 0 to {MOST_SEED - 1:,}")
-    return seed
+    return whole_number("seed", seed, 0, MOST_SEED - 1)
 
 
 def files_of(home: Path) -> dict[Path, bytes]:

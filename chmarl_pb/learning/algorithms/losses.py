@@ -58,7 +58,7 @@ def _first(observation: Tree) -> Tree:
     return tree_map(lambda part: part[:, :1], observation)
 
 
-def greedy(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
+def greedy_actions(values: dict[str, Tensor], batch: Batch) -> dict[str, Tensor]:
     """Return agent -> its best allowed action after each observation, (B, T + 1, K)."""
     return {name: best_action(value, batch.action_mask[name]) for name, value in values.items()}
 
@@ -69,7 +69,7 @@ def chosen(values: dict[str, Tensor], actions: dict[str, Tensor]) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Aim:
+class Returns:
     """How the values that are learned are made of rewards and later values.
 
     Attributes:
@@ -82,15 +82,15 @@ class Aim:
     td_lambda: float = 0.0
     scale: Normalizer | None = None
 
-    def real(self, values: Tensor) -> Tensor:
+    def denormalize(self, values: Tensor) -> Tensor:
         """Return values (B, T, M) in units of the rewards from what networks give."""
         return values if self.scale is None else self.scale.denormalize(values)
 
-    def normal(self, targets: Tensor) -> Tensor:
+    def normalize(self, targets: Tensor) -> Tensor:
         """Return what networks should give for targets (B, T, M) in units of the rewards."""
         return targets if self.scale is None else self.scale.normalize(targets)
 
-    def take_in(self, reward: Tensor, not_done: Tensor, mask: Tensor) -> None:
+    def update_scale(self, reward: Tensor, not_done: Tensor, mask: Tensor) -> None:
         """Let the scale follow the returns that were had, as if an episode that was cut off went on alike.
 
         All are (B, T, M): rewards, whether there is a value after the step, and which steps were taken.
@@ -106,11 +106,11 @@ class Aim:
 
 
 def td_loss(
-    online: Unrolled, target: Unrolled, mixer: Mixer, target_mixer: Mixer, batch: Batch, aim: Aim
+    online: Unrolled, target: Unrolled, mixer: Mixer, target_mixer: Mixer, batch: Batch, returns: Returns
 ) -> dict[str, Tensor]:
     """Return the loss of IQL, VDN or QMIX: the mean squared error of Q against y, see :func:`td_targets`."""
-    y, mask = td_targets(online, target, target_mixer, batch, aim)
-    return q_loss(online, mixer, batch, aim.normal(y), mask)
+    y, mask = td_targets(online, target, target_mixer, batch, returns)
+    return q_loss(online, mixer, batch, returns.normalize(y), mask)
 
 
 def q_loss(online: Unrolled, mixer: Mixer, batch: Batch, y: Tensor, mask: Tensor) -> dict[str, Tensor]:
@@ -122,7 +122,7 @@ def q_loss(online: Unrolled, mixer: Mixer, batch: Batch, y: Tensor, mask: Tensor
 
 @torch.no_grad()
 def td_targets(
-    online: Unrolled, target: Unrolled, target_mixer: Mixer, batch: Batch, aim: Aim
+    online: Unrolled, target: Unrolled, target_mixer: Mixer, batch: Batch, returns: Returns
 ) -> tuple[Tensor, Tensor]:
     """Return what Q should be, in units of the rewards, and what counts (Rashid et al. 2018, section 4).
 
@@ -132,13 +132,15 @@ def td_targets(
     for each agent (M = N), VDN and QMIX have them for the team (M = 1). With a lambda, y looks further ahead, see
     :func:`lambda_returns`.
     """
-    best = {name: action[:, 1:] for name, action in greedy(online.values, batch).items()}
+    best = {name: action[:, 1:] for name, action in greedy_actions(online.values, batch).items()}
     per_agent = target_mixer.per_agent
     next_mask = batch.not_done if per_agent else batch.next_mask
     reward, not_done, mask = (batch.rewards, batch.not_done, batch.acted) if per_agent else batch.team()
-    aim.take_in(reward, not_done, mask)
-    q_next = aim.real(mixed(target_mixer, chosen(after(target.values), best) * next_mask, batch.states[:, 1:]))
-    return lambda_returns(reward, not_done, q_next, mask, aim.gamma, aim.td_lambda), mask
+    returns.update_scale(reward, not_done, mask)
+    q_next = returns.denormalize(
+        mixed(target_mixer, chosen(after(target.values), best) * next_mask, batch.states[:, 1:])
+    )
+    return lambda_returns(reward, not_done, q_next, mask, returns.gamma, returns.td_lambda), mask
 
 
 def lambda_returns(

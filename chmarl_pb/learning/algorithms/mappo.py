@@ -100,7 +100,7 @@ class MappoConfig(RunConfig):
 
 
 @dataclass(frozen=True)
-class Rollout:
+class Advantages:
     """What is learned from at once; N agents.
 
     Attributes:
@@ -163,12 +163,12 @@ class Mappo:
         batch = replay.sample(new, rng, newest=new)
         if self._states is not None:
             self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
-        rollout = self.compute_gae(batch)
-        rollout = replace(rollout, returns=self._normal(rollout.returns, batch))
+        learned = self.compute_gae(batch)
+        learned = replace(learned, returns=self._normal(learned.returns, batch))
         actors = not self.config.start or replay.added > self.config.critic_starts
         for rows in minibatches(self.config, len(batch.states), rng):
             part = batch.rows(rows)
-            chosen = Rollout(rollout.log_probabilities[rows], rollout.advantages[rows], rollout.returns[rows])
+            chosen = Advantages(learned.log_probabilities[rows], learned.advantages[rows], learned.returns[rows])
             yield part, self.update(part, chosen, actors)
 
     def _anneal_learning_rate(self, episodes: int) -> None:
@@ -178,10 +178,10 @@ class Mappo:
     @torch.no_grad()
     def value(self, states: Tensor) -> Tensor:
         """Return what the critic says of states (..., S), (...), in units of the rewards."""
-        normal = self._criticise(states)
+        normal = self._normal_values(states)
         return normal if self._values is None else self._values.denormalize(normal.unsqueeze(-1)).squeeze(-1)
 
-    def _criticise(self, states: Tensor) -> Tensor:
+    def _normal_values(self, states: Tensor) -> Tensor:
         seen = states if self._states is None else self._states.normalize(states)
         normal: Tensor = self.critic(seen).squeeze(-1)
         return normal
@@ -195,27 +195,27 @@ class Mappo:
         return self._values.normalize(column).squeeze(-1)
 
     @torch.no_grad()
-    def compute_gae(self, batch: Batch) -> Rollout:
+    def compute_gae(self, batch: Batch) -> Advantages:
         """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
-        reward, not_done, counts = batch.team()
-        mask, values = counts.squeeze(-1), self.value(batch.states)
+        reward, not_done, team_mask = batch.team()
+        mask, values = team_mask.squeeze(-1), self.value(batch.states)
         following, config = values[:, 1:].unsqueeze(-1), self.config
-        returns = lambda_returns(reward, not_done, following, counts, config.gamma, config.gae_lambda).squeeze(-1)
+        returns = lambda_returns(reward, not_done, following, team_mask, config.gamma, config.gae_lambda).squeeze(-1)
         advantages = (returns - values[:, :-1]) * mask
         real = advantages[mask]
         # One step has nothing to be compared with.
         normal = (advantages - real.mean()) / (real.std() + 1e-6) if len(real) > 1 else advantages
-        return Rollout(self._log_probabilities(batch)[0], normal, returns * mask)
+        return Advantages(self._log_probabilities(batch)[0], normal, returns * mask)
 
-    def update(self, batch: Batch, rollout: Rollout, actors: bool) -> dict[str, float]:
-        """Take one gradient step, of the critic alone if ``actors`` is false, and return what goes with it."""
-        counts = batch.acted.any(dim=-1)
-        value_loss = self._value_loss(self._criticise(batch.states[:, :-1])[counts], rollout.returns[counts])
+    def update(self, batch: Batch, learned: Advantages, train_actors: bool) -> dict[str, float]:
+        """Take one gradient step, of the critic alone if ``train_actors`` is false, and return what goes with it."""
+        mask = batch.acted.any(dim=-1)
+        value_loss = self._value_loss(self._normal_values(batch.states[:, :-1])[mask], learned.returns[mask])
         metrics = {"value_loss": value_loss, "loss": value_loss}
-        if actors:
+        if train_actors:
             log_probabilities, entropy = self._log_probabilities(batch)
-            ratio = (log_probabilities - rollout.log_probabilities).exp()
-            advantage = rollout.advantages.unsqueeze(-1)
+            ratio = (log_probabilities - learned.log_probabilities).exp()
+            advantage = learned.advantages.unsqueeze(-1)
             bounded = ratio.clamp(1 - self.config.clip_range, 1 + self.config.clip_range)
             surrogate = torch.minimum(ratio * advantage, bounded * advantage)
             metrics |= {

@@ -17,7 +17,7 @@ import torch
 from torch import nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Aim, q_loss, td_targets, unroll
+from chmarl_pb.learning.algorithms.losses import Returns, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
@@ -98,7 +98,7 @@ class Pqn:
         Raises:
             ValueError: there is no such mixer or encoder.
         """
-        self.algorithm, self.config, self._aim = algorithm, config, Aim(config.gamma, config.td_lambda)
+        self.algorithm, self.config, self._returns = algorithm, config, Returns(config.gamma, config.td_lambda)
         self.updates, self._learned = 0, 0
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
@@ -128,7 +128,7 @@ class Pqn:
         batch = replay.sample(new, rng, newest=new)
         with torch.no_grad():
             unrolled = unroll(self.agents, batch)
-        y, mask = td_targets(unrolled, unrolled, self.mixer, batch, self._aim)
+        y, mask = td_targets(unrolled, unrolled, self.mixer, batch, self._returns)
         for rows in minibatches(self.config, new, rng):
             part = batch.rows(rows)
             yield part, self.update(part, y[rows], mask[rows])

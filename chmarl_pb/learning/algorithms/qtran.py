@@ -10,11 +10,11 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.losses import (
-    Aim,
+    Returns,
     Unrolled,
     before,
     chosen,
-    greedy,
+    greedy_actions,
     lambda_returns,
     mean,
     mean_square,
@@ -73,7 +73,7 @@ class Qtran(ValueLearner):
         self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch
     ) -> dict[str, Tensor]:
         """Return the three losses of QTRAN, see :func:`qtran_loss`."""
-        return qtran_loss(online, target, mixer, target_mixer, batch, self.aim)  # type: ignore[arg-type]
+        return qtran_loss(online, target, mixer, target_mixer, batch, self.returns)  # type: ignore[arg-type]
 
 
 def qtran_loss(
@@ -82,7 +82,7 @@ def qtran_loss(
     networks: QtranNetworks,
     target_networks: QtranNetworks,
     batch: Batch,
-    aim: Aim,
+    returns: Returns,
 ) -> dict[str, Tensor]:
     """Return the loss of QTRAN-base (Son et al. 2019, section 3): L_td + L_opt + L_nopt.
 
@@ -101,7 +101,7 @@ def qtran_loss(
     Q_jt, and none of its values in Q'.
     """
     reward, not_done, mask = batch.team()
-    best = greedy(online.values, batch)
+    best = greedy_actions(online.values, batch)
     best_now = {name: action[:, :-1] for name, action in best.items()}
     best_next = {name: action[:, 1:] for name, action in best.items()}
     hidden, state = _listed(online.hidden_states, slice(None, -1)), batch.states[:, :-1]
@@ -110,8 +110,10 @@ def qtran_loss(
     with torch.no_grad():
         after = _listed(target.hidden_states, slice(1, None))
         q_next = target_networks.q_joint(after, _one_hot(online, best_next, batch.next_mask), batch.states[:, 1:])
-        aim.take_in(reward, not_done, mask)
-        y = aim.normal(lambda_returns(reward, not_done, aim.real(q_next), mask, aim.gamma, aim.td_lambda))
+        returns.update_scale(reward, not_done, mask)
+        y = returns.normalize(
+            lambda_returns(reward, not_done, returns.denormalize(q_next), mask, returns.gamma, returns.td_lambda)
+        )
         q_joint_best = networks.q_joint(hidden, _one_hot(online, best_now, batch.acted), state)
     v_joint = networks.v_joint(hidden, state)
 

@@ -7,15 +7,15 @@ from typing import Any
 
 from torch import Tensor
 
-from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
-from chmarl_pb.learning.benchmark_env import meaning_of
-from chmarl_pb.learning.config import HOME, RULES, TRAINED_IN, RunConfig
+from chmarl_pb.learning.benchmark_env import meaning_in
+from chmarl_pb.learning.config import HOME, MEANING, RULES, TRAINED_IN, RunConfig
+from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.spaces import Interface
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, fill, load, reading
 
@@ -49,14 +49,16 @@ ALGORITHMS: dict[str, Algorithm] = {
 
 
 def find_algorithm(name: str) -> Algorithm:
-    """Return an algorithm by its name.
+    """Return an algorithm by its name, or by ``module:name``.
 
     Raises:
-        ValueError: there is none of this name.
+        ValueError: there is none of this name, or it is something else.
+        UntrustedError: a file names it that is being read, see :func:`look_up`.
     """
-    if name not in ALGORITHMS:
-        raise ValueError(f"algorithm={name!r} is not known; use one of: {', '.join(ALGORITHMS)}")
-    return ALGORITHMS[name]
+    row = look_up("algorithm", name, ALGORITHMS)
+    if not isinstance(row, Algorithm):
+        raise ValueError(f"algorithm={name!r}: is a {type(row).__name__}, not an Algorithm of a learner and settings")
+    return row
 
 
 def make_learner(algorithm: str, interface: Interface, config: RunConfig, resumed: bool = False) -> Learner:
@@ -95,8 +97,8 @@ def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
     path = Path(config.first_weights)
     with reading(path):
         theirs = dict(load(path, "value")["setting"])
-    theirs, own = ({**one, RULES: meaning_of(Options(**one.get(RULES, {})))} for one in (theirs, setting))
-    for name in sorted((theirs.keys() | own.keys()) - {HOME, TRAINED_IN}):
+    theirs, own = ({**one, RULES: meaning_in(one)} for one in (theirs, setting))
+    for name in sorted((theirs.keys() | own.keys()) - {HOME, MEANING, TRAINED_IN}):
         if theirs.get(name) != own.get(name):
             raise CheckpointError(
                 f"{path}: was trained with {name}={theirs.get(name)!r}, not {own.get(name)!r}; start from another"

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
-from chmarl_pb.learning.algorithms.losses import Aim, Unrolled, td_loss, unroll
+from chmarl_pb.learning.algorithms.losses import Returns, Unrolled, td_loss, unroll
 from chmarl_pb.learning.algorithms.mixers import BY_MIXER, MIXERS, Mixer
 from chmarl_pb.learning.algorithms.normalizer import Normalizer
 from chmarl_pb.learning.config import RunConfig, count, natural, share
@@ -99,9 +99,9 @@ class ValueLearner:
         self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
         numbers = len(interface.agents) if getattr(self.mixer, "per_agent", False) else 1
         self._states = Normalizer(interface.state_size) if config.standardize_state else None
-        self.aim = Aim(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
+        self.returns = Returns(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
         self._rewards = Normalizer(numbers) if config.standardize_rewards else None
-        scales = {"of_states": self._states, "of_values": self.aim.scale, "of_rewards": self._rewards}
+        scales = {"of_states": self._states, "of_values": self.returns.scale, "of_rewards": self._rewards}
         self._scales = nn.ModuleDict({name: scale for name, scale in scales.items() if scale is not None})
         self._targets = copy.deepcopy(self.networks).requires_grad_(False).eval()
         self._weights = [weight for weight in self.networks.parameters() if weight.requires_grad]
@@ -177,7 +177,7 @@ class ValueLearner:
         self, online: Unrolled, target: Unrolled, mixer: nn.Module, target_mixer: nn.Module, batch: Batch
     ) -> dict[str, Tensor]:
         """Return the loss from what the networks and their targets make of a batch."""
-        return td_loss(online, target, mixer, target_mixer, batch, self.aim)  # type: ignore[arg-type]
+        return td_loss(online, target, mixer, target_mixer, batch, self.returns)  # type: ignore[arg-type]
 
     def state(self) -> dict[str, Any]:
         """Return all that a learner needs to go on."""

@@ -154,13 +154,14 @@ class _Run:
                 self._check()
                 place = np.random.SeedSequence([self.config.seed, self.epoch, self.batch])
                 torch.manual_seed(int(place.generate_state(1)[0]))  # dropout is the same after every interruption
-                losses = loss_of(self.actors, self.config, batch.to(self._device), self.examiner.robots)
+                batch = batch.to(self._device)
+                losses = loss_of(self.actors, self.config, batch, self.examiner.robots)
                 self.optimizer.zero_grad()
-                (losses.sum() + grounding_of(self.actors, self.config, batch.to(self._device))).backward()
+                (losses.sum() + grounding_of(self.actors, self.config, batch)).backward()
                 nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
                 self.optimizer.step()
                 self.schedule.step()
-                self._total += losses.detach().cpu() * batch.mask.sum()
+                self._total += losses.detach().cpu() * batch.mask.sum().cpu()
                 self.batch += 1
                 if time.monotonic() > self._saved + interrupts.EVERY:
                     self.save()

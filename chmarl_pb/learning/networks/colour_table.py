@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from chmarl_pb import catalog
 from chmarl_pb.learning.networks.detections import LABELS, OBJECTS
 from chmarl_pb.learning.networks.pyramid import CELL
+from chmarl_pb.rendering.renderer import VISIBLE_PIXELS
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
@@ -23,7 +24,6 @@ LEVELS = 256  # of evidence
 
 _BITS = 7  # of each brightness: neighbours are one colour
 _LEAST = 0.02  # share of a colour's pixels that an object has, for it to count
-_VISIBLE = 4  # pixels of an object in view
 
 
 class ColourTable(nn.Module):
@@ -89,7 +89,7 @@ class ColourTable(nn.Module):
 
 def levels_of(sums: Tensor, pixels: Tensor) -> Tensor:
     """Return evidence, int64, from the sums of the shares of a cell's colours, and the pixels that have any."""
-    return (sums / pixels.clamp(min=_VISIBLE)).floor().long()
+    return (sums / pixels.clamp(min=VISIBLE_PIXELS)).floor().long()
 
 
 def codes_of(images: Tensor) -> Tensor:

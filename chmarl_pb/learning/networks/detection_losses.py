@@ -6,9 +6,9 @@ from torch import Tensor, nn
 from chmarl_pb import catalog
 from chmarl_pb.learning.networks.detections import LABELS
 from chmarl_pb.learning.networks.pyramid import CELL
+from chmarl_pb.rendering.renderer import VISIBLE_PIXELS
 
 _COUNT = len(LABELS)
-_LEAST = 4  # pixels of its own that a thing in view has, ``VISIBLE_PIXELS``
 _EMPTY = 0.05  # weight of a cell of nothing
 _SHARED = -0.75  # power of the number of a thing's cells by which each of them counts
 
@@ -27,7 +27,7 @@ def detection_loss(logits: Tensor, labels: Tensor, colours: Tensor) -> Tensor:
         colours: (B, height, width) uint8 id of the colour in each pixel; 0 for none.
     """
     wanted, colour = targets(labels, colours)
-    shown = (_pixels(labels) >= _LEAST).float()
+    shown = (_pixels(labels) >= VISIBLE_PIXELS).float()
     classes, hues = logits[:, :_COUNT], logits[:, _COUNT:]
     known = colour > 0
     of_colour = nn.functional.cross_entropy(hues.permute(0, 2, 3, 1)[known], colour[known] - 1, reduction="sum")

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from chmarl_pb.learning.networks.detections import LABELS
+from chmarl_pb.rendering.renderer import VISIBLE_PIXELS
 
 if TYPE_CHECKING:
     from chmarl_pb.learning.networks.labelled_views import Views  # needs PyBullet
 
 _FEWEST = 5  # views that show a class, for it to count
 _SIZES = ((4, 16), (16, 64), (64, 256), (256, 1024), (1024, 16385))  # pixels: from, and below
-_VISIBLE = 4  # pixels of an object whose colour counts
 
 
 def recognition_metrics(scores: np.ndarray, centres: np.ndarray, views: "Views") -> dict[str, Any]:
@@ -80,7 +80,7 @@ def _colours(ids: np.ndarray, views: "Views") -> tuple[int, int]:
         codes, count = np.unique(both[views.colours[number] > 0], return_counts=True)
         kinds, colours = np.divmod(codes, 256)
         for kind, colour, size in zip(kinds.tolist(), colours.tolist(), count.tolist(), strict=True):
-            if (kinds == kind).sum() == 1 and size >= _VISIBLE and ids[number, kind]:
+            if (kinds == kind).sum() == 1 and size >= VISIBLE_PIXELS and ids[number, kind]:
                 known += 1
                 told += int(ids[number, kind] == colour)
     return told, known

@@ -16,6 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from chmarl_pb.files import cache_folder
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, tensors_of
@@ -125,10 +126,13 @@ def weights_file(name: str) -> Path:
 
 
 def own_file(name: str) -> Path:
-    """Return the user's own file of an encoder's weights: the one that ``$CHMARL_NAME`` names, or in the cache."""
-    chosen = os.environ.get(f"CHMARL_{name.upper()}")
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return Path(chosen).expanduser() if chosen else caches / "chmarl_pb" / f"{name}.pt"
+    """Return the user's own file of an encoder's weights: the one that ``$CHMARL_NAME`` names, or in the cache.
+
+    Where there is to be no cache, it is in ``~/.cache/chmarl_pb`` all the same, as it cannot be made again at once.
+    """
+    if chosen := os.environ.get(f"CHMARL_{name.upper()}"):
+        return Path(chosen).expanduser()
+    return (cache_folder() or Path.home() / ".cache" / "chmarl_pb") / f"{name}.pt"
 
 
 @cache

@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from chmarl_pb.learning.networks.int8 import LARGEST, RANGES, IntegerResNet18, restored
-from chmarl_pb.learning.networks.residual import FEATURES as FEATURES
-from chmarl_pb.learning.networks.residual import ResNet18, folded
+from chmarl_pb.learning.networks.residual import FEATURES, ResNet18, folded
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 SHAPE = (FEATURES,)  # of the features of a picture

@@ -8,8 +8,8 @@ from typing import Any
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER
-from chmarl_pb.learning.benchmark_env import meaning_of
-from chmarl_pb.learning.config import CATALOG
+from chmarl_pb.learning.benchmark_env import meaning_in, meaning_of
+from chmarl_pb.learning.config import CATALOG, MEANING, RULES
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 _PART = re.compile(r"'([^']+)': (\w+\(.*?\))(?=, '|\)$)")  # of the text of a Dict space
@@ -71,15 +71,22 @@ def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> 
         raise CheckpointError(f"{path}: was trained with other classes of things; give {wanted}")
 
 
-def check_rules(env: HouseholdEnv, rules: Mapping[str, Any], path: Path) -> None:
+def check_rules(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
     """Check that actions and observations mean what they did in training; wording and time limit may be others.
+
+    Args:
+        env: environment to act in.
+        setting: of the training.
+        path: of the checkpoint, for the error.
 
     Raises:
         CheckpointError: they do not.
     """
-    theirs, own = meaning_of(Options(**rules)), meaning_of(env.options)
+    theirs, own = meaning_in(setting), meaning_of(env.options)
     if theirs != own:
-        told = ", ".join(f"{name}={value!r}" for name, value in {"track": PAPER, **rules}.items())
+        rules = {"track": PAPER, **setting.get(RULES, {})}
+        rules |= {"messages": setting["messages"]} if setting.get(MEANING) else {}
+        told = ", ".join(f"{name}={value!r}" for name, value in rules.items())
         differ = ", ".join(name for name in own if own[name] != theirs[name])
         raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
 

@@ -8,8 +8,9 @@ import numpy as np
 from torch import nn
 
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning.algorithms.registry import ALGORITHMS
+from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import FROZEN, RULES, RunConfig
+from chmarl_pb.learning.lookup import UntrustedError
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
@@ -95,7 +96,7 @@ class ValuePolicies:
         check_catalog(env, content["setting"], self.path)
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
-        check_rules(env, self.rules, self.path)
+        check_rules(env, content["setting"], self.path)
         observations, actions = spaces_of(FeatureEnv(env, encoder) if encoder else env)
         seen = {name: str(space) for name, space in observations.items()}
         if content["observations"] != seen:
@@ -110,8 +111,16 @@ class ValuePolicies:
 
     def _config(self, content: dict[str, Any]) -> RunConfig:
         try:
-            return ALGORITHMS[content["algorithm"]].config(**content["config"])
-        except (KeyError, TypeError) as error:
+            algorithm = find_algorithm(content["algorithm"])
+        except UntrustedError:
+            raise
+        except ValueError as error:
+            raise CheckpointError(
+                f"{self.path}: {error}; import what adds it in every process, or train by module:name"
+            ) from error
+        try:
+            return algorithm.config(**content["config"])
+        except TypeError as error:
             raise CheckpointError(
                 f"{self.path}: its settings are of another version ({error}); train it again"
             ) from error

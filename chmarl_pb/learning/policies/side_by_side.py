@@ -8,7 +8,7 @@ import numpy as np
 from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.evaluation.play import Job, Setup, episode_seed, policy_seed
+from chmarl_pb.evaluation.play import Job, Setup, seeds_of
 from chmarl_pb.learning.rollouts.batched import BatchedPolicy, as_batched, play_together
 from chmarl_pb.policies.policy import Actions
 from chmarl_pb.policies.seats import seated
@@ -40,10 +40,10 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
 
 def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> Iterator[Played]:
     """Yield one episode of each job."""
-    seeds, options = [episode_seed(*job) for job in jobs], [{"task": task} for task, _ in jobs]
+    seeds, own = zip(*(seeds_of(env, *job) for env, job in zip(envs, jobs, strict=False)), strict=True)
+    options = [{"task": task} for task, _ in jobs]
     chosen: list[list[Actions]] = [[] for _ in jobs]
     outcomes: list[list[Outcome]] = [[] for _ in jobs]
-    own = [policy_seed(core_of_parallel(envs[0]).instruction_of(task), seed) for task, seed in jobs]
     for number, actions, result in play_together(envs[: len(jobs)], policy, seeds, options, own):
         core = core_of_parallel(envs[number])
         outcomes[number].append(core.outcome)

@@ -28,7 +28,7 @@ from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_expert, make_policy
 
 
-def name_of(expert: Callable[[Any], Expert | Policy]) -> str:
+def expert_name(expert: Callable[[Any], Expert | Policy]) -> str:
     """Return the name of what makes an expert: of a built-in policy its own, of others ``module:name``."""
     make = expert.func if isinstance(expert, partial) else expert
     if isinstance(expert, partial) and make in (make_policy, make_expert):
@@ -109,7 +109,7 @@ def train(
         raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, 'belief')")
     config = config or row.config()
     if isinstance(config, DAggerConfig) and expert is not None:
-        config = replace(config, expert=name_of(expert))
+        config = replace(config, expert=expert_name(expert))
     imitated = expert if row.imitates else None
     where, signals = find_device(device), Signals()
     last = None if folder is None else folder / LAST

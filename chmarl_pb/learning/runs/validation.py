@@ -19,7 +19,7 @@ from chmarl_pb.learning.rollouts.collect import Collector, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.splits import load_tasks
+from chmarl_pb.tasks.splits import TEST_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
 #: Returns figures of agents, among them "score", which is the greater the better.
@@ -29,10 +29,14 @@ SEEDS_FROM = 2**31  # training draws its seeds below
 
 
 def by_return(episodes: int = 32) -> Validate:
-    """Return a validation by the mean return of some episodes, always with the same seeds."""
-    seeds = range(SEEDS_FROM, SEEDS_FROM + episodes)
+    """Return a validation by the mean return of some episodes, always of the same seeds.
+
+    Where homes are generated as they are needed, each is in a home of its own.
+    """
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
+        apart = getattr(collector.envs[0], "episodes_in_a_home", 1)
+        seeds = [SEEDS_FROM + number * apart for number in range(episodes)]
         played = play_greedily(collector, agents, seeds)
         return {"score": float(np.mean([episode.episode_return for episode in played]))}
 
@@ -49,7 +53,7 @@ def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50)
     Raises:
         ValueError: a split is for tests.
     """
-    if any(split.startswith("test") for split in splits):
+    if not set(splits).isdisjoint(TEST_SPLITS):
         raise ValueError(f"splits={list(splits)}: checkpoints are not chosen on a test split")
     return _by({split: spread_tasks(split, most) for split in splits})
 

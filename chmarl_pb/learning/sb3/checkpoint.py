@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecTransposeImage
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.files import replacing
+from chmarl_pb.learning.config import RULES
 from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
@@ -85,7 +86,7 @@ class Sb3Policies:
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
         check_catalog(env, asdict(config), self.path)
-        check_rules(env, self.rules, self.path)
+        check_rules(env, {RULES: self.rules}, self.path)
         if PRESETS[config.preset].goal and not env.options.goal:
             raise CheckpointError(
                 f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"

@@ -7,7 +7,7 @@ import numpy as np
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import SURE, Aim, Nodes, aimed, aims_at, held_class, nodes_of, turned
-from chmarl_pb.robots.pointing import VERBS, Cell, verb_of
+from chmarl_pb.robots.pointing import GRID, VERBS, Cell, verb_of
 
 # Part of a cell from which on it is pointed at where nothing better is to be had: what is put down is hard to get back.
 _RISKY = {VERBS[0]: 0.1, VERBS[1]: 0.35}
@@ -159,7 +159,7 @@ class Hand:
         return nodes.views[there[0], :2] if there else None
 
     def _distance(self, cell: Cell, x: np.ndarray | None) -> float:
-        return 0.0 if x is None else float(abs((np.array(cell)[::-1] + 0.5) / 3 - x).max())
+        return 0.0 if x is None else float(abs((np.array(cell)[::-1] + 0.5) / GRID - x).max())
 
 
 def _best(aims: list[Aim]) -> float:
