@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import socket
+import stat
 import tempfile
 import warnings
 import zlib
@@ -24,6 +25,8 @@ except ImportError:  # not a POSIX system
 CHECKSUM = "crc32"  # key of a sealed row
 
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}  # what disks refuse to write with
+_UMASK = os.umask(0o077)  # it can only be read by setting it
+os.umask(_UMASK)
 _PROBE = 2**20  # bytes
 
 
@@ -111,7 +114,7 @@ def replacing(path: Path) -> Iterator[Path]:
             yield temporary
             with temporary.open("rb+") as file:
                 os.fsync(file.fileno())  # some disks say only now that they are full
-            temporary.chmod(0o644)
+            temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666 & ~_UMASK)
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -1,17 +1,24 @@
 """What tells apart what results name by a class or a function alone: its file, and what it holds."""
 
+import ast
 import hashlib
 import inspect
 import math
+import os
 import pickle
 import sys
-from collections.abc import Iterable
+import sysconfig
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
 from chmarl_pb.files import file_hash
 
+#: Folders of this package and of Python.
+_NOT_THE_USERS = tuple(
+    os.path.join(os.path.realpath(folder), "") for folder in (Path(__file__).parent, sysconfig.get_path("stdlib"))
+)
 _PROTOCOL = 5  # of pickle; a fixed one, so that hashes stay
 _REPEATED = 4  # times the length of an object, that it may have when shared parts are read as often as they are met
 
@@ -33,7 +40,8 @@ def name_of(given: object) -> str:
 def fingerprint(given: object, code: bool = True) -> str | None:
     """Return the sha256 of an object.
 
-    It covers what the object holds, and the files of all classes and functions in it, with those around decorated ones:
+    It covers what the object holds, and the files of all classes and functions in it, with those around decorated ones
+    and the user's own modules that these import; what is read from other files it does not know:
     two objects of one class with other numbers, or other weights, differ.
 
     Args:
@@ -106,6 +114,40 @@ def _file_of(given: Any) -> Path | None:
     return Path(path) if path and Path(path).is_file() else None
 
 
+def _imported_by(module: str) -> set[Path]:
+    """Return the files of the user's own modules that a module of theirs imports, and of those that these import."""
+    found, left = set[Path](), [module]
+    while left:
+        path = _file_of(sys.modules.get(name := left.pop()))
+        if path is None or path in found or not _is_users(path):
+            continue
+        found.add(path)
+        package = str(getattr(sys.modules[name], "__package__", None) or "")
+        left += [name for name in _imports(path, package) if name in sys.modules]
+    return found
+
+
+def _is_users(path: Path) -> bool:
+    """Return whether a file is neither of this package, nor of Python, nor of an installed package."""
+    folder = str(path.resolve().parent) + os.sep
+    return not folder.startswith(_NOT_THE_USERS) and "site-packages" not in path.parts
+
+
+def _imports(path: Path, package: str) -> Iterator[str]:
+    """Yield the names of the modules that a file may import; those of objects in modules are among them."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):  # it has changed since it was imported
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: 1 - node.level or None] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
+
+
 def _layers(given: Any) -> list[Any]:
     """Return what a class inherits, or what a callable is wrapped around, and itself; nothing for other objects."""
     if isinstance(given, type):
@@ -153,7 +195,8 @@ class _Reader(pickle.Pickler):
         found = {path for one in (part, sys.modules.get(str(module))) if (path := _file_of(one)) is not None}
         if not found and module == "__main__":
             raise pickle.PicklingError(f"{part} has no file")
-        self.files |= found
+        if not found <= self.files:
+            self.files |= found | _imported_by(str(module))
 
     def reducer_override(self, given: Any) -> Any:
         """Return how a function or a class is read that has no name in its module."""

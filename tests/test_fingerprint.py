@@ -121,7 +121,29 @@ def test_other_files_make_other_objects(tmp_path: Path, monkeypatch: pytest.Monk
     first, other, again = seen
     assert first == again and None not in first and len(set(first + other)) == 2 * len(first)
     (tmp_path / "wrapping.py").write_text(LOGGED + "# changed")
-    assert fingerprint(own.decorated) != again[3] and fingerprint(own.cached) == again[4]
+    assert fingerprint(own.decorated) != again[3] and fingerprint(own.cached) != again[4], "its module imports that one"
+
+
+@pytest.mark.parametrize("line", ["import helping.rates", "from helping import rates", "from helping.rates import *"])
+def test_what_modules_of_the_user_import_counts(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("playing", "helping", "helping.rates", "helping.deeper"):
+        sys.modules.pop(name, None)  # of the test before
+    (tmp_path / "helping").mkdir()
+    (tmp_path / "helping" / "__init__.py").write_text("")
+    (tmp_path / "helping" / "deeper.py").write_text("RATE = 0.25\n")
+    (tmp_path / "helping" / "rates.py").write_text("from .deeper import RATE\n")
+    (tmp_path / "playing.py").write_text(f"import json, torch\n{line}\n\nclass Own:\n    pass\n")
+    importlib.invalidate_caches()
+    playing = importlib.import_module("playing")
+    before = [fingerprint(one) for one in (playing.Own, playing.Own())]
+    assert None not in before and before == [fingerprint(one) for one in (playing.Own, playing.Own())]
+    for number, changed in enumerate(("rates.py", "deeper.py")):
+        with (tmp_path / "helping" / changed).open("a") as file:
+            file.write(f"# {number}\n")
+        after = [fingerprint(one) for one in (playing.Own, playing.Own())]
+        assert not set(before) & set(after)
+        before = after
 
 
 def test_elements_of_sets_are_told_apart() -> None:

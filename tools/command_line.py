@@ -28,7 +28,8 @@ by the signal N, and tells what is wrong in one line on the standard error, wher
   and nothing else there: `chmarl-pb evaluate --policy search --json - | jq .summary.success_rate.mean`. Single episodes
   are in the file of `--out`.
 - No command writes over a file that it reads, and what it writes has the ending of its kind: `.json`, `.html`, `.png`,
-  `.urdf`. `evaluate`, `audit` and `episode save` write anew only what they have written themselves.
+  `.urdf`. `--out` of `evaluate`, `audit` and `episode save` writes anew only what they have
+  written themselves; `--json FILE` any file.
 - A policy is a built-in name, that of [weights that come with the package](play.md#watch-without-training), the path of
   a checkpoint, or `module:callable`.
 

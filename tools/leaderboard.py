@@ -26,11 +26,11 @@ from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
 from chmarl_pb.policies.registry import DETERMINISTIC
 from chmarl_pb.tasks.splits import load_tasks
+from training.tables.cells import ALONE, is_told_more
 
 ROOT = Path(__file__).parents[1]
 PAGE, SENT = ROOT / "docs" / "leaderboard.md", ROOT / "results" / "leaderboard"
 TABLES = {"scene-graph": PAPER, "visual": PAPER, "grounded": GROUNDED}  # -> their track
-ALONE = "humanoid only"  # rows in which a built-in policy flies the drone have this in their names
 BEGIN, END = "<!-- leaderboard -->", "<!-- end of leaderboard -->"
 HEAD = "| | policy | observation | is given | trainings | success % | PLW % | gain |\n|--:|---|---|---|--:|--:|--:|--:|"
 
@@ -125,7 +125,7 @@ def _of_training(run: dict[str, Any], track: str) -> Entry:
     given += ["goal"] if options.get("goal") else []
     if run["observation"] == "visual" and ALONE in run["name"]:
         given.append("the drone is told what is in view")
-    gained = None if options.get("goal") else gain([plw], split, track)  # who is told more gains nothing by seeing
+    gained = None if is_told_more(run) else gain([plw], split, track)  # who is told more gains nothing by seeing
     return Entry(track, run["name"], run["observation"], ", ".join(given), success, plw, gained)
 
 

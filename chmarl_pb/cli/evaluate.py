@@ -2,6 +2,7 @@
 
 import argparse
 import shlex
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -40,7 +41,7 @@ from chmarl_pb.evaluation.tables import notes_of, where_of
 from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.policies.sources import Source, find_policy
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import LateProgress, is_silent
 from chmarl_pb.robots.registry import TEAM, listed
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -99,10 +100,16 @@ def run_evaluation(options: argparse.Namespace) -> int:
         check_used(options, {"draw": None}, "is the number of tasks for --home")
     with chosen_executor(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
+
+        def advance(finished: int, total: int) -> None:
+            if bar.tasks[row].total is None and finished and not is_silent():
+                print(f"going on: {finished} of {total} episodes are there already", file=sys.stderr)
+            bar.update(row, completed=finished, total=total)
+
         report = evaluate(
             options.policy, options.split, options.observation, seeds_of(options), executor=executor,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
-            progress=lambda finished, total: bar.update(row, completed=finished, total=total),
+            progress=advance,
         )  # fmt: skip
     beside = "" if options.home is not None or options.task else _published(source, report)
     tell(options, lambda: report.facts, partial(_show, report, beside))
@@ -170,7 +177,7 @@ def _cells(summary: Summary) -> list[str]:
 def _print_notes(console: Console, report: Report) -> None:
     seeds, summary = report.settings["seeds"], report.summary
     if summary.plw.low is not None:
-        drawn = "homes and tasks" if are_drawn(list(report.per_home)) else "tasks"
+        drawn = "homes" if are_drawn(list(report.per_home)) else "tasks"
         console.print(
             f"95 % interval over {drawn}: success {interval(summary.success_rate)}, PLW {interval(summary.plw)}"
             + (f"; ± over {len(seeds)} seeds" * (len(seeds) > 1))

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
@@ -26,6 +27,19 @@ class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
         """Let copies and pickles be made anew, without the turns of the present episode."""
         return type(self), (self.env,)
 
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
+        """Start an episode; see :meth:`HouseholdEnv.reset`."""
+        super().reset(seed, options)
+        self._fit_masks()
+
+    def _fit_masks(self) -> None:
+        """Make masks fit the spaces of robots with own words, actions and symbols, for PettingZoo's agents."""
+        if self.unwrapped.symbols:
+            symbols = np.ones(self.unwrapped.symbols, np.int8)
+            self.infos = {
+                robot: {**info, "action_mask": (info["action_mask"], symbols)} for robot, info in self.infos.items()
+            }
+
     def step(self, action: int | None) -> None:
         """Note the action of the robot whose turn it is; after the second, let both act.
 
@@ -35,7 +49,10 @@ class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
         robot = self.agent_selection
         if not (self.terminations[robot] or self.truncations[robot]):
             self.unwrapped.action_name(robot, action)
+        infos = self.infos
         super().step(action)
+        if self.infos is not infos:  # the world has moved
+            self._fit_masks()
 
 
 class OrderedTurnEnv(OrderEnforcingWrapper):  # type: ignore[misc]

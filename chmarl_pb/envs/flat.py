@@ -44,6 +44,7 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         self.observation_spaces = dict.fromkeys(robots, spaces.Box(low, high, dtype=np.float32))
         self._talks, self._symbols = core.symbols > 0, max(core.symbols, 1)
         self._counts = {robot: len(names) for robot, names in core.action_names.items()}
+        self._stay = {robot: names.index("stay") for robot, names in core.action_names.items()}
         verbs = np.arange(max(self._counts.values()) * self._symbols) // self._symbols
         self.action_spaces = {robot: spaces.Discrete(len(verbs)) for robot in robots}
         self._masks = {robot: (verbs < count).astype(np.int8) for robot, count in self._counts.items()}
@@ -65,7 +66,7 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         """Let all robots act once.
 
         Args:
-            actions: robot -> number; one that its robot does not have is its last, stay.
+            actions: robot -> number; one that its robot does not have is stay.
 
         Raises:
             ActionError: an action is missing, or not in the action space.
@@ -82,7 +83,7 @@ class FlatEnv(BaseParallelWrapper):  # type: ignore[misc]
         if number.size != 1 or number.dtype.kind not in "iu" or not 0 <= int(number.item()) < most:
             raise ActionError(f"{robot}: action {action!r} is not a whole number from 0 to {most - 1}")
         verb, symbol = divmod(int(number.item()), self._symbols)
-        verb = min(verb, self._counts[robot] - 1)
+        verb = verb if verb < self._counts[robot] else self._stay[robot]
         return (verb, symbol) if self._talks else verb
 
     def _vectors(self, observations: dict[str, Any]) -> Vectors:

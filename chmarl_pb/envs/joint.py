@@ -1,7 +1,8 @@
 """Gymnasium views of the core: one policy for all robots, or for the one that grasps alone."""
 
+from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import gymnasium
 import numpy as np
@@ -16,6 +17,7 @@ from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.world import World
 
+T = TypeVar("T")
 Info = dict[str, Any]
 Step = tuple[dict[str, np.ndarray], float, bool, bool, Info]
 
@@ -63,13 +65,13 @@ class JointEnv(gymnasium.Env):
         counts = [count for names in self.parallel.action_names.values() for count in (len(names), *own)]
         self._counts = counts
         self.action_space = spaces.Discrete(int(np.prod(counts))) if self.flat_actions else PairOfActions(counts)
-        self.observation_space = spaces.Dict(
-            {
-                f"{name}_{key}": space
-                for name in self._robots
-                for key, space in self.parallel.observation_space(name).spaces.items()
-            }
-        )
+        own_spaces = {name: self.parallel.observation_space(name).spaces for name in self._robots}
+        joint_spaces = _joined(own_spaces)
+        if len(joint_spaces) < sum(map(len, own_spaces.values())):
+            keys = [f"{name}_{key}" for name, own in own_spaces.items() for key in own]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise OptionError(f"{twice!r} is the key of two observations; name the robot or the sensor's key otherwise")
+        self.observation_space = spaces.Dict(joint_spaces)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
@@ -256,7 +258,7 @@ def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:
     return False
 
 
-def _joined(observations: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def _joined(observations: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
     return {f"{name}_{key}": value for name, observation in observations.items() for key, value in observation.items()}
 
 

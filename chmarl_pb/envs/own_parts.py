@@ -25,7 +25,7 @@ from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.symbols import MOST_SYMBOLS, Talk
-from chmarl_pb.tasks.tidy_task import AnyTask
+from chmarl_pb.tasks.tidy_task import AnyTask, is_task
 from chmarl_pb.world import World, WorldState
 
 if TYPE_CHECKING:
@@ -55,8 +55,9 @@ class CheckedSensor:
         """Return the sensor's spaces."""
         given = self._sensor.spaces()
         whole = isinstance(given, Mapping) and all(isinstance(key, str) for key in given)
-        if not whole or any(getattr(space, "shape", None) is None for space in given.values()):
-            raise _wrong(f"{self.name}.spaces()", given, "a dict of key -> space of arrays, e.g. gymnasium.spaces.Box")
+        if not whole or not all(getattr(space, "shape", None) for space in given.values()):  # () of a Discrete
+            wanted = "a dict of key -> space of arrays with a dimension or more, e.g. Box(0, 4, (1,), np.int64)"
+            raise _wrong(f"{self.name}.spaces()", given, wanted)
         self._spaces = dict(given)
         return self._spaces
 
@@ -83,6 +84,7 @@ class CheckedChannel:
         """Check what this one returns."""
         self._channel: Any = channel
         self._name = name_of(channel)
+        self._kept: dict[int, tuple[tuple[int, ...], np.dtype[Any]]] = {}  # rooms -> shape and type of the messages
 
     def space(self, rooms: Rooms) -> spaces.Box:
         """Return the channel's space."""
@@ -98,8 +100,8 @@ class CheckedChannel:
         given = self._channel.begin(rooms)
         if not isinstance(given, np.ndarray) or given.dtype.kind not in "biuf":
             raise _wrong(f"{self._name}.begin()", given, "an array of numbers")
-        self._kept = given.shape, given.dtype
-        return given.copy()
+        self._now = self._kept.setdefault(len(rooms), (given.shape, given.dtype))
+        return self._like("begin", given).copy()
 
     def update(
         self, messages: Messages, outcome: Outcome, goal: Goal, rooms: Rooms, rng: np.random.Generator
@@ -112,9 +114,11 @@ class CheckedChannel:
         return _in(self._space, self._channel.hear(messages, robot, rng), f"{self._name}.hear()")
 
     def _like(self, method: str, given: Any) -> Messages:
-        shape, dtype = self._kept
-        if not isinstance(given, np.ndarray) or (given.shape, given.dtype) != self._kept:
-            raise _wrong(f"{self._name}.{method}()", given, f"an array {shape} of {dtype}, as begin() does")
+        shape, dtype = self._now
+        if not isinstance(given, np.ndarray) or (given.shape, given.dtype) != self._now:
+            raise _wrong(f"{self._name}.{method}()", given, f"an array {shape} of {dtype}, as begin() has given")
+        if not np.isfinite(given).all():
+            raise _wrong(f"{self._name}.{method}()", given, "an array of finite numbers")
         return given
 
 
@@ -183,14 +187,16 @@ class CheckedKind:
     def tasks(self, split: str) -> list[AnyTask]:
         """Return the fixed tasks of a split."""
         given: Any = self._kind.tasks(split)
-        if not isinstance(given, list | tuple) or not all(isinstance(task, AnyTask) for task in given):
-            raise _wrong(f"{self._name}.tasks()", given, "a list of tasks (chmarl_pb.Task), which may be empty")
+        if not isinstance(given, list | tuple) or not all(map(is_task, given)):
+            wanted = "a list of chmarl_pb.Task, no classes derived of it, which may be empty"
+            raise _wrong(f"{self._name}.tasks()", given, wanted)
         return [*given]
 
     def sample(self, space: Space, home: str, rng: np.random.Generator, task_id: str | None = None) -> AnyTask:
         """Draw a task for a home."""
         given = self._kind.sample(space, home, rng, task_id)
-        self._require("sample", given, AnyTask, "a task (chmarl_pb.Task)")
+        if not is_task(given) or given.home != home:
+            raise _wrong(f"{self._name}.sample()", given, f"a chmarl_pb.Task, no class derived of it, in {home}")
         return given
 
     def set_up(self, world: World, space: Space, task: AnyTask) -> Setting:

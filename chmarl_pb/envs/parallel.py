@@ -186,7 +186,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             self._rng = np.random.default_rng(whole_number("seed", seed))
             self._tasks.begin(int(seed))
         self.task = self._choose_task(options or {})
-        self.agents = []  # should the task not fit, there is no episode to go on with
+        self.agents = []  # should the task not fit, or an own part fail, there is no episode to go on with
         self.simulation = self._simulations.enter(self.task.home)
         self.setting = self.simulation.begin(self.task, self._kind)
         if self.physics_follows:
@@ -196,14 +196,16 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.instruction = self._kind.instruction(self.setting.task)
         self._instruction_tokens = self._observer.tokens(self.instruction)
         self._wanted = self._observer.wanted(self.instruction, self.setting) if self.options.goal else None
-        self.agents, self.steps, self.snapshots, self.collisions = list(self._models), 0, (), 0
+        self.steps, self.snapshots, self.collisions = 0, (), 0
         self.said = {}
         if self._adviser:
             self._adviser.begin(self.simulation, self.setting.task, self.setting.goals)
         self._last, self._drawer = LastStep({}, {}, {}, 0.0), None
+        observations, infos = self._observe({}, dict.fromkeys(self._models, True))
+        self.agents = list(self._models)
         if self.render_mode == "human":
             self.render()
-        return self._observe({}, dict.fromkeys(self._models, True))
+        return observations, infos
 
     def step(self, actions: dict[str, Any]) -> Results:
         """Let all robots act once.
@@ -216,6 +218,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             ActionError: an action is missing, not a whole number, or out of range.
         """
         names = self._check(actions)
+        agents, self.agents = self.agents, []  # should an own part fail, there is no episode to go on with
         if self._adviser:
             self._adviser.before(names, self.outcome)
         succeeded, self.snapshots = execute(
@@ -235,12 +238,11 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self.steps += 1
         terminated = self.outcome.success
         truncated = not terminated and self.steps >= self.options.max_steps
-        if terminated or truncated:
-            self.agents = []
         self._last = LastStep(names, succeeded, feedback, shared_reward)
+        observations, infos = self._observe(feedback, succeeded)
+        self.agents = [] if terminated or truncated else agents
         if self.render_mode == "human":
             self.render()
-        observations, infos = self._observe(feedback, succeeded)
         return (
             observations,
             dict.fromkeys(self._models, shared_reward),

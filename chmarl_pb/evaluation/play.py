@@ -90,7 +90,10 @@ class Player:
         task, seed = job
         start, own = seeds_of(self.env, task, seed)
         outcomes: list[Outcome] = []
-        episode = rollout(self.env, self.policy, start, task, lambda core: outcomes.append(core.outcome), own)
+        try:
+            episode = rollout(self.env, self.policy, start, task, lambda core: outcomes.append(core.outcome), own)
+        except SystemExit as error:  # it would end the command as if all were well
+            raise OptionError(f"the policy, or a part of its environment, calls sys.exit({error.code!r})") from error
         return played(core_of_parallel(self.env), episode, seed, outcomes)
 
     def close(self) -> None:

@@ -2,10 +2,13 @@
 
 from contextlib import closing
 
+from chmarl_pb.envs.optimum import says_optimum
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.evaluation.metrics import Played
+from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.result import Report
+from chmarl_pb.tasks.task import Optimum
 
 _SAME = 1e-6  # of potentials
 
@@ -29,7 +32,16 @@ def what_differs(report: Report) -> str:
                     f"task {episode.task.id}, seed {episode.seed}: it says {words.format(*said)}, but its "
                     f"{len(episode.actions)} actions come to {words.format(*found)}"
                 )
+            if episode.success and episode.optimum != (known := _own_optimum(env)):
+                own = episode.task.optimal_steps
+                told, true = (best.steps if best else own for best in (episode.optimum, known))
+                return f"task {episode.task.id}, seed {episode.seed}: it says that L* is {told}, but it is {true}"
     return ""
+
+
+def _own_optimum(env: HouseholdEnv) -> Optimum | None:
+    """Return L* of the task that was played, if the task does not say it; see :func:`optimum`."""
+    return None if says_optimum(env, env.task) else optimum(env)
 
 
 def _ending(env: HouseholdEnv, episode: Played) -> tuple[int, bool, float]:

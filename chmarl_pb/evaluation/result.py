@@ -181,6 +181,10 @@ def load_result(path: Path | str) -> Report:
     """
     try:
         data = read_object(path)
+        if str(data["format"]).startswith("chmarl-pb") and data["format"] != FORMAT:
+            raise ResultError(
+                f"{path}: is of another kind ({data['format']}); name one that `chmarl-pb evaluate --out` has written"
+            )
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
@@ -222,6 +226,10 @@ def _check_episodes(report: Report) -> None:
         raise ValueError(f"it holds {len(jobs)} episodes, not one for each task and seed")
     if tasks_hash(tasks) != report.settings["tasks_sha256"]:
         raise ValueError("its tasks are not those that its settings name")
+    options = report.settings["options"]
+    usual = not report.foreign and not any(options.get(name) for name in ("robots", "pointing", "lookalikes"))
+    if usual and any(episode.optimum and episode.task.optimal_steps for episode in report.episodes):
+        raise ValueError("it gives tasks another L* than they have themselves")
 
 
 def _json(value: Any) -> str:

@@ -221,9 +221,10 @@ def build_lattice(home: Home, footprint: Footprint = FOOTPRINT) -> Lattice:
 
 def unreachable(footprint: Footprint) -> str:
     """Return what is wrong with a room that robots of a footprint do not reach, and what to do about it."""
+    whom = "" if footprint == FOOTPRINT else f" by a robot with radius = {footprint.radius:g}"
     return (
-        f"cannot be reached; doors need a free width of at least {2 * footprint.radius + 0.25:.2f} m and a free way "
-        f"of {2 * footprint.radius:.1f} m beside the furniture"
+        f"cannot be reached{whom}; doors need a free width of at least {2 * footprint.radius + 0.25:.2f} m and a free "
+        f"way of {2 * footprint.radius:.1f} m beside the furniture"
     )
 
 

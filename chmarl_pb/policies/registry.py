@@ -133,6 +133,9 @@ USES: dict[str, tuple[str, ...]] = {
     "planner": (),
 }
 
+#: Those that read no messages at all.
+_WITHOUT_BOARD = frozenset({"planner", "random", "open-loop", "feedback-only"})
+
 #: Those that have a code for own words; others neither say nor understand any.
 TALKING = frozenset({"search", "belief"})
 
@@ -165,4 +168,29 @@ def make_policy(name: str, env: Any) -> Policy:
     """
     if name not in BUILT_IN:
         raise OptionError(f"unknown policy {name!r}; use one of: {', '.join(BUILT_IN)}")
-    return BUILT_IN[name](core_of(env))
+    core = core_of(env)
+    if name != "random":
+        _check_actions(name, core)
+    if name not in _WITHOUT_BOARD:
+        _check_board(name, core)
+    return BUILT_IN[name](core)
+
+
+def _check_actions(policy: str, env: Any) -> None:
+    for robot, names in env.action_names.items():
+        if missing := [action for action in (*(f"goto_{room}" for room in env.rooms), "stay") if action not in names]:
+            raise OptionError(
+                f"policy {policy!r} needs actions that the robot {robot!r} has not: {', '.join(missing)}; "
+                "take 'random', or a policy of your own"
+            )
+
+
+def _check_board(policy: str, env: Any) -> None:
+    board = (2, len(env.rooms))
+    heard = {robot: env.observation_space(robot)["messages"] for robot in env.action_names}
+    for robot, space in heard.items():
+        if not env.symbols and space.shape != board:
+            raise OptionError(
+                f"policy {policy!r} reads the message board, an array {board}, and the {robot} hears {space}; "
+                f"use one of: {', '.join(sorted(_WITHOUT_BOARD))}; or a policy of your own"
+            )

@@ -213,6 +213,10 @@ def imported(path: str, what: str) -> Callable[..., Any]:
         raise
     except (ImportError, AttributeError, ValueError) as error:
         raise OptionError(f"{what} {path}: {error}; name a module that can be imported from here") from error
+    except SyntaxError as error:
+        raise OptionError(f"{what} {path}: {error.filename}, line {error.lineno}: {error.msg}") from error
+    except SystemExit as error:
+        raise OptionError(f"{what} {path}: its module calls sys.exit({error.code!r}) when it is imported") from error
     if not callable(found):
         raise OptionError(f"{what} {path} is not callable; name a function that makes it")
     return cast(Callable[..., Any], found)

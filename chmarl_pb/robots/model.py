@@ -1,6 +1,7 @@
 """Robots as data: what is known of one kind of robot, and what follows from it in a home."""
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,8 +102,12 @@ class RobotModel:
             AssetError: agents cannot be named so, scene graphs know no such class, a number is out of its limits, or
                 ``make`` makes nothing.
         """
-        object.__setattr__(self, "urdf", Path(self.urdf))
         check_name(self.name)
+        if not isinstance(self.urdf, str | os.PathLike):
+            raise AssetError(f"robot {self.name!r}: urdf={self.urdf!r}; give the path of its URDF")
+        object.__setattr__(self, "urdf", Path(self.urdf))
+        if not isinstance(self.camera, CameraMount) or len(self.camera.position) != 3:
+            raise AssetError(f"robot {self.name!r}: camera={self.camera!r}; give a CameraMount at (x, y, z)")
         known = tuple(BENCHMARK.robots)
         if self.class_name not in known:
             raise AssetError(f"robot {self.name!r}: class_name={self.class_name!r}; use one of: {', '.join(known)}")
@@ -114,7 +119,7 @@ class RobotModel:
             ("speed", self.speed, SPEED),
             ("turn_speed", self.turn_speed, TURN_SPEED),
         ):
-            if not least <= value <= most:
+            if not isinstance(value, int | float | np.number) or not least <= value <= most:
                 raise AssetError(f"robot {self.name!r}: {name}={value}; use a number from {least:g} to {most:g}")
         if self.make is not None and not callable(self.make):
             raise AssetError(f"robot {self.name!r}: make={self.make!r} is no function; name one that makes a robot")

@@ -62,10 +62,16 @@ def make_robot(model: RobotModel, world: World, space: Space, name: str) -> Robo
     """Return the robot of a model, loaded into a world.
 
     Raises:
-        AssetError: its URDF cannot be loaded, its arm is not one that this package knows, or its class is no robot, or
-            cannot grasp.
+        AssetError: its URDF cannot be loaded, its arm is not one that this package knows, its class is no robot, or
+            cannot grasp, or it would fly into walls.
         HomeError: it cannot reach a room.
     """
+    walls = max((solid.top for thing in world.home.structure for solid in thing.solids), default=0.0)
+    if model.flies and model.altitude <= walls:
+        raise AssetError(
+            f"robot {name!r}: altitude = {model.altitude:g} m is not above the walls of {world.home.path}, which end "
+            f"at {walls:g} m; let it fly higher"
+        )
     make: Make = model.make or (MobileManipulator if model.reach else MobileRobot)
     robot = make(model, world, space, name)
     if lacking := [part for part in _PARTS if not hasattr(robot, part)]:
@@ -73,6 +79,12 @@ def make_robot(model: RobotModel, world: World, space: Space, name: str) -> Robo
             f"robot {name!r}: make gives a {type(robot).__name__} without {', '.join(lacking)}; "
             "derive it from MobileRobot"
         )
+    actions = robot.actions
+    named = isinstance(actions, tuple) and all(isinstance(action, str) and action for action in actions)
+    if not named or len(set(actions)) < len(actions) or "stay" not in actions:
+        raise AssetError(f"robot {name!r}: actions={actions!r}; use a tuple of different names, 'stay' among them")
+    if name not in world.state.robots:
+        raise AssetError(f"robot {name!r}: {type(robot).__name__} has not joined the world; derive it from MobileRobot")
     if model.reach and not isinstance(robot, MobileManipulator):
         raise AssetError(f"robot {name!r}: {type(robot).__name__} is to grasp; derive it from MobileManipulator")
     return robot

@@ -62,6 +62,11 @@ class TidyTask:
 AnyTask = Task | TidyTask
 
 
+def is_task(value: object) -> bool:
+    """Return whether a value is a task that files can hold: those of derived classes have more than is written."""
+    return type(value) in (Task, TidyTask)
+
+
 def task_of(row: Mapping[str, Any]) -> AnyTask:
     """Return the task that ``dataclasses.asdict`` has made a row of."""
     if "moves" not in row:

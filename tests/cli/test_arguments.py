@@ -26,11 +26,11 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((*PLAY, "random", "--workers", "0"), "workers=0: use at least 1"),
-        ((*PLAY, "random", "--seeds", "0"), "seeds=0: use at least 1"),
+        ((*PLAY, "random", "--workers", "0"), "workers=0 is not a whole number from 1 "),
+        ((*PLAY, "random", "--seeds", "0"), "seeds=0 is not a whole number from 1 "),
         ((*PLAY, "random", "--draw", "5"), "--draw is the number of tasks for --home"),
         (("evaluate", "--policy", "random", "--home", "home_6", "--draw", "0"), "draw=0"),
-        (("audit", "--split", "val-unseen", "--seeds", "-1"), "seeds=-1: use at least 1"),
+        (("audit", "--split", "val-unseen", "--seeds", "-1"), "seeds=-1 is not a whole number from 1 "),
         ((*PLAY, "random", "--ray", "auto", "--workers", "3"), "--workers is for this machine alone"),
         ((*PLAY, "random", "--max-steps", "0"), "max_steps"),
         (("evaluate", "--policy", "random", "--split", "nowhere"), "nowhere"),
@@ -65,8 +65,14 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
         (("homes", "build", "."), ".: let the file's name end in .toml"),
         (("homes", "build", ""), ".: let the file's name end in .toml"),
         (("homes", "build", "cabin.toml"), "cabin.toml"),
-        (("homes", "generate", "--seed", "1", "--count", "0", "--out", "homes"), "count=0: use at least 1"),
-        (("homes", "generate", "--seed", "1", "--count", "-2", "--out", "homes"), "count=-2: use at least 1"),
+        (
+            ("homes", "generate", "--seed", "1", "--count", "0", "--out", "homes"),
+            "count=0 is not a",
+        ),
+        (
+            ("homes", "generate", "--seed", "1", "--count", "-2", "--out", "homes"),
+            "count=-2 is not a",
+        ),
         (("homes", "generate", "--seed", f"{10**15 - 1}", "--count", "2", "--out", "homes"), "count=2: seeds end at"),
         (("homes", "generate", "--seed", "-1", "--out", "homes"), "seed=-1"),
         (("episode", "save", *TASK, "--out", "episode.json", "--policy", "out/best.pt"), "out/best.pt: no such file"),

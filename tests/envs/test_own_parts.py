@@ -85,7 +85,7 @@ class Wire(Board):
         ("space", None, r"Wire\.space\(\) is None"),
         ("begin", [0, 0], r"Wire\.begin\(\) is \[0, 0\]; .* array of numbers"),
         ("update", None, r"Wire\.update\(\) is None"),
-        ("update", np.zeros((2, 9), np.int8), r"update\(\) is an array \(2, 9\) of int8, .* as begin\(\) does"),
+        ("update", np.zeros((2, 9), np.int8), r"update\(\) is an array \(2, 9\) of int8, .* as begin\(\) has given"),
         ("hear", None, r"Wire\.hear\(\) is None"),
         ("hear", np.zeros(3, np.int8), r"hear\(\) is an array \(3,\)"),
         ("hear", np.full((2, 8), 2, np.int8), "from 2 to 2"),
@@ -194,7 +194,7 @@ class Errand(Rearrange):
     ("method", "value", "message"),
     [
         ("objects", "a", r"Errand\.objects='a' is not a whole number from 1 on"),
-        ("tasks", None, r"Errand\.tasks\(\) is None; it is to be a list of tasks"),
+        ("tasks", None, r"Errand\.tasks\(\) is None; it is to be a list of chmarl_pb\.Task"),
         ("tasks", ["val-unseen-000"], r"tasks\(\) is \['val-unseen-000'\]"),
         ("set_up", None, r"Errand\.set_up\(\) is None"),
         ("outcome", None, r"Errand\.outcome\(\) is None"),
@@ -267,7 +267,7 @@ def test_an_instruction_that_names_nothing_ends_policies_that_read_it(policy: st
 
 
 def test_a_kind_without_tasks_that_draws_none() -> None:
-    with pytest.raises(OptionError, match=r"Errand\.sample\(\) is None; it is to be a task"):
+    with pytest.raises(OptionError, match=r"Errand\.sample\(\) is None; it is to be a chmarl_pb\.Task"):
         play(task=Errand(tasks=[], sample=None))
 
 

@@ -45,7 +45,7 @@ def write_actions(engine: AnyEngine, actions: Any, numbers: np.ndarray | None = 
         array = np.asarray(actions)
         if array.shape != shape:
             raise ValueError(f"its shape is {array.shape}")
-        if not np.can_cast(array.dtype, place.dtype, "same_kind"):
+        if array.dtype == bool or not np.can_cast(array.dtype, place.dtype, "same_kind"):
             raise TypeError(f"its type is {array.dtype}")
         place[slice(None) if numbers is None else numbers] = array
     except (TypeError, ValueError) as error:

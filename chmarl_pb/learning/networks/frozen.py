@@ -71,6 +71,10 @@ class FrozenEncoder:
         computed: number of those that were not remembered.
     """
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "FrozenEncoder":
+        """Return itself, as it never changes: networks that look through it are copied without it."""
+        return self
+
     def __init__(self, name: str, weights: dict[str, Tensor], kept: int = KEPT):
         """Take weights; those of a last layer of torchvision's are left out.
 

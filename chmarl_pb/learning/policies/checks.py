@@ -57,7 +57,8 @@ def differences(theirs: Mapping[str, str], own: Mapping[str, str]) -> str:
     told += [f"without {', '.join(names)}" for names in [sorted(now.keys() - was.keys())] if names]
     same = sorted(key for key in was.keys() & now.keys() if was[key] != now[key])
     told += [f"with {key} {was[key]}, not {now[key]}" for key in same[:3]]
-    return f"those of the {robot} {'; '.join(told)}; give the options of its training, as --observation"
+    mend = "give the options of its training, as --observation, or, of own parts, evaluate's --env"
+    return f"those of the {robot} {'; '.join(told)}; {mend}"
 
 
 def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:

@@ -40,7 +40,8 @@ class Check:
         for prefix in prefixes(space.spaces):
             _check_robot(prefix, {key.removeprefix(prefix): space[key] for key in space if key.startswith(prefix)})
         boxes = {key: space[key] for key in (named(space.spaces, *read) if read else space)}
-        self._highest = {key: torch.tensor(box.high) for key, box in boxes.items() if _has_whole_numbers(box)}
+        whole = {key: box for key, box in boxes.items() if _has_whole_numbers(box)}
+        self._limits = {key: (torch.tensor(box.low), torch.tensor(box.high)) for key, box in whole.items()}
 
     def __call__(self, observation: Mapping[str, Tensor]) -> None:
         """Check a batch that is acted on; what is learned from has been acted on before.
@@ -52,9 +53,10 @@ class Check:
         """
         if torch.is_grad_enabled():
             return
-        for key, high in self._highest.items():
+        for key, limits in self._limits.items():
             values = observation[key]
-            if bool(((values != values.round()) | (values < 0) | (values > high.to(values.device))).any()):
+            low, high = (limit.to(values.device) for limit in limits)
+            if bool(((values != values.round()) | (values < low) | (values > high)).any()):
                 raise ValueError(f"{key!r}: {_PICTURE if values.dim() == 4 else _IDS}; {_SCALED}")
 
 
