@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -202,3 +203,17 @@ def test_a_row_is_good_where_it_belongs() -> None:
     for line in (sealed({"a": 1}, "there"), sealed({"a": 1}), json.dumps({"a": 1}), "[]", "", '{"a"'):
         with pytest.raises(ValueError):
             unsealed(line, "here")
+
+
+def test_files_are_as_open_as_the_user_asks_for(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; os.umask(int(sys.argv[1], 8)); from pathlib import Path; "
+        "from chmarl_pb.files import write_atomically; write_atomically(Path(sys.argv[2]), 'x')"
+    )
+    for mask, mode in (("022", 0o644), ("077", 0o600)):
+        path = tmp_path / mask
+        subprocess.run([sys.executable, "-c", code, mask, str(path)], check=True)
+        assert stat.S_IMODE(path.stat().st_mode) == mode
+    path.chmod(0o640)
+    write_atomically(path, "y")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640, "a file that is there keeps its own"

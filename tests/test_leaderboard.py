@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +11,10 @@ import chmarl_pb
 import tools.leaderboard
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.gain import gain_of
+from chmarl_pb.evaluation.played_again import what_differs
+from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import load_result
+from chmarl_pb.tasks.task import Optimum
 from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables, trained
 
 GOOD = SENT / "belief.json"
@@ -127,6 +131,23 @@ def test_the_check_plays_all_actions_again(tmp_path: Path, capsys: pytest.Captur
         replace(report, episodes=episodes).save(tmp_path / "forged.json")
         assert main(["--check", str(tmp_path / "forged.json")]) == 1
         assert f"task {one.task.id}, seed 0: it says" in capsys.readouterr().err
+
+
+def test_an_invented_number_of_fewest_steps_is_refused(tmp_path: Path) -> None:
+    report = load_result(GOOD)
+    forged = [replace(one, optimum=Optimum(28, True)) if one.success else one for one in report.episodes]
+    replace(report, episodes=tuple(forged)).save(tmp_path / "forged.json")
+    with pytest.raises(ResultError, match=r"another L\* than they have themselves"):
+        load_result(tmp_path / "forged.json")
+
+
+@pytest.mark.parametrize("steps", [1, 28, None])
+def test_the_fewest_steps_are_planned_again_where_tasks_do_not_tell_them(steps: int | None) -> None:
+    given: dict[str, Any] = {"tasks": ["val-unseen-000"], "robots": ("humanoid", "humanoid"), "workers": 1}
+    report = evaluate("planner", "val-unseen", **given)
+    assert what_differs(report) == ""
+    forged = replace(report.episodes[0], optimum=None if steps is None else Optimum(steps, True))
+    assert "it says that L* is" in what_differs(replace(report, episodes=(forged,)))
 
 
 def test_a_copy_is_no_second_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,8 @@ class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
         """Let copies and pickles be made anew, without the turns of the present episode."""
         return type(self), (self.env,)
 
+    infos: dict[str, dict[str, Any]]
+
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         super().reset(seed, options)

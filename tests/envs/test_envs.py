@@ -126,9 +126,10 @@ def test_pettingzoo_parallel(observation: str, options: dict[str, Any]) -> None:
     env.close()
 
 
+@pytest.mark.parametrize("track", ["paper", "grounded"])
 @pytest.mark.parametrize("observation", ["scene_graph", "visual"])
-def test_pettingzoo_aec(observation: str) -> None:
-    env = chmarl_pb.env(observation, image_size=32)
+def test_pettingzoo_aec(observation: str, track: str) -> None:
+    env = chmarl_pb.env(observation, image_size=32, track=track, split="val-unseen")
     api_test(env, num_cycles=40)
     env.close()
 

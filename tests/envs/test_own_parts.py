@@ -1,7 +1,7 @@
 """What a user's own sensor, channel, adviser or kind of tasks returns by mistake is told, with its name and place."""
 
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,10 +9,12 @@ import pytest
 from gymnasium import spaces
 
 import chmarl_pb
-from chmarl_pb.errors import OptionError
+from chmarl_pb.errors import NotResetError, OptionError
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.symbols import Symbols
+from chmarl_pb.tasks.task import Task
 
 IDLE = {"humanoid": 9, "drone": 8}
 
@@ -54,6 +56,7 @@ def test_a_sensor_that_keeps_to_its_space() -> None:
     ("sensor", "message"),
     [
         (Distance(None), r"Distance\.observe\(\) is None; .* dict with the keys \['x'\]"),
+        (Distance({"x": 1}, {"x": spaces.Discrete(3)}), r"spaces\(\) is .*Discrete.* with a dimension or more"),
         (Distance({}), r"observe\(\) is \{\}"),
         (Distance({"x": RIGHT, "y": RIGHT}), "keys"),
         (Distance({"x": RIGHT[:1]}), r"observe\(\)\['x'\] is an array \(1,\) of float32, from 0.0 to 0.0; .*Box"),
@@ -86,6 +89,8 @@ class Wire(Board):
         ("begin", [0, 0], r"Wire\.begin\(\) is \[0, 0\]; .* array of numbers"),
         ("update", None, r"Wire\.update\(\) is None"),
         ("update", np.zeros((2, 9), np.int8), r"update\(\) is an array \(2, 9\) of int8, .* as begin\(\) has given"),
+        ("update", np.zeros((2, 8)), r"update\(\) is an array \(2, 8\) of float64"),
+        ("begin", np.full((2, 8), np.nan), r"begin\(\) is .* finite numbers"),
         ("hear", None, r"Wire\.hear\(\) is None"),
         ("hear", np.zeros(3, np.int8), r"hear\(\) is an array \(3,\)"),
         ("hear", np.full((2, 8), 2, np.int8), "from 2 to 2"),
@@ -94,6 +99,71 @@ class Wire(Board):
 def test_mistakes_of_a_channel(method: str, value: Any, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         play(messages=Wire(**{method: value}))
+
+
+class Growing(Board):
+    """A channel whose messages are longer in each episode."""
+
+    rows = 2
+
+    def begin(self, rooms: Any) -> Any:
+        type(self).rows += 1
+        return np.zeros((self.rows, len(rooms)), np.int8)
+
+
+def test_messages_keep_their_shape_from_episode_to_episode() -> None:
+    with pytest.raises(OptionError, match=r"Growing\.begin\(\) is an array \(4, .* as begin\(\) has given"):
+        play(messages=Growing())
+
+
+class Fragile(Board):
+    """A channel that breaks once, in the second step."""
+
+    left = 3
+
+    def update(self, messages: Any, *given: Any) -> Any:
+        type(self).left -= 1
+        if not self.left:
+            raise RuntimeError("torn")
+        return super().update(messages, *given)
+
+
+def test_a_step_that_an_own_part_breaks_ends_the_episode() -> None:
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=Fragile())) as env:
+        env.reset(seed=0)
+        env.step(IDLE)
+        with pytest.raises(RuntimeError, match="torn"):
+            env.step(IDLE)
+        with pytest.raises(NotResetError):
+            env.step(IDLE)
+        env.reset(seed=0)
+        env.step(IDLE)
+
+
+class Numbers(Board):
+    """A channel with other messages than the board's."""
+
+    def space(self, rooms: Any) -> Any:
+        return spaces.Box(0, 9, (3,), np.float32)
+
+    def begin(self, rooms: Any) -> Any:
+        return np.zeros(3, np.float32)
+
+    def update(self, messages: Any, *given: Any) -> Any:
+        return messages
+
+    def hear(self, messages: Any, *given: Any) -> Any:
+        return messages
+
+
+def test_policies_that_read_the_board_refuse_other_messages() -> None:
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=Numbers())) as env:
+        for policy in BUILT_IN:
+            if policy in ("planner", "random", "open-loop", "feedback-only"):
+                assert len(chmarl_pb.rollout(env, chmarl_pb.make_policy(policy, env), seed=0)) > 0
+            else:
+                with pytest.raises(OptionError, match=f"'{policy}' reads the message board.*use one of: .*planner"):
+                    chmarl_pb.make_policy(policy, env)
 
 
 class Mumble(Symbols):
@@ -190,9 +260,21 @@ class Errand(Rearrange):
             object.__setattr__(self, name, value if name == "objects" else lambda *given, value=value: value)
 
 
+@dataclass(frozen=True)
+class Polite(Task):
+    """A task with a field of its own, which no file could hold."""
+
+    polite: bool = True
+
+
 @pytest.mark.parametrize(
     ("method", "value", "message"),
     [
+        (
+            "tasks",
+            [Polite("a", "home_6", "mug", "desk", "bed", 0)],
+            r"tasks\(\) is \[Polite.* no classes derived of it",
+        ),
         ("objects", "a", r"Errand\.objects='a' is not a whole number from 1 on"),
         ("tasks", None, r"Errand\.tasks\(\) is None; it is to be a list of chmarl_pb\.Task"),
         ("tasks", ["val-unseen-000"], r"tasks\(\) is \['val-unseen-000'\]"),

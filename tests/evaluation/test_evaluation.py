@@ -668,3 +668,59 @@ def test_a_kinds_own_tasks_are_played_and_found_by_their_ids() -> None:
     assert env.reset(options={"task": "errand-1"})[1]["drone"]["task_id"] == "errand-1"
     assert env.reset(options={"task": "val-seen-000"})[1]["drone"]["task_id"] == "val-seen-000"
     env.close()
+
+
+def test_a_file_of_another_kind_is_not_to_be_removed(tmp_path: Path) -> None:
+    path = tmp_path / "episode.json"
+    path.write_text('{"format": "chmarl-pb episode 1"}')
+    with pytest.raises(ResultError, match=r"of another kind \(chmarl-pb episode 1\); name one that"):
+        load_result(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import sys\nsys.exit(0)\n", r"its module calls sys\.exit\(0\)"),
+        ("def Policy(env):\n  return (\n", r"quits_1\.py, line 2: "),
+    ],
+)
+def test_modules_that_cannot_be_imported(
+    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = f"quits_{int('def' in text)}"
+    (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["evaluate", "--policy", f"{name}:Policy", "--task", "val-unseen-000", "--split", "val-unseen"]) == 2
+    assert re.search(words, capsys.readouterr().err)
+
+
+class Quitter:
+    """A policy that ends the process."""
+
+    def __init__(self, env: Any):
+        self.env = env
+
+    def reset(self, seed: int | None) -> None: ...
+
+    def act(self, observations: Any, infos: Any) -> Any:
+        raise SystemExit(0)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_policy_that_quits_is_an_error(workers: int) -> None:
+    with pytest.raises(OptionError, match=r"calls sys\.exit\(0\)"):
+        evaluate(Quitter, "val-unseen", tasks=["val-unseen-000", "val-unseen-001"], workers=workers)
+
+
+def test_going_on_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evaluate", "--policy", "open-loop", "--split", "val-unseen", "--workers", "1"]
+    tasks, out = [f"val-unseen-{number:03d}" for number in range(3)], tmp_path / "r.json"
+    command = [*words, *(part for task in tasks for part in ("--task", task)), "--out", str(out)]
+
+    def stop(finished: int, total: int) -> None:
+        if finished == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate("open-loop", "val-unseen", tasks=tasks, workers=1, out=out, progress=stop)
+    assert main(command) == 0 and "going on: 2 of 3 episodes are there already" in capsys.readouterr().err

@@ -26,6 +26,8 @@ from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.sources import find_policy
+from chmarl_pb.tasks.messages import Board
+from chmarl_pb.tasks.symbols import Symbols
 from tests.helpers.stopping import in_pieces
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -77,6 +79,35 @@ def test_other_rules_are_refused_in_one_sentence(tmp_path: Path) -> None:
     assert longer.settings["options"]["max_steps"] == 5, "what means the same may be changed"
     with pytest.raises(CheckpointError, match=LAST):
         run("qmix", tmp_path, pointing=False)
+
+
+class Flipped(Board):
+    """The board, misread at times."""
+
+    def __init__(self, flips: float):
+        self.flips = flips
+
+    def hear(self, messages: Any, robot: str, rng: np.random.Generator) -> Any:
+        return messages ^ (rng.random(messages.shape) < self.flips).astype(np.int8)
+
+
+def test_own_words_of_another_size_are_played_again(tmp_path: Path) -> None:
+    words = Symbols(vocabulary=8)
+    train(partial(chmarl_pb.parallel_env, messages=words, max_steps=4), "qmix", CONFIGS["qmix"], tmp_path)
+    given: dict[str, Any] = {"seeds": [0], "workers": 1, "tasks": ["val-unseen-000"]}
+    assert chmarl_pb.evaluate(str(tmp_path / BEST), "val-unseen", messages=words, **given).episodes
+    with pytest.raises(CheckpointError, match=r"other rules \(own words\).*messages='.*Symbols\(vocabulary=8"):
+        chmarl_pb.evaluate(str(tmp_path / BEST), "val-unseen", messages=True, **given)
+
+
+def test_a_run_goes_on_with_the_objects_that_it_was_begun_with(tmp_path: Path) -> None:
+    def begin(channel: Any) -> Any:
+        return train(partial(chmarl_pb.parallel_env, messages=channel, max_steps=4), "qmix", CONFIGS["qmix"], tmp_path)
+
+    begin(Flipped(0.1))
+    begin(Flipped(0.1))
+    with pytest.raises(CheckpointError, match="what messages holds="):
+        begin(Flipped(0.9))
 
 
 def test_each_rule_is_remembered_and_the_papers_need_no_word() -> None:

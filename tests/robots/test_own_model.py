@@ -11,11 +11,13 @@ from typing import Any
 import pytest
 
 import chmarl_pb
-from chmarl_pb.errors import AssetError
+from chmarl_pb.errors import AssetError, OptionError
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.robots.file import find_model
 from chmarl_pb.robots.mobile import MobileRobot
 
+TEXT: Any = {"fov": "90"}
+SHORT: Any = {"position": (0.0, 0.0)}
 DRONE, HUMANOID = find_model("drone"), find_model("humanoid")
 
 
@@ -26,6 +28,10 @@ DRONE, HUMANOID = find_model("drone"), find_model("humanoid")
         ({"speed": -1.0}, "speed=-1.0; use a number from 0.05 to 10"),
         ({"turn_speed": float("nan")}, "turn_speed=nan; use a number"),
         ({"camera": replace(DRONE.camera, fov=400.0)}, "camera.fov=400.0; use a number from 10 to 150"),
+        ({"camera": None}, "camera=None; give a CameraMount"),
+        ({"camera": replace(DRONE.camera, **SHORT)}, r"give a CameraMount at \(x, y, z\)"),
+        ({"camera": replace(DRONE.camera, **TEXT)}, "camera.fov=90; use a number"),
+        ({"urdf": None}, "urdf=None; give the path"),
         ({"make": "Slow"}, "make='Slow' is no function"),
         ({"name": ""}, "robot '': agents get this name; let it be letters and _"),
         ({"name": "humanoid_0"}, "with no digit at its end"),
@@ -87,6 +93,41 @@ class Cautious(MobileRobot):
     def __init__(self, *arguments: Any, care: float = 1.0):
         super().__init__(*arguments)
         self.care = care
+
+
+class Named(MobileRobot):
+    """A robot whose actions have other names."""
+
+    def __init__(self, *arguments: Any, names: Any = ()):
+        super().__init__(*arguments)
+        self.actions = names
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("fly", "land"), "'stay' among them"), (("stay", "stay"), "different names"), (["stay"], "use a tuple"),
+        (("stay", 3), "different names"),
+    ],
+)  # fmt: skip
+def test_actions_that_robots_cannot_have(names: Any, words: str) -> None:
+    named = replace(DRONE, name="named", make=partial(Named, names=names))
+    with pytest.raises(AssetError, match=f"robot 'named': actions=.*{words}"):
+        chmarl_pb.parallel_env(robots=(HUMANOID, named))
+
+
+def test_policies_say_which_actions_they_miss() -> None:
+    named = replace(DRONE, name="named", make=partial(Named, names=("stay", "move_forward")))
+    with closing(chmarl_pb.parallel_env(robots=(HUMANOID, named))) as env:
+        with pytest.raises(OptionError, match="policy 'search' needs actions that the robot 'named' has not: goto_"):
+            chmarl_pb.make_policy("search", env)
+        assert chmarl_pb.make_policy("random", env)
+
+
+def test_robots_fly_over_the_walls() -> None:
+    low = replace(DRONE, name="low", altitude=2.0)
+    with pytest.raises(AssetError, match=r"robot 'low': altitude = 2 m is not above the walls of .* end at 2.5 m"):
+        chmarl_pb.parallel_env(robots=(HUMANOID, low))
 
 
 def test_robots_that_are_made_otherwise_have_other_hashes() -> None:

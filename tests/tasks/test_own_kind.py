@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import pytest
@@ -99,6 +99,35 @@ def test_a_kind_with_the_benchmarks_goals_has_its_fewest_steps() -> None:
     with closing(chmarl_pb.parallel_env(split="val-unseen", task=Polite())) as env:
         for task in map(find_task, IDS):
             assert optimal_steps(env, task) == task.optimal_steps
+
+
+class Fetch(Rearrange):
+    """Success is to hold X."""
+
+    def outcome(self, state: Any, setting: Any, seen: Any) -> Outcome:
+        given = super().outcome(state, setting, seen)
+        return replace(given, success=given.held is not None)
+
+
+def test_the_fewest_steps_of_a_kind_with_another_success_end_there() -> None:
+    result = chmarl_pb.evaluate("planner", "val-unseen", tasks=IDS, task=Fetch(), workers=1)
+    assert result.success_rate == 1 and result.plw == 1
+    for episode in result.episodes:
+        assert episode.steps < episode.task.optimal_steps
+        assert episode.optimum is not None and not episode.optimum.proven, "nothing shows that there is no shorter way"
+
+
+@dataclass(frozen=True)
+class Elsewhere(Rearrange):
+    """The benchmark's kind, but things stand elsewhere."""
+
+    def set_up(self, world: Any, space: Any, task: Any) -> Any:
+        return replace(super().set_up(world, space, replace(task, seed=task.seed + 5)), task=task)
+
+
+def test_the_fewest_steps_of_a_kind_with_another_layout_are_planned_there() -> None:
+    result = chmarl_pb.evaluate("planner", "val-unseen", tasks=IDS, task=Elsewhere(), workers=1)
+    assert result.plw == 1 and {episode.optimum is not None for episode in result.episodes} == {True}
 
 
 def test_a_goal_that_is_nowhere() -> None:

@@ -74,7 +74,8 @@ def test_wrong_actions_are_equally_likely() -> None:
         def after(self, succeeded: bool) -> str:
             return "a"
 
-    critic, counts = _Unreliable(Always(), ("a", "b", "c", "d", "e"), 0.0, 1.0, np.random.default_rng(0)), Counter()
+    critic = _Unreliable(Always(), ("a", "b", "c", "d", "e"), 0.0, 1.0, np.random.default_rng(0))
+    counts: Counter[str | None] = Counter()
     for _ in range(3000):
         critic.before("e", None)  # type: ignore[arg-type]
         counts[critic.after(False)] += 1

@@ -138,7 +138,15 @@ def test_attributes(make: Callable[..., Any], workers: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [np.zeros(2, int), np.zeros((COUNT, 3), int), np.zeros((COUNT, 2)), "go", [[0, 0]] * (COUNT - 1) + [[0]]]
+    "wrong",
+    [
+        np.zeros(2, int),
+        np.zeros((COUNT, 3), int),
+        np.zeros((COUNT, 2)),
+        "go",
+        [[0, 0]] * (COUNT - 1) + [[0]],
+        np.ones((COUNT, 2), bool),
+    ],
 )
 def test_wrong_actions_are_refused(make: Callable[..., Any], wrong: Any) -> None:
     env = make(workers=0)
@@ -155,6 +163,14 @@ def test_wrong_actions_are_refused(make: Callable[..., Any], wrong: Any) -> None
 def test_wrong_arguments_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(OptionError):
         vector_env(**{"n": 2, "env_id": ToyEnv, **wrong})
+
+
+@pytest.mark.parametrize(("steps", "episode_steps", "limit"), [(40, 35, 35), (31, 50, 31), (20, 12, 12)])
+def test_the_nearer_of_two_time_limits_holds(steps: int, episode_steps: int, limit: int) -> None:
+    with closing(vector_env(1, workers=0, max_steps=steps, max_episode_steps=episode_steps)) as env:
+        env.reset(seed=0)
+        ends = [bool(env.step(np.array([[9, 8]]))[3][0]) for _ in range(limit)]
+    assert ends == [False] * (limit - 1) + [True]
 
 
 def test_wrong_resets_are_refused(make: Callable[..., Any]) -> None:
