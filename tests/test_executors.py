@@ -53,7 +53,7 @@ def elsewhere(tmp_path: Path) -> Elsewhere:
 
 def test_processes_are_the_default() -> None:
     assert executor_of(None, 3).workers == 3 and executor_of(None, 1).alone
-    with pytest.raises(OptionError, match="at least 1"):
+    with pytest.raises(OptionError, match="workers=0 is not a whole number from 1"):
         executor_of(None, 0)
 
 

@@ -42,7 +42,7 @@ def test_results_come_in_order_if_that_is_wanted() -> None:
     assert list(in_processes(square, range(9), 2, ordered=True)) == [number**2 for number in range(9)]
     assert sorted(in_processes(square, range(9), 2)) == [number**2 for number in range(9)]
     assert list(in_processes(square, [], 2)) == []
-    with pytest.raises(OptionError, match="at least 1"):
+    with pytest.raises(OptionError, match="workers=0 is not a whole number from 1"):
         list(in_processes(square, [1], 0))
 
 

@@ -1,6 +1,6 @@
 """Make data sets: the planner plays every task of a split once, in several processes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -57,21 +57,22 @@ def generate(
 
 
 def _make(recipe: Recipe, root: Path, executor: Executor, progress: Progress) -> Dataset:
-    parts = _parts(recipe, root)
+    tasks = recipe.tasks
+    parts = _parts(recipe, root, tasks)
     missing = [number for number, part in enumerate(parts) if not is_whole(part)]
     progress(len(parts) - len(missing))
-    jobs = [recipe.tasks[number] for number in missing]
+    jobs = [tasks[number] for number in missing]
     for task_id, part in executor.map(partial(_play, recipe), jobs):
         write_part(parts[0].with_name(f"{task_id}.hdf5"), part)
         progress(1)
     return Dataset(join_parts(root, recipe, parts))
 
 
-def _parts(recipe: Recipe, root: Path) -> list[Path]:
+def _parts(recipe: Recipe, root: Path, tasks: Sequence[Task]) -> list[Path]:
     """Return the files of all episodes, in order; files left of another recipe or version are not used."""
     folder = parts_folder(root, recipe)
     folder.mkdir(parents=True, exist_ok=True)
-    return [folder / f"{task.id}.hdf5" for task in recipe.tasks]
+    return [folder / f"{task.id}.hdf5" for task in tasks]
 
 
 def _play(recipe: Recipe, task: Task) -> tuple[str, bytes]:

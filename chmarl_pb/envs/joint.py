@@ -13,7 +13,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.limits import whole_number
-from chmarl_pb.policies.policy import grasps
+from chmarl_pb.policies.policy import first_grasper
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.world import World
 
@@ -66,7 +66,7 @@ class JointEnv(gymnasium.Env):
         self._counts = counts
         self.action_space = spaces.Discrete(int(np.prod(counts))) if self.flat_actions else PairOfActions(counts)
         own_spaces = {name: self.parallel.observation_space(name).spaces for name in self._robots}
-        joint_spaces = _joined(own_spaces)
+        joint_spaces = joined(own_spaces)
         if len(joint_spaces) < sum(map(len, own_spaces.values())):
             keys = [f"{name}_{key}" for name, own in own_spaces.items() for key in own]
             twice = next(key for key in keys if keys.count(key) > 1)
@@ -94,7 +94,7 @@ class JointEnv(gymnasium.Env):
         """Start an episode; see :meth:`HouseholdEnv.reset`."""
         super().reset(seed=None if seed is None else whole_number("seed", seed))
         observations, infos = self.parallel.reset(seed=seed, options=options)
-        return _joined(observations), _info(infos)
+        return joined(observations), _info(infos)
 
     def step(self, action: Any) -> Step:
         """Let all robots act once.
@@ -106,7 +106,7 @@ class JointEnv(gymnasium.Env):
         observations, rewards, terminated, truncated, infos = self.parallel.step(self._split(action))
         robot = self._robots[0]
         cut = _truncated(self, truncated[robot])
-        return _joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
+        return joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
 
     def _split(self, action: Any) -> dict[str, Any]:
         try:
@@ -160,7 +160,7 @@ class HumanoidEnv(gymnasium.Env):
         self.parallel = HouseholdEnv(**options)
         self.render_mode = self.parallel.render_mode
         names = self.parallel.action_names
-        self._robot = next(name for name in names if grasps(names[name]))
+        self._robot = first_grasper(names)
         self.action_space = self.parallel.action_space(self._robot)
         self.observation_space = self.parallel.observation_space(self._robot)
         self.partner, self._others = partner, make_policy(partner, self.parallel)
@@ -258,7 +258,8 @@ def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:
     return False
 
 
-def _joined(observations: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
+def joined(observations: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
+    """Return what each robot observes, or its spaces, under one name each: that of the robot, and the key."""
     return {f"{name}_{key}": value for name, observation in observations.items() for key, value in observation.items()}
 
 

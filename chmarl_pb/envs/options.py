@@ -197,7 +197,12 @@ class Options:
     def adviser(self) -> Adviser | None:
         """A new adviser, or None if there is no feedback."""
         if isinstance(self.feedback, Adviser):
-            adviser = deepcopy(self.feedback)
+            try:
+                adviser = deepcopy(self.feedback)
+            except TypeError as error:
+                raise OptionError(
+                    f"feedback={self.feedback!r} cannot be copied, as each environment does: {error}"
+                ) from error
             if isinstance(adviser, UnreliableAdviser):
                 adviser.templates = self.templates
             return CheckedAdviser(adviser) if "feedback" in self.own() else adviser

@@ -1,6 +1,6 @@
 """What drives the robots: a Policy sees observations and infos and answers with actions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -82,6 +82,11 @@ class PolicyEnv(Protocol):
 def grasps(actions: Sequence[str]) -> bool:
     """Return whether a robot with these actions can grasp."""
     return place_of(actions, "pick") is not None
+
+
+def first_grasper(action_names: Mapping[str, Sequence[str]]) -> str:
+    """Return the first robot that can grasp; it is the one that learns, or acts, where one does alone."""
+    return next(name for name, actions in action_names.items() if grasps(actions))
 
 
 def symbols_of(env: Any) -> int:

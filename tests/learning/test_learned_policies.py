@@ -228,12 +228,17 @@ def test_pictures_of_another_size_are_refused(env: HouseholdEnv) -> None:
     visual.close()
 
 
-@pytest.mark.parametrize("change", [{"algorithm": "sarsa"}, {"config": {"cleverness": 9}}])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"algorithm": "sarsa"}, "algorithm='sarsa' is not known.*import what adds it"),
+     ({"algorithm": "own:SARSA"}, "algorithm='own:SARSA' is code, which would be run"),
+     ({"config": {"cleverness": 9}}, "its settings are of another version")],
+)  # fmt: skip
 def test_checkpoints_of_another_version_are_refused(
-    folder: Path, env: HouseholdEnv, tmp_path: Path, change: dict[str, Any]
+    folder: Path, env: HouseholdEnv, tmp_path: Path, change: dict[str, Any], words: str
 ) -> None:
     save(tmp_path / "x.pt", "value", load(folder / BEST) | change)
-    with pytest.raises(CheckpointError, match=r"x\.pt: its settings are of another version"):
+    with pytest.raises(CheckpointError, match=rf"x\.pt: {words}"):
         load_policy(tmp_path / "x.pt")(env)
 
 

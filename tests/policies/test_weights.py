@@ -126,7 +126,7 @@ def test_the_published_resnet_is_the_one_that_the_rows_on_pictures_see_by(
     pytest.importorskip("torch")
     from chmarl_pb.learning.networks.frozen import frozen_encoder, weights_file
 
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "chmarl_pb"))
     monkeypatch.delenv("CHMARL_RESNET18", raising=False)
     row = published("resnet18", ENCODER)
     assert row is not None and weights_file("resnet18") == checked_file(row)
@@ -141,7 +141,7 @@ def test_the_published_detector_is_the_default(tmp_path: Path, monkeypatch: pyte
     from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with, weights_file
     from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "chmarl_pb"))
     monkeypatch.delenv("CHMARL_DETECTOR", raising=False)
     row = published("detector", ENCODER)
     assert row is not None

@@ -185,7 +185,7 @@ class Batch:
         """Return environments for somebody to look into: PyBullet's bodies are where they are in the state."""
         envs = [self.envs[number - self.numbers.start] for number in self._mine(chosen)]
         for env in envs:
-            _let_physics_follow(env)
+            _sync_physics(env)
         return envs
 
     def _mine(self, chosen: Sequence[int]) -> list[int]:
@@ -203,7 +203,7 @@ def _let_physics_wait(env: gymnasium.Env) -> None:
         household.physics_follows = False
 
 
-def _let_physics_follow(env: gymnasium.Env) -> None:
+def _sync_physics(env: gymnasium.Env) -> None:
     """Bring the bodies of an environment whose physics waits to where they are in the state."""
     household = getattr(env.unwrapped, "parallel", None)
     if type(household) is HouseholdEnv:

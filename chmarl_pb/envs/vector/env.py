@@ -156,8 +156,8 @@ def _limited(env_id: str, options: dict[str, Any]) -> dict[str, Any]:
     most, limit = (spec and spec.max_episode_steps) or MAX_STEPS, plain_value(options.get("max_steps"))
     if not isinstance(limit, int) or limit <= most:
         return options
-    given = plain_value(options.get("max_episode_steps"))
-    limit = min(limit, given) if isinstance(given, int) and given > 0 else limit
+    given = plain_value(options.get("max_episode_steps"))  # ``gymnasium.make_vec`` gives that of the id by itself
+    limit = min(limit, given) if isinstance(given, int) and given != most else limit
     return {name: value for name, value in options.items() if name != "max_steps"} | {"max_episode_steps": limit}
 
 

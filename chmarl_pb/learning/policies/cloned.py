@@ -9,6 +9,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from chmarl_pb.envs.joint import joined
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.components import one_hot
 from chmarl_pb.learning.config import CATALOG, FROZEN, amount, check, count, seed_number, share
@@ -145,7 +146,7 @@ class BCActor(nn.Module):
 
 def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
     """Return the networks of all robots of an environment, with random weights."""
-    space = _joint_space(env)
+    space = spaces.Dict(joined({name: env.observation_space(name).spaces for name in env.possible_agents}))
     if config.uses_features:
         space = feature_space(space, frozen_encoder(config.image_encoder))
     actions = {name: len(names) for name, names in env.action_names.items()}
@@ -157,17 +158,6 @@ def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
             BCActor(spaces.Dict({key: space[key] for key in keys}), tuple(actions[name] for name in group), config)
         )
     return nn.ModuleList(actors)
-
-
-def _joint_space(env: HouseholdEnv) -> spaces.Dict:
-    """Return the robots' observation spaces as one, with the keys of the joint environment."""
-    return spaces.Dict(
-        {
-            f"{name}_{key}": part
-            for name in env.possible_agents
-            for key, part in env.observation_space(name).spaces.items()
-        }
-    )
 
 
 class BCPolicy:
@@ -193,9 +183,7 @@ class BCPolicy:
         index = torch.tensor(episodes)
         if self.config.uses_features:
             observations = all_with_features(observations, frozen_encoder(self.config.image_encoder))
-        batch = stack(
-            [{f"{name}_{key}": part for name, own in one.items() for key, part in own.items()} for one in observations]
-        )
+        batch = stack([joined(one) for one in observations])
         steps = {key: part.unsqueeze(1).to(self._device) for key, part in tensors(batch).items()}
         robots = list(observations[0])  # all, or those of one network
         for number, (group, actor) in enumerate(zip(self.config.groups(self.robots), self.actors, strict=True)):

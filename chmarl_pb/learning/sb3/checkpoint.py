@@ -14,6 +14,7 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecTransposeImage
 
+from chmarl_pb.envs.joint import joined
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.files import replacing
@@ -24,10 +25,10 @@ from chmarl_pb.learning.observation_keys import GOAL, named
 from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
-from chmarl_pb.learning.sb3.policy import Sb3Policy, flat_counts, joined, learner_of
+from chmarl_pb.learning.sb3.policy import Sb3Policy, flat_counts
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, fill, reading, tensors_of
 from chmarl_pb.learning.storage.seal import seal
-from chmarl_pb.policies.policy import Policy
+from chmarl_pb.policies.policy import Policy, first_grasper
 
 _SETTINGS = "chmarl_pb.json"  # member of the zip
 
@@ -102,7 +103,8 @@ class Sb3Policies:
 
 def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
     """Return the network with new weights."""
-    parts, learner = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}, learner_of(env)
+    parts = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}
+    learner = first_grasper(env.action_names)
     seen = parts[learner] if config.alone else joined(parts)
     # What the network was not trained with, as the goal, is left out.
     read = config.keys or tuple(name for name in parts[learner] if name != GOAL or PRESETS[config.preset].goal)

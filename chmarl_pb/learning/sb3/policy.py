@@ -11,7 +11,7 @@ from gymnasium.error import ClosedEnvironmentError
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 
-from chmarl_pb.envs.joint import PARTNERS
+from chmarl_pb.envs.joint import PARTNERS, joined
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import fingerprint
@@ -21,7 +21,7 @@ from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
 from chmarl_pb.learning.threads import threads
-from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, grasps
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, first_grasper
 from chmarl_pb.policies.registry import make_policy
 
 _COMMON = {"instruction", "feedback", "messages", "self", "node_class", "rgb", GOAL}  # keys of one robot
@@ -85,7 +85,7 @@ class ModelPolicies:
             OptionError: the environment does not give all that the model observes.
         """
         parts = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}
-        given = parts[learner_of(env)] | joined(parts)
+        given = parts[first_grasper(env.action_names)] | joined(parts)
         if missing := [key for key in _keys_of(self._network) if key not in given]:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
         self._network.set_training_mode(False)
@@ -123,7 +123,7 @@ class Sb3Policy:
         self._counts = {name: flat_counts(env.action_space(name)) for name in env.possible_agents}
         self._keys, self._others = _keys_of(network), list[Policy]()
         prefixes = tuple(f"{name}_" for name in self._counts)
-        self._alone = None if any(key.startswith(prefixes) for key in self._keys) else learner_of(env)
+        self._alone = None if any(key.startswith(prefixes) for key in self._keys) else first_grasper(env.action_names)
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
@@ -206,13 +206,3 @@ def _keys_of(network: BasePolicy) -> tuple[str, ...]:
 def flat_counts(space: spaces.Space[Any]) -> list[int]:
     """Return how many values each number of a robot's action may have: one number, or with own words a pair."""
     return space.nvec.tolist() if isinstance(space, spaces.MultiDiscrete) else [int(space.n)]  # type: ignore[attr-defined]
-
-
-def joined(robots: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of all robots as the joint ids name them."""
-    return {f"{name}_{key}": value for name, own in robots.items() for key, value in own.items()}
-
-
-def learner_of(env: HouseholdEnv) -> str:
-    """Return the robot that learns if one does alone: the first that grasps."""
-    return next(name for name, actions in env.action_names.items() if grasps(actions))
