@@ -130,7 +130,7 @@ def _imported_by(module: str) -> set[Path]:
 def _is_users(path: Path) -> bool:
     """Return whether a file is neither of this package, nor of Python, nor of an installed package."""
     folder = str(path.resolve().parent) + os.sep
-    return not folder.startswith(_NOT_THE_USERS) and "site-packages" not in path.parts
+    return not folder.startswith(_NOT_THE_USERS) and {"site-packages", "dist-packages"}.isdisjoint(path.parts)
 
 
 def _imports(path: Path, package: str) -> Iterator[str]:

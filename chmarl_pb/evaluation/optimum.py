@@ -3,6 +3,7 @@
 from chmarl_pb.envs.optimum import says_optimum, succeeds_by_goals
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
+from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -22,7 +23,10 @@ def optimum(env: HouseholdEnv) -> Optimum:
     plan = env.simulation.solve(env.task, env.options.kind)
     if succeeds_by_goals(env.options.kind):
         return Optimum(plan.steps, plan.proven)
-    episode = rollout(env, make_policy("planner", env), task=env.task)
+    try:
+        episode = rollout(env, make_policy("planner", env), task=env.task)
+    except OptionError:  # it cannot drive robots without the usual actions
+        return Optimum(plan.steps, False)
     return Optimum(episode.steps if episode.success else plan.steps, False)
 
 

@@ -146,7 +146,8 @@ class FlightPlanner:
         if found is None:
             self._flights[wanted, pose] = self._flights[wanted, -1] = None
             return
-        flight = [self._robot.actions[number] for number in found]
+        names = (*(f"goto_{room}" for room in lattice.anchors), *lattice.steps)  # of the moves; robots may have more
+        flight = [names[number] for number in found]
         for number, move in enumerate(found):
             self._flights[wanted, pose] = flight[number:]
             pose = int(lattice.moves[pose, move])

@@ -177,8 +177,9 @@ def make_policy(name: str, env: Any) -> Policy:
 
 
 def _check_actions(policy: str, env: Any) -> None:
+    needed = [*(f"goto_{room}" for room in env.rooms), "stay"]
     for robot, names in env.action_names.items():
-        if missing := [action for action in (*(f"goto_{room}" for room in env.rooms), "stay") if action not in names]:
+        if missing := [action for action in needed if action not in names]:
             raise OptionError(
                 f"policy {policy!r} needs actions that the robot {robot!r} has not: {', '.join(missing)}; "
                 "take 'random', or a policy of your own"

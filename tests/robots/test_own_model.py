@@ -121,7 +121,26 @@ def test_policies_say_which_actions_they_miss() -> None:
     with closing(chmarl_pb.parallel_env(robots=(HUMANOID, named))) as env:
         with pytest.raises(OptionError, match="policy 'search' needs actions that the robot 'named' has not: goto_"):
             chmarl_pb.make_policy("search", env)
-        assert chmarl_pb.make_policy("random", env)
+        assert len(chmarl_pb.rollout(env, chmarl_pb.make_policy("random", env), seed=0)) > 0
+
+
+def test_the_planner_flies_robots_with_more_actions() -> None:
+    class Beeping(MobileRobot):
+        def __init__(self, *arguments: Any):
+            super().__init__(*arguments)
+            self.actions = ("beep", *self.actions)
+
+        def plan(self, action: str, *given: Any, **named: Any) -> Any:
+            assert action != "beep"
+            return super().plan(action, *given, **named)
+
+    team = (HUMANOID, replace(DRONE, name="beeping", make=Beeping))
+    with closing(chmarl_pb.parallel_env(robots=team, split="val-unseen")) as env:
+        episode = chmarl_pb.rollout(env, chmarl_pb.make_policy("planner", env), seed=0, task="val-unseen-000")
+    with closing(chmarl_pb.parallel_env(split="val-unseen")) as env:
+        plain = chmarl_pb.rollout(env, chmarl_pb.make_policy("planner", env), seed=0, task="val-unseen-000")
+    assert episode.success and len(episode) == len(plain)
+    assert [row["beeping"] - 1 for row in episode.actions] == [row["drone"] for row in plain.actions]
 
 
 def test_robots_fly_over_the_walls() -> None:
