@@ -1,6 +1,8 @@
 """The frozen ResNet-18: weights from files, and the same features in whole numbers, whatever is computed together."""
 
+import copy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -209,3 +211,10 @@ def test_a_network_fits_no_other_frozen_weights(frozen: FrozenEncoder, monkeypat
         build_encoder(space, 8, "resnet18").load_state_dict(state)
     turned = build_encoder(spaces.Box(0, 255, (3, 64, 64), np.uint8), 8, "resnet18")
     assert turned(pictures(2, 64).permute(0, 3, 1, 2)).shape == (2, 8)
+
+
+def test_networks_that_look_through_it_are_copied_without_it(frozen: FrozenEncoder) -> None:
+    holder: Any = torch.nn.Linear(2, 2)
+    holder.eye = frozen
+    copied = copy.deepcopy(holder)
+    assert copied.eye is frozen and copied.weight is not holder.weight

@@ -153,6 +153,22 @@ def test_normalised_observations_after_a_training_without() -> None:
     plain.close()
 
 
+class Compass:
+    """A sensor of whole numbers, also below 0."""
+
+    def spaces(self) -> Any:
+        return {"compass": spaces.Box(-8, 8, (2,), np.int16)}
+
+    def observe(self, view: Any) -> Any:
+        return {"compass": np.array([-8, 8], np.int16)}
+
+
+def test_whole_numbers_below_zero_are_welcome() -> None:
+    env = vec(observation=("scene_graph", Compass()))
+    ppo(env, HouseholdFeatures).learn(4)
+    env.close()
+
+
 def test_normalised_rewards_and_numbers_are_welcome() -> None:
     env = vec(wrap=partial(VecNormalize, norm_obs=False))
     ppo(env, HouseholdFeatures).learn(4)

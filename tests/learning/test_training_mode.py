@@ -67,3 +67,20 @@ def test_targets_have_the_counts_of_the_networks_that_they_copy() -> None:
     kept, own = dict(learner._targets.named_buffers()), dict(learner.networks.named_buffers())
     means = [name for name in own if name.endswith("running_mean")]
     assert means and all(torch.equal(kept[name], own[name]) for name in means)
+
+
+def test_the_usual_validation_plays_in_several_homes_where_homes_are_drawn() -> None:
+    seeds: list[int] = []
+
+    class Played:
+        episode_return = 0.0
+
+    class Envs:
+        envs = (type("Env", (), {"episodes_in_a_home": 100})(),)
+
+        def play(self, agents: Any, choose: Any, rng: Any, chosen: Any) -> Any:
+            seeds.extend(chosen)
+            return [Played() for _ in chosen]
+
+    by_return(4)(Envs(), nn.ModuleDict())  # type: ignore[arg-type]
+    assert len({seed // 100 for seed in seeds}) == 4
