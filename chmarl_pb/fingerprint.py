@@ -9,6 +9,7 @@ import pickle
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -115,16 +116,32 @@ def _file_of(given: Any) -> Path | None:
 
 
 def _imported_by(module: str) -> set[Path]:
-    """Return the files of the user's own modules that a module of theirs imports, and of those that these import."""
+    """Return the files of the user's own modules that a module of theirs imports, and of those that these import.
+
+    It makes no difference whether they have been imported yet, as those that functions import.
+    """
     found, left = set[Path](), [module]
     while left:
-        path = _file_of(sys.modules.get(name := left.pop()))
+        path = _module_file(name := left.pop())
         if path is None or path in found or not _is_users(path):
             continue
         found.add(path)
-        package = str(getattr(sys.modules[name], "__package__", None) or "")
-        left += [name for name in _imports(path, package) if name in sys.modules]
+        left += _imports(path, name if path.stem == "__init__" else name.rpartition(".")[0])
     return found
+
+
+def _module_file(name: str) -> Path | None:
+    """Return the file of a module by its name; nothing is imported for it."""
+    if name in sys.modules:
+        return _file_of(sys.modules[name])
+    spec, parts = None, name.split(".")
+    for number in range(len(parts)):
+        folders = None if spec is None else spec.submodule_search_locations
+        spec = PathFinder.find_spec(".".join(parts[: number + 1]), folders) if folders or not number else None
+        if spec is None:
+            return None
+    path = Path(str(spec and spec.origin))
+    return path if path.suffix == ".py" and path.is_file() else None
 
 
 def _is_users(path: Path) -> bool:

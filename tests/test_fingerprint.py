@@ -133,10 +133,12 @@ def test_what_modules_of_the_user_import_counts(line: str, tmp_path: Path, monke
     (tmp_path / "helping" / "__init__.py").write_text("")
     (tmp_path / "helping" / "deeper.py").write_text("RATE = 0.25\n")
     (tmp_path / "helping" / "rates.py").write_text("from .deeper import RATE\n")
-    (tmp_path / "playing.py").write_text(f"import json, torch\n{line}\n\nclass Own:\n    pass\n")
+    late = f"\n    def act(self):\n        {line}\n" if "import rates" in line else ""
+    (tmp_path / "playing.py").write_text(f"import json, torch\n{'' if late else line}\n\nclass Own:\n    pass\n{late}")
     importlib.invalidate_caches()
     playing = importlib.import_module("playing")
     before = [fingerprint(one) for one in (playing.Own, playing.Own())]
+    importlib.import_module("helping.rates")
     assert None not in before and before == [fingerprint(one) for one in (playing.Own, playing.Own())]
     for number, changed in enumerate(("rates.py", "deeper.py")):
         with (tmp_path / "helping" / changed).open("a") as file:
