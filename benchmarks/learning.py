@@ -1,9 +1,10 @@
-"""Joint steps a second of whole trainings, playing and learning: of QMIX in processor time, of PPO by the clock.
+"""Joint steps a second of whole trainings, playing and learning, of QMIX and of PPO.
 
     python -m benchmarks.learning                                     # QMIX with messages, and PPO for the humanoid
     python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
 
-The first rollouts, which load homes and look where nobody has looked, are not counted.
+QMIX in one process is timed by the processor, all else by the clock. The first rollouts, which load homes and look
+where nobody has looked, are not counted.
 """
 
 import argparse
@@ -24,16 +25,17 @@ SHORT = 6  # times as long is the training whose speed is taken
 
 
 class Parts:
-    """Processor time of the parts of a training, after its warm-up.
+    """Time of the parts of a training, after its warm-up.
 
     Attributes:
-        seconds: part -> processor seconds.
+        seconds: part -> seconds.
         steps: joint steps that were played in them.
         gradients: gradient steps that were taken in them.
     """
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """Begin with none; seconds are those of a clock."""
+        self._clock = clock
         self.seconds = {"_play": 0.0, "_learn": 0.0}
         self.steps = self.gradients = 0
 
@@ -42,20 +44,27 @@ class Parts:
 
         def method(run: Run) -> None:
             counted = run.episodes >= WARM_UP
-            steps, gradients, start = run._collector.steps, run.learner.updates, time.process_time()
+            steps, gradients, start = run._clock["steps"], run.learner.updates, self._clock()
             inner(run)
             if counted:
-                self.seconds[part] += time.process_time() - start
-                self.steps += run._collector.steps - steps
+                self.seconds[part] += self._clock() - start
+                self.steps += int(run._clock["steps"] - steps)
                 self.gradients += run.learner.updates - gradients
 
         return method
 
 
-def qmix(episodes: int, envs: int, gradient_steps: int) -> list[str]:
+def qmix(episodes: int, envs: int, gradient_steps: int, workers: int) -> list[str]:
     """Train QMIX with messages on scene graphs, and return lines on its speed."""
-    parts, kept = Parts(), {name: getattr(Run, name) for name in ("_play", "_learn")}
-    config = Config(episodes=episodes + WARM_UP, envs=envs, gradient_steps=gradient_steps, validation_interval=10**9)
+    parts = Parts(time.process_time if workers == 1 else time.perf_counter)
+    kept = {name: getattr(Run, name) for name in ("_play", "_learn")}
+    config = Config(
+        episodes=episodes + WARM_UP,
+        envs=envs,
+        gradient_steps=gradient_steps,
+        workers=workers,
+        validation_interval=10**9,
+    )
     make = partial(chmarl_pb.parallel_env, "scene_graph", messages=True, feedback=True)
     try:
         for name, inner in kept.items():
@@ -66,7 +75,7 @@ def qmix(episodes: int, envs: int, gradient_steps: int) -> list[str]:
             setattr(Run, name, inner)
     played, learned = parts.seconds.values()
     return [
-        f"QMIX, {envs} environments, {gradient_steps} gradient steps after each rollout:",
+        f"QMIX, {envs} environments, {workers} processes, {gradient_steps} gradient steps after each rollout:",
         f"  rollout alone {parts.steps / played:,.0f} joint steps/s",
         f"  {1000 * learned / parts.gradients:.0f} ms a gradient step of {config.batch_size} episodes",
         f"  rollout and updates {parts.steps / (played + learned):,.0f} joint steps/s",
@@ -107,10 +116,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--envs", type=int, default=Config.envs)
     parser.add_argument("--gradient-steps", type=int, default=Config.gradient_steps)
     parser.add_argument("--steps", type=int, default=120_000, help="of PPO")
-    parser.add_argument("--workers", type=int, default=1, help="processes of the environments of PPO")
+    parser.add_argument("--workers", type=int, default=1, help="processes of the environments")
     options = parser.parse_args(arguments)
     if options.only != "ppo":
-        print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps)), flush=True)
+        print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps, options.workers)), flush=True)
     if options.only != "qmix":
         print("\n".join(ppo(options.steps, options.workers)), flush=True)
     return 0

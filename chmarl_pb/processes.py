@@ -4,7 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor
 from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -44,8 +44,8 @@ def in_processes(
         WorkerError: a process died, or none can be started.
     """
     check_workers(workers)
-    with _pool(workers) as pool:
-        yield from _results(pool, work, iter(jobs), _AHEAD * workers, ordered)
+    with pools(1, workers) as (executor,):
+        yield from _results(executor, work, iter(jobs), _AHEAD * workers, ordered)
 
 
 @contextmanager
@@ -60,11 +60,8 @@ def meanwhile(work: Callable[[], object]) -> Iterator[None]:
     Raises:
         WorkerError: no process can be started.
     """
-    with _pool(1) as pool:
-        try:
-            done = pool.submit(work)
-        except OSError as error:
-            raise _not_started(error) from error
+    with pools(1, 1) as (executor,):
+        done = submitted(executor, work)
         yield
         wait_for([done])
 
@@ -79,22 +76,31 @@ def check_workers(workers: int) -> None:
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Start processes, and end them when the block is left, after little time even if they are at work."""
+def pools(count: int, workers: int) -> Iterator[list[ProcessPoolExecutor]]:
+    """Start processes when there is work, and end them when the block is left, soon even if they are at work.
+
+    Args:
+        count: number of pools.
+        workers: most processes of each; whichever is free takes the next job of its pool.
+
+    Raises:
+        WorkerError: a process died in the block, or none can be started.
+    """
     context = _Context()
     try:
-        pool = ProcessPoolExecutor(workers, context, begin)
+        executors = [ProcessPoolExecutor(workers, context, begin) for _ in range(count)]
     except OSError as error:
         raise _not_started(error) from error
     try:
-        yield pool
+        yield executors
     except BrokenProcessPool as error:
         raise WorkerError(
             "a process died (out of memory?); run the command again, with fewer workers; a script must do such work "
             "under `if __name__ == '__main__':`"
         ) from error
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        for executor in executors:
+            executor.shutdown(wait=False, cancel_futures=True)
         deadline = time.monotonic() + _PATIENCE
         for process in context.started():  # the pool's thread joins them; who joined too might miss how they ended
             if not wait([process.sentinel], max(0.0, deadline - time.monotonic())):
@@ -125,14 +131,14 @@ def _not_started(error: OSError) -> WorkerError:
 
 
 def _results(
-    pool: ProcessPoolExecutor, work: Callable[[Job], Result], jobs: Iterator[Job], most: int, ordered: bool
+    executor: Executor, work: Callable[[Job], Result], jobs: Iterator[Job], most: int, ordered: bool
 ) -> Iterator[Result]:
     """Yield results, with at most so many jobs under way; if a process died, all that were there come first."""
     futures: list[Future[Result]] = []
     try:
         while True:
             for job in islice(jobs, most - len(futures)):
-                futures.append(_submitted(pool, work, job))
+                futures.append(submitted(executor, work, job))
             if not futures:
                 return
             done = wait_for(futures[:1] if ordered else futures, return_when=FIRST_COMPLETED).done
@@ -145,9 +151,19 @@ def _results(
         raise
 
 
-def _submitted(pool: ProcessPoolExecutor, work: Callable[[Job], Result], job: Job) -> "Future[Result]":
+def submitted(executor: Executor, work: Callable[..., Result], *job: Any) -> "Future[Result]":
+    """Return the result that processes will have of a job.
+
+    Args:
+        executor: the processes.
+        work: a function of a module; called in one of them.
+        job: its arguments.
+
+    Raises:
+        WorkerError: no process can be started.
+    """
     try:
-        return pool.submit(work, job)
+        return executor.submit(work, *job)
     except OSError as error:
         raise _not_started(error) from error
 

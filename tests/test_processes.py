@@ -163,5 +163,5 @@ def test_there_is_one_pool() -> None:
                 module = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
                 named |= {f"{module}{name.name}" for name in node.names}
         named -= {"concurrent.futures.Future", "concurrent.futures.wait"}  # between threads
-        named -= {"multiprocessing.connection.Connection"}  # a type
+        named -= {"multiprocessing.connection.Connection", "concurrent.futures.Executor"}  # types
         assert not any(name.startswith(("subprocess", "multiprocessing", "concurrent")) for name in named), path

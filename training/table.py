@@ -159,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rows", "--only", dest="only", nargs="+", metavar="ROW", help="names, e.g. qmix-messages or 'bc-*'"
     )
-    parser.add_argument("--seeds", type=int, help="trainings of each row (default: 3, on pictures mostly 1)")
+    parser.add_argument("--seeds", type=int, help="trainings of each row (default: 3, on pictures mostly 2)")
     parser.add_argument("--jobs", type=int, default=2, help="processes side by side (default 2)")
     parser.add_argument("--ray", metavar="ADDRESS", help="do the runs on a Ray cluster, --jobs at a time")
     parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")

@@ -121,8 +121,8 @@ class Play:
 
 #: Settings that both trainings of dagger-mappo have from the second.
 _SAME = (
-    "seed", "horizon", "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool", "word_vectors",
-    "numbers_past", "cells_past", "history_past", "grounding_coef",
+    "seed", "workers", "horizon", "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool",
+    "word_vectors", "numbers_past", "cells_past", "history_past", "grounding_coef",
 )  # fmt: skip
 
 

@@ -89,6 +89,7 @@ class RunConfig:
         seed: of every random stream.
         episodes: to play in all, at least: whole rollouts are played.
         envs: environments played side by side; each rollout plays one episode in each.
+        workers: processes that play a rollout, each with its share of the environments and random draws of its own.
         horizon: most steps of an episode.
         batch_size: episodes in a gradient step.
         learning_starts: episodes before the first gradient step; a shorter run learns after its last rollout alone.
@@ -121,6 +122,7 @@ class RunConfig:
     seed: int = seed_number(0)
     episodes: int = count(6_000)
     envs: int = count(8)
+    workers: int = count(1)
     horizon: int = count(28)
     batch_size: int = count(32)
     learning_starts: int = natural(128)
@@ -146,8 +148,10 @@ class RunConfig:
     log_interval: int = count(200)
 
     def __post_init__(self) -> None:
-        """Refuse values outside the fields' limits; see :func:`check`."""
+        """Refuse values outside the fields' limits, see :func:`check`, and workers without an environment."""
         check(self)
+        if self.workers > self.envs:
+            raise ValueError(f"workers={self.workers}: must be at most envs={self.envs}, so that each plays an episode")
 
     @property
     def kept(self) -> int:

@@ -63,7 +63,7 @@ once; and feedback comes exactly when X or Y was in view and within reach. So a 
 the best blind policy*: PLW minus that of the best policy of the [shortcut audit](benchmark.md#shortcut-audit) that sees
 nothing, on the same split. What does not gain shows no seeing. The column *gain* is that of {HEADLINE}, in points; who
 is told more than the blind ones, the goal or the true classes in view, has none. Of one training on these tasks its
-interval reaches 6 to 7 points to either side ([the published weights](benchmark.md#shortcut-audit)).
+interval reaches 5 to 8 points to either side ([the published weights](benchmark.md#shortcut-audit)).
 """
 
 #: Where an episode ends -> the potentials that say so.

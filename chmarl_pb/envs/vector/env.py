@@ -208,7 +208,7 @@ def vector_env(
     batch_size: int | None = None,
     **options: Any,
 ) -> HouseholdVectorEnv | HouseholdAsyncEnv:
-    """Return ``n`` environments as one Gymnasium VectorEnv.
+    """Return ``n`` environments as one Gymnasium VectorEnv or, with ``batch_size``, as one that need not wait for all.
 
     Args:
         n: number of environments.

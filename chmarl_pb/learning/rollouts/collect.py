@@ -91,7 +91,6 @@ class Collector:
         envs: the environments.
         interface: what a learner has to know of them.
         episodes_in_a_home: so many seeds in a row, from a multiple of this on, spare them a change of homes.
-        steps: joint steps that were played.
     """
 
     def __init__(
@@ -117,7 +116,6 @@ class Collector:
         self.interface: Interface = interface_of(self.envs[0])
         core = getattr(self.envs[0], "unwrapped", self.envs[0])
         self.episodes_in_a_home: int = getattr(core, "episodes_in_a_home", 1)
-        self.steps = 0
 
     def play(
         self,
@@ -155,7 +153,6 @@ class Collector:
             if experts:
                 episode.labels.append(explorer.labels[number])
             advance(self.interface, episode, env, actions, result)
-            self.steps += 1
             if len(episode) == self._horizon and env.agents:
                 raise ValueError(f"an episode goes on after horizon={self._horizon} steps; give a longer horizon")
         return episodes

@@ -15,6 +15,7 @@ from chmarl_pb.learning.algorithms.registry import check_first_weights, find_alg
 from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.rollouts.collect import Collector
+from chmarl_pb.learning.rollouts.workers import rollouts_of
 from chmarl_pb.learning.runs.device import find_device
 from chmarl_pb.learning.runs.interrupts import Signals, StopRequested
 from chmarl_pb.learning.runs.lock import run_lock
@@ -112,16 +113,18 @@ def train(
         config = replace(config, expert=expert_name(expert))
     imitated = expert if row.imitates else None
     where, signals = find_device(device), Signals()
+    collector_of = partial(Collector, env_fn, expert=imitated, horizon=config.horizon)
     last = None if folder is None else folder / LAST
     with (
         torch_threads(threads), run_lock(folder),
-        closing(Collector(env_fn, config.envs, imitated, config.horizon, signals.check)) as collector,
+        closing(collector_of(config.envs, check=signals.check)) as collector,
+        rollouts_of(collector, collector_of, config.workers, threads, signals.check) as play,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
         setting = setting_of(collector.envs[0]) if setting is None else setting
         if not resumed:
             check_first_weights(config, setting)
-        run = Run(collector, algorithm, config, folder, validate or by_return(), setting, where, resumed)
+        run = Run(collector, play, algorithm, config, folder, validate or by_return(), setting, where, resumed)
         if last is not None and resumed:
             with reading(last):
                 run.restore(load(last, "run"), last)

@@ -17,6 +17,7 @@ from chmarl_pb.learning.config import TRAINED_IN, RunConfig
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.rollouts.replay_buffer import Episode, ReplayBuffer
+from chmarl_pb.learning.rollouts.workers import PlayRollout
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
@@ -40,6 +41,7 @@ class Run:
     def __init__(
         self,
         collector: Collector,
+        play: PlayRollout,
         algorithm: str,
         config: RunConfig,
         folder: Path | None,
@@ -48,9 +50,21 @@ class Run:
         device: torch.device | None = None,
         resumed: bool = False,
     ):
-        """Begin a run; a resumed one is to be restored, and reads no weights to begin with."""
+        """Begin a run; a resumed one is to be restored, and reads no weights to begin with.
+
+        Args:
+            collector: what validations play in.
+            play: plays rollouts of such environments.
+            algorithm: name of the learner.
+            config: everything else that fixes the run.
+            folder: for checkpoints and metrics; None: nothing is written.
+            validate: chooses the best weights.
+            setting: what policies made from the checkpoints have to know.
+            device: of torch, that the networks learn on.
+            resumed: whether it goes on.
+        """
         self.config, self.folder, self.setting = config, folder, setting
-        self._collector, self._validate = collector, validate
+        self._collector, self._play_rollout, self._validate = collector, play, validate
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
         self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
         self._device = device or torch.device("cpu")
@@ -149,14 +163,12 @@ class Run:
         self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
 
     def _play(self) -> None:
-        config, steps, start = self.config, self._collector.steps, time.perf_counter()
+        config, start = self.config, time.perf_counter()
         before = {name: stream.bit_generator.state for name, stream in self._streams.items()}
         seeds = self._seeds()
         choose = self.learner.choose(self.episodes)
         try:
-            played = self._collector.play(
-                self.learner.agents, choose, self._streams["actions"], seeds, ask_experts=True
-            )
+            played = self._play_rollout(self.learner.agents, choose, self._streams["actions"], seeds)
         except StopRequested:
             for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
@@ -168,7 +180,7 @@ class Run:
             self._window["success"] += _success(episode)
         self.episodes += len(played)
         self._clock["rollout"] += time.perf_counter() - start
-        self._clock["steps"] += self._collector.steps - steps
+        self._clock["steps"] += sum(map(len, played))
 
     def _seeds(self) -> list[int]:
         """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""

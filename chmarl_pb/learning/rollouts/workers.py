@@ -1,0 +1,132 @@
+"""Rollouts in several processes: each has environments and a copy of the agents, and plays a share of the episodes."""
+
+import copy
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from concurrent.futures import wait as wait_for
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from gymnasium.vector.utils import CloudpickleWrapper
+from torch import nn
+
+from chmarl_pb.learning.rollouts.collect import Choose, Collector
+from chmarl_pb.learning.rollouts.replay_buffer import Episode
+from chmarl_pb.processes import pools, submitted
+
+_WAIT = 0.2  # seconds between two looks whether the run is to end
+
+
+class PlayRollout(Protocol):
+    """What plays a rollout: an episode for each seed, in whatever processes, each recorded as its seed stands."""
+
+    def __call__(
+        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+    ) -> list[Episode]:
+        """Return the episodes; the arguments are those of :meth:`Collector.play`."""
+
+
+@contextmanager
+def rollouts_of(
+    collector: Collector,
+    make: Callable[[int], Collector],
+    workers: int,
+    threads: int = 1,
+    check: Callable[[], None] = lambda: None,
+) -> Iterator[PlayRollout]:
+    """Let a block play rollouts in several processes, the first of which is this one.
+
+    An environment plays in the same process from rollout to rollout. Each process draws its actions from a stream of
+    its own, so the number of processes is part of what fixes the episodes, as the number of environments is. Other
+    processes act on the CPU.
+
+    Args:
+        collector: of as many environments as a rollout has episodes; plays the first share of them.
+        make: makes the collector of another process, of so many environments; sent by cloudpickle.
+        workers: number of processes; 1: this one alone.
+        threads: of torch in each.
+        check: called while others are waited for; may raise an error to end the rollout.
+
+    Raises:
+        ValueError: the environment cannot be sent to other processes.
+        WorkerError: one of them died, or none can be started.
+    """
+    if workers == 1:
+        yield _Here(collector)
+        return
+    with pools(workers - 1, 1) as executors:
+        yield _Shared(collector, _pickled(make, "the environment"), executors, threads, check)
+
+
+@dataclass(frozen=True)
+class _Here:
+    """Plays rollouts in this process alone."""
+
+    collector: Collector
+
+    def __call__(
+        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+    ) -> list[Episode]:
+        return self.collector.play(agents, choose, rng, seeds, ask_experts=True)
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """Plays rollouts in this process and, meanwhile, in one process of each executor."""
+
+    collector: Collector
+    make: bytes
+    executors: Sequence[Executor]
+    threads: int
+    check: Callable[[], None]
+
+    def __call__(
+        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+    ) -> list[Episode]:
+        own, *others = ([int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + 1))
+        streams = [int(number) for number in rng.integers(2**63, size=len(others) + 1)]
+        player = _pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
+        played = [
+            submitted(executor, _play_share, self.make, self.threads, player, stream, share)
+            for executor, stream, share in zip(self.executors, streams[1:], others, strict=True)
+        ]
+        episodes = self.collector.play(agents, choose, np.random.default_rng(streams[0]), own, ask_experts=True)
+        return [*episodes, *chain.from_iterable(self._results(played))]
+
+    def _results(self, futures: "Sequence[Future[list[Episode]]]") -> Iterator[list[Episode]]:
+        while wait_for(futures, timeout=_WAIT).not_done:
+            self.check()
+        yield from (future.result() for future in futures)
+
+
+def _play_share(make: bytes, threads: int, player: bytes, stream: int, seeds: Sequence[int]) -> list[Episode]:
+    """Play episodes in this process, which is another one than that of the run."""
+    torch.set_num_threads(threads)
+    agents, choose = pickle.loads(player).fn
+    return _collector(make, len(seeds)).play(agents, choose, np.random.default_rng(stream), seeds, ask_experts=True)
+
+
+@lru_cache(maxsize=1)
+def _collector(make: bytes, envs: int) -> Collector:
+    collector: Collector = pickle.loads(make).fn(envs)  # lives as long as its process
+    return collector
+
+
+def _pickled(content: Any, name: str) -> bytes:
+    """Return what another process can read, functions and classes of scripts and notebooks as well.
+
+    Raises:
+        ValueError: it cannot be sent.
+    """
+    try:
+        return pickle.dumps(CloudpickleWrapper(content))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ValueError(
+            f"{name} cannot be sent to other processes ({error}); keep what cannot be copied out, or give workers=1"
+        ) from error

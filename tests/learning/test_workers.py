@@ -1,0 +1,110 @@
+"""Rollouts in several processes: the same episodes, the same numbers each time, and errors that come home."""
+
+import os
+import signal
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from multiprocessing import active_children, parent_process
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from chmarl_pb.errors import WorkerError
+from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.rollouts.collect import Choose, Collector, epsilon_greedy, greedy
+from chmarl_pb.learning.rollouts.replay_buffer import Episode
+from chmarl_pb.learning.rollouts.workers import rollouts_of
+from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
+from tests.helpers.stopping import in_pieces
+from tests.helpers.uneven_env import UnevenEnv
+from tests.learning.test_interrupts import assert_same
+
+torch.set_num_threads(1)  # these networks are too small for more
+
+
+def rollouts(workers: int, choose: Choose, count: int = 2, envs: int = 5) -> list[Episode]:
+    """Return the episodes of some rollouts."""
+    make, rng = partial(Collector, UnevenEnv, expert=EXPERT), np.random.default_rng(0)
+    with closing(make(envs)) as collector, rollouts_of(collector, make, workers) as play:
+        agents = ValueLearner("vdn", collector.interface, SMALL).agents.eval()
+        seeds = np.arange(count * envs).reshape(count, envs).tolist()
+        return [episode for row in seeds for episode in play(agents, choose, rng, row)]
+
+
+def contents(episodes: list[Episode]) -> list[Any]:
+    """Return what can be compared of episodes."""
+    return [
+        [one.actions, one.labels, np.array(one.rewards).tolist(), np.array(one.states).tolist()] for one in episodes
+    ]
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_episodes_without_chance_are_those_of_one_process(workers: int) -> None:
+    alone, together = rollouts(1, greedy), rollouts(workers, greedy)
+    assert len(alone) == 10 and contents(together) == contents(alone)
+
+
+def test_each_process_draws_by_itself_and_the_same_each_time() -> None:
+    episodes = rollouts(2, epsilon_greedy(1.0), envs=8)
+    assert contents(episodes) == contents(rollouts(2, epsilon_greedy(1.0), envs=8))
+    drawn = [[[one.actions for one in episodes[first : first + 4]]] for first in range(0, 16, 4)]
+    assert all(drawn[number] not in drawn[:number] for number in range(4)), "processes or rollouts share their draws"
+    assert not active_children()
+
+
+@pytest.mark.parametrize("algorithm", ["qmix", "imitation"])
+def test_a_run_may_be_interrupted_anywhere(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = partial(train, UnevenEnv, algorithm, replace(CONFIGS[algorithm], workers=2), expert=EXPERT)
+    run(tmp_path / "whole")
+    _, times = in_pieces(lambda: run(tmp_path / "pieces"), 43, monkeypatch)
+    assert times > 1
+    assert_same(tmp_path / "whole", tmp_path / "pieces")
+
+
+class Elsewhere(UnevenEnv):
+    """Does something in its steps, but not in the process of the run."""
+
+    def __init__(self, act: Callable[[], None]):
+        """Take what it does."""
+        super().__init__()
+        self._act = act
+
+    def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
+        if parent_process() is not None:
+            self._act()
+        return super().step(actions)
+
+
+def fail() -> None:
+    raise ValueError("the lamp is out")
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("act", "kind", "words"), [(fail, ValueError, "the lamp is out"), (die, WorkerError, "a process died")]
+)
+def test_errors_of_other_processes_end_the_run(act: Callable[[], None], kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        train(partial(Elsewhere, act), "vdn", replace(SMALL, workers=2))
+    assert not active_children()
+
+
+def test_what_cannot_be_sent_is_told() -> None:
+    lock = Lock()
+    with pytest.raises(ValueError, match=r"the environment cannot be sent .* or give workers=1"):
+        train(lambda: (lock, UnevenEnv())[1], "vdn", replace(SMALL, workers=2))
+
+
+def test_each_process_has_an_environment() -> None:
+    with pytest.raises(ValueError, match="workers=5: must be at most envs=4"):
+        replace(SMALL, workers=5)
