@@ -62,7 +62,8 @@ class Game:
         make: makes it.
         horizon: most steps of an episode.
         random: return of random actions.
-        scale: factor of rewards that makes values of about 1, for learners that do not normalize them.
+        scale: factor of rewards for learners that do not normalize them; as episodes that are cut off are bootstrapped,
+            values of simple_spread are about -19 by it.
         published: algorithm -> maximum return and half of its interval.
         replay: settings of learners with a replay buffer, where others are better than those that all games share.
     """

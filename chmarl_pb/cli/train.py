@@ -307,4 +307,7 @@ def run_name(command: Command) -> str:
     words += [f"{name}-{value}".lower() for name, value in own.items()]
     words += [split for split in (getattr(setting, "split", None),) if split not in (None, "train")]
     words += [Path(file).stem for file in (getattr(setting, name, None) for name in ("home", "catalog")) if file]
+    words += [Path(robot).stem for robot in listed(setting.robots)] if listed(setting.robots) != TEAM else []
+    size = getattr(setting, "image_size", Env.image_size)
+    words += [f"{size}px"] if size != Env.image_size else []
     return "-".join([command.algo.replace(":", "-"), setting.observation, *words, f"seed{command.config.seed}"])

@@ -90,7 +90,7 @@ class RunConfig:
         episodes: to play in all, at least: whole rollouts are played.
         envs: environments played side by side; each rollout plays one episode in each.
         workers: processes that play a rollout, each with its share of the environments and random draws of its own.
-        horizon: most steps of an episode.
+        horizon: most steps of an episode; `chmarl-pb train` takes them from ``--max-steps``.
         batch_size: episodes in a gradient step.
         learning_starts: episodes before the first gradient step; a shorter run learns after its last rollout alone.
         buffer_size: episodes in the replay buffer.

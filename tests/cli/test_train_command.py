@@ -64,6 +64,8 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         ("--algo", "iql", "--observation", "visual", "--seed", "3"): "iql-visual-messages-feedback-seed3",
         ("--algo", "dagger-mappo", "--no-messages"): "dagger-mappo-scene_graph-feedback-seed0",
         ("--algo", "qmix", "--split", "generated"): "qmix-scene_graph-messages-feedback-generated-seed0",
+        ("--algo", "qmix", "--robots", "humanoid"): "qmix-scene_graph-messages-feedback-humanoid-seed0",
+        ("--algo", "qmix", "--observation", "visual", "--image-size", "64"): "qmix-visual-messages-feedback-64px-seed0",
         ("--algo", "iql", "--home", "my/flat.urdf"): "iql-scene_graph-messages-feedback-flat-seed0",
         (
             "--algo",

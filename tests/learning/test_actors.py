@@ -222,8 +222,9 @@ def test_one_step_is_enough_to_learn_from() -> None:
 def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path: Path) -> None:
     interface = interface_of(UnevenEnv())
     train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
-    for start, waits in ((str(tmp_path / BEST), True), ("", False)):
-        config = replace(MAPPO, episodes=8, critic_starts=8, start=start)
+    imitated, first_batch = str(tmp_path / BEST), MAPPO.buffer_size
+    for start, critic_starts, waits in ((imitated, first_batch, True), (imitated, 1, True), ("", first_batch, False)):
+        config = replace(MAPPO, episodes=8, critic_starts=critic_starts, start=start)
         before = make_learner("mappo", interface, config).agents.state_dict()
         after = train(UnevenEnv, "mappo", config).agents.state_dict()
         assert all(torch.equal(value, after[name]) for name, value in before.items()) == waits

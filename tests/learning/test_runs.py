@@ -21,7 +21,7 @@ from chmarl_pb.learning.benchmark_env import benchmark
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
-from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
+from chmarl_pb.learning.rollouts.collect import Collector, epsilon_after, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
@@ -213,6 +213,12 @@ def test_zeros_are_settings_and_shares_have_bounds() -> None:
             replace(SMALL, **change)
     with pytest.raises(ValueError, match="batch_size=0"):
         CloningConfig(batch_size=0)
+
+
+def test_random_actions_fall_linearly_from_first_to_last_share() -> None:
+    config = replace(SMALL, episodes=100, exploration_fraction=0.5, exploration_final_eps=0.0)
+    assert [epsilon_after(episodes, config) for episodes in (0, 25, 50, 99)] == [1.0, 0.5, 0.0, 0.0]
+    assert epsilon_after(0, replace(config, exploration_fraction=0)) == 0
 
 
 def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:

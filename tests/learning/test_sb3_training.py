@@ -26,6 +26,7 @@ from chmarl_pb.cli import program
 from chmarl_pb.cli.sb3 import main, parse
 from chmarl_pb.envs.registration import ENV_IDS
 from chmarl_pb.errors import MissingExtraError
+from chmarl_pb.learning.algorithms.gradient import DivergedError
 from chmarl_pb.learning.networks import build_encoder
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.networks.residual import FEATURES, ResNet18
@@ -295,6 +296,33 @@ def test_best_weights_that_are_gone_are_written_again_or_missed(
     assert json.loads((tmp_path / RESULT).read_text())["best"]["plw"] == 0.3
     (tmp_path / BEST).unlink()
     with pytest.raises(CheckpointError, match="the best weights are gone"):
+        run(config, tmp_path, workers=0)
+
+
+def test_a_finished_run_tells_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SB3's monitor sums in 32 bits, in which the mean of these is greater than in 64."""
+    config = Config("recurrent-ppo", HUMANOID, steps=24, interval=8, **TINY)
+    scores = iter([[0.0, 0.1, 0.1], [0.1, 0.1, 0.2], [0.1, 0.1, 0.1]])
+
+    def validate(*_: Any, callback: Any, **__: Any) -> tuple[list[float], list[int]]:
+        infos = [{"is_success": True, "episode": {"r": np.float32(score)}} for score in next(scores)]
+        for info in infos:
+            callback({"done": True, "info": info}, {})
+        return [info["episode"]["r"] for info in infos], [4] * len(infos)  # type: ignore[index]
+
+    monkeypatch.setattr("stable_baselines3.common.callbacks.evaluate_policy", validate)
+    told = []
+    for _ in range(2):
+        run(config, tmp_path, workers=0)
+        result = json.loads((tmp_path / RESULT).read_text())
+        told.append((result["best"], result["validations"]))
+    assert told[0] == told[1] and told[0][0] == told[0][1][1]
+
+
+@pytest.mark.parametrize("interval", [4, 24])  # noticed at a milestone, and as torch refuses to draw
+def test_a_run_whose_weights_are_no_numbers_ends_with_a_word(interval: int, tmp_path: Path) -> None:
+    config = Config("recurrent-ppo", HUMANOID, steps=24, interval=interval, learning_rate=1e30, **TINY)
+    with pytest.raises(DivergedError, match="weights are no numbers any more; lower learning_rate"):
         run(config, tmp_path, workers=0)
 
 

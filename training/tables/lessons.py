@@ -76,8 +76,8 @@ _LESSONS = (
         "Imitation of belief, generated homes", "Imitation of belief, generated homes, words parsed",
     ),
     _lesson(
-        "**MAPPO after imitation**, trained apart: {} without it and {} with it in the five homes; in generated ones it "
-        "adds nothing on validation tasks.",
+        "**MAPPO after imitation**, trained apart: {} without it and {} with it in the five homes; in generated ones "
+        "it adds nothing on validation tasks.",
         "Imitation of belief", "Imitation of belief, then MAPPO",
     ),
     Lesson(

@@ -99,7 +99,7 @@ class DAgger:
             yield batch, self.update(batch)
 
     def update(self, batch: Batch) -> dict[str, float]:
-        """Take one gradient step and return the loss and how often the agents agree with the expert."""
+        """Take one gradient step and return the losses, each agent's and their sum."""
         values = unroll(self.agents, batch).values
         losses = {
             f"{name}_loss": imitation_loss(values[name][:, :-1], labels) for name, labels in _labels(batch).items()

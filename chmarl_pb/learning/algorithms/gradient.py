@@ -13,7 +13,7 @@ from chmarl_pb.learning.rollouts.batch import Batch
 
 
 class DivergedError(ChmarlError, ArithmeticError):
-    """A gradient is infinite or no number, so that there is nothing left to learn from; weights are as before."""
+    """A gradient or a weight is infinite or no number, so that there is nothing left to learn from."""
 
 
 def add_grounding(metrics: dict[str, Tensor], agents: nn.ModuleDict, batch: Batch, weight: float) -> dict[str, Tensor]:

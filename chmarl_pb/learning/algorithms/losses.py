@@ -128,9 +128,9 @@ def td_targets(
 
         y = r + gamma Q^-(tau', argmax_u Q(tau', u)),
 
-    where Q is mixed, and Q^- comes from the target networks (double Q, van Hasselt et al. 2016). IQL has a Q and an r
-    for each agent (M = N), VDN and QMIX have them for the team (M = 1). With a lambda, y looks further ahead, see
-    :func:`lambda_returns`.
+    where Q is mixed, and Q^- comes from the target networks (double Q, van Hasselt et al. 2016, as PyMARL has it and
+    Rashid et al. do not). IQL has a Q and an r for each agent (M = N), VDN and QMIX have them for the team (M = 1).
+    With a lambda, y looks further ahead, see :func:`lambda_returns`.
     """
     best = {name: action[:, 1:] for name, action in greedy_actions(online.values, batch).items()}
     per_agent = target_mixer.per_agent

@@ -4,10 +4,10 @@ Each agent acts on its own history; the critic, which is needed in training alon
 the team's. An episode that was cut off is worth, beyond its end, what the critic says of its last state; one that has
 ended is worth nothing there.
 
-Of what Yu et al. advise, there are value normalisation (PopArt), a Huber loss, few epochs, and large batches. Unlike
-theirs, values are not clipped; the critic sees the global state alone, standardized, and has no memory; agents share no
-weights; whole episodes are learned from, from their starts on, and not chunks of 10 steps; there is no orthogonal
-initialisation and no layer norm; and the learning rates fall linearly.
+Of what Yu et al. advise, there are value normalisation (PopArt), a Huber loss and few epochs. Unlike theirs, batches
+are split into minibatches of ``batch_size`` episodes; values are not clipped; the critic sees the global state alone,
+standardized, and has no memory; agents share no weights; whole episodes are learned from, from their starts on, and not
+chunks of 10 steps; there is no orthogonal initialisation and no layer norm; and the learning rates fall linearly.
 """
 
 from collections.abc import Iterator
@@ -49,8 +49,11 @@ class MappoConfig(RunConfig):
 
     Attributes:
         learning_starts: episodes that are learned from the first time, if they are more than ``buffer_size``.
+        buffer_size: new episodes that are learned from at once, at least.
+        memory_gib: bound of their memory; too little is an error.
         start: file of weights of agents to begin with (``best.pt``); "" for random ones.
-        critic_starts: episodes that only the critic learns from at first, beside actors that begin with ``start``.
+        critic_starts: episodes that only the critic learns from at first, at least, beside actors that begin with
+            ``start``.
         n_epochs: passes over the episodes that are learned from at once.
         gamma: discount of one step.
         gae_lambda: of generalised advantage estimation.
@@ -59,7 +62,8 @@ class MappoConfig(RunConfig):
         critic_units: units of the critic's layers.
         critic_learning_rate: of Adam for the critic; both rates fall linearly, to 0 after the last gradient step.
         normalize_values: whether the critic gives values with mean 0 and deviation 1 (PopArt).
-        huber_delta: error of a value from which on the loss is linear; 0: it is the square everywhere.
+        huber_delta: error of a value from which on the loss is linear; 0: the square everywhere, without the half that
+            Huber's has.
         standardize_state: whether the critic sees the state with mean 0 and deviation 1.
     """
 
@@ -158,14 +162,14 @@ class Mappo:
         new = new_episodes(self.config, replay, self._learned)
         if not new:
             return
-        self._anneal_learning_rate(self._learned)
-        self._learned = replay.added
+        before, self._learned = self._learned, replay.added
+        self._anneal_learning_rate(before)
         batch = replay.sample(new, rng, newest=new)
         if self._states is not None:
             self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
         learned = self.compute_gae(batch)
         learned = replace(learned, returns=self._normal(learned.returns, batch))
-        actors = not self.config.start or replay.added > self.config.critic_starts
+        actors = not self.config.start or before >= self.config.critic_starts
         for rows in minibatches(self.config, len(batch.states), rng):
             part = batch.rows(rows)
             chosen = Advantages(learned.log_probabilities[rows], learned.advantages[rows], learned.returns[rows])

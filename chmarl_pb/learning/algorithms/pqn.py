@@ -45,6 +45,8 @@ class PqnConfig(RunConfig):
 
     Attributes:
         learning_starts: episodes that are learned from the first time, if they are more than ``buffer_size``.
+        buffer_size: new episodes that are learned from at once, at least.
+        memory_gib: bound of their memory; too little is an error.
         learning_rate: of RAdam at first; it falls linearly, to 0 after the last gradient step.
         mixer: a name in ``algorithms.mixers.MIXERS``, or ``module:name``.
         n_epochs: passes over the episodes that are learned from at once.

@@ -3,7 +3,8 @@
 QTRAN does not mix: it learns the team's value freely and then makes the sum of the agents' values agree with it where
 it matters.
 
-Unlike Son et al., agents share no weights and are recurrent, and the three losses have equal weights.
+Unlike Son et al., agents share no weights and are recurrent, the three losses have equal weights, and targets are of
+double Q: the next actions are those that the networks in training think best.
 """
 
 import torch

@@ -1,8 +1,10 @@
 """Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step.
 
-Unlike the papers and PyMARL, agents share no weights, the optimizer is Adam and not RMSprop, several episodes are
-played side by side, and epsilon falls with the episodes. With the defaults targets look one step ahead and are copied
-now and then, states and values are as they are, all as in the papers.
+The defaults are PyMARL's where it has a like: targets of double Q that look one step ahead and are copied every 200
+gradient steps, states and values as they are. Unlike PyMARL's, agents share no weights, the optimizer is Adam and not
+RMSprop, several episodes are played side by side, and epsilon falls with the episodes. Sunehag et al. (VDN) have an
+LSTM, a dueling head and eligibility traces besides; Rashid et al. (QMIX) write the maximum of the target networks' own
+values, not double Q.
 """
 
 import copy
@@ -31,7 +33,7 @@ from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 @dataclass(frozen=True)
 class Config(RunConfig):
-    """Value factorisation; the defaults are the papers' settings, see ``docs/training.md`` for stronger ones.
+    """Value factorisation; the defaults are PyMARL's settings, see ``docs/training.md`` for stronger ones.
 
     >>> config = Config(mixer="qmix-deep", gamma=0.95, episodes=500)
     >>> config.episodes
@@ -53,8 +55,8 @@ class Config(RunConfig):
         tau: share of the way that the target networks then go: 1 copies them.
         standardize_state: whether mixers see the state with mean 0 and deviation 1; those of IQL and VDN see none.
         standardize_rewards: whether rewards, the team's or, with IQL, each agent's, are learned from with mean 0 and
-            deviation 1. Where agents can end an
-            episode early this is another game: going on earns them nothing on average.
+            deviation 1. Where agents can end an episode early this is another game: going on earns them nothing on
+            average.
         normalize_values: whether networks give values with mean 0 and deviation 1, which a running scale makes real.
         embedding: hidden units of QMIX's mixer, or of one's own.
         joint_units: units of the joint networks of QTRAN.

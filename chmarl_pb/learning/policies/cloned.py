@@ -47,9 +47,9 @@ class CloningConfig:
         seed: of weights, order and dropout.
         epochs: passes over the data.
         batch_size: episodes in a batch.
-        learning_rate: of Adam at the start; it falls to zero along a cosine.
+        learning_rate: of AdamW at the start; it falls to zero along a cosine.
         weight_decay: of AdamW.
-        dropout: share of features that are left out in training.
+        dropout: share of features, and of the numbers that go past the encoder, that are left out in training.
         features: length of an encoded observation.
         hidden: length of the GRU's state.
         past_actions: whether a robot observes its own last action.

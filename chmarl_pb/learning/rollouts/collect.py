@@ -57,7 +57,8 @@ class Exploring(Protocol):
 
 def epsilon_after(episodes: int, config: Exploring) -> float:
     """Return the share of random actions after a number of episodes."""
-    progress = min(episodes / max(config.exploration_fraction * config.episodes, 1), 1.0)
+    falling = config.exploration_fraction * config.episodes
+    progress = min(episodes / falling, 1.0) if falling else 1.0
     return config.exploration_initial_eps + progress * (config.exploration_final_eps - config.exploration_initial_eps)
 
 

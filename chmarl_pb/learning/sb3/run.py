@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
+from chmarl_pb.learning.algorithms.gradient import DivergedError
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
@@ -58,13 +59,15 @@ class Validation(EvalCallback):
 
     def _log_success_callback(self, locals_: dict[str, Any], globals_: dict[str, Any]) -> None:
         self._check()
+        if episode := locals_["info"].get("episode"):  # in floats of 32 bits, whose mean no checkpoint would give again
+            episode["r"] = float(episode["r"])
         super()._log_success_callback(locals_, globals_)
 
     def _on_step(self) -> bool:
         self.eval_env.seed(0)
         # EvalCallback keeps what is better; of equals the last weights are to be kept, which have learned for longer.
         kept = self.best_mean_reward
-        self.best_mean_reward = float(np.nextafter(kept, -np.inf))
+        self.best_mean_reward = below = float(np.nextafter(kept, -np.inf))
         torch.manual_seed(0)  # training begins its own stream anew after this
         file = Path(f"{self.log_path}.npz")
         try:
@@ -75,6 +78,8 @@ class Validation(EvalCallback):
             if isinstance(error, WriteError):
                 file.unlink(missing_ok=True)  # half of it would be worse than none; the checkpoint has its contents
             raise
+        if self.best_mean_reward == below:
+            self.best_mean_reward = kept
         row = self.rows()[-1]
         self._say(f"steps {row['steps']:,}  validation: SR {100 * row['sr']:.1f}  PLW {100 * row['plw']:.1f}")
         return going_on
@@ -82,6 +87,11 @@ class Validation(EvalCallback):
     def history(self) -> dict[str, Any]:
         """Return all validations so far, in plain types."""
         return {name: [np.asarray(row).tolist() for row in getattr(self, name)] for name in _HISTORY}
+
+    def best(self) -> dict[str, float]:
+        """Return the row of the validation whose weights are kept."""
+        # Runs of earlier versions kept the best mean in 32 bits.
+        return min(reversed(self.rows()), key=lambda row: abs(row["plw"] - self.best_mean_reward))
 
     def rows(self) -> list[dict[str, float]]:
         """Return steps, success rate and PLW of all validations so far."""
@@ -212,7 +222,12 @@ class Milestones(BaseCallback):
                 buffer.clear()
 
     def _pause(self) -> None:
-        """Validate and save."""
+        """Validate and save, unless there is nothing left to learn from.
+
+        Raises:
+            DivergedError: a weight is infinite or no number.
+        """
+        check_finite(self.model)
         self.save()  # validation takes its time
         self.validation.on_step()
         self.finished = self.model.num_timesteps >= self.model._total_timesteps
@@ -240,6 +255,19 @@ class Milestones(BaseCallback):
         }
         save(self.path, KIND, content | where)
         self._saved = time.monotonic()
+
+
+def check_finite(model: BaseAlgorithm) -> None:
+    """Check that all weights of a model are finite.
+
+    Raises:
+        DivergedError: one is not.
+    """
+    if not all(bool(weights.isfinite().all()) for weights in model.policy.parameters()):
+        raise DivergedError(
+            f"after {model.num_timesteps} steps weights are no numbers any more; lower learning_rate, or see whether "
+            "the environment returns what is no number"
+        )
 
 
 class Log(KVWriter):

@@ -30,7 +30,7 @@ from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.checkpoint import save_model
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
 from chmarl_pb.learning.sb3.journal import Journal
-from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
+from chmarl_pb.learning.sb3.run import Milestones, Validation, check_finite, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
 from chmarl_pb.learning.storage.checkpoint import check_kept
@@ -151,13 +151,14 @@ def _learn(
                     raise
                 milestones.save()
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
+            except ValueError:
+                check_finite(model)  # by which torch refuses to draw actions
+                raise
     check_kept(folder / BEST)
-    rows = validation.rows()
-    best = next(row for row in reversed(rows) if row["plw"] >= validation.best_mean_reward)  # whose weights are kept
     splits = (config.home,) if config.home else SPLITS[config.track]
     result = {
-        "config": asdict(config), "splits": splits, "best": best, "validations": rows, "steps": model.num_timesteps,
-        "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
+        "config": asdict(config), "splits": splits, "best": validation.best(), "validations": validation.rows(),
+        "steps": model.num_timesteps, "seconds": round(time.perf_counter() - start, 1), "resumed_at": first,
     }  # fmt: skip
     write_atomically(folder / RESULT, json.dumps(result, indent=1) + "\n")
     return model
