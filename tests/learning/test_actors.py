@@ -95,7 +95,7 @@ def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> 
 
 def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
     config = replace(
-        MAPPO, episodes=2_000, buffer_size=32, batch_size=32, learning_rate=0.01, critic_learning_rate=0.02,
+        MAPPO, episodes=2_000, envs=32, buffer_size=32, batch_size=32, learning_rate=0.01, critic_learning_rate=0.02,
         critic_starts=0,
         validation_interval=2_000,
     )  # fmt: skip
