@@ -93,7 +93,10 @@ def build_encoder(
     look_up("graph_pool", graph_pool, GRAPH_POOLS)
     look_up("image_encoder", image_encoder, {**IMAGE_ENCODERS, **FROZEN_ENCODERS})
     if isinstance(space, spaces.Dict):
-        return DictEncoder(space, size, image_encoder, graph_pool, numbers_past, word_vectors, taught, cells_past)
+        return DictEncoder(
+            space, size, image_encoder, graph_pool,
+            numbers_past=numbers_past, word_vectors=word_vectors, taught=taught, cells_past=cells_past,
+        )  # fmt: skip
     part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
@@ -112,26 +115,20 @@ class DictEncoder(nn.Module):
         size: int,
         image_encoder: str,
         graph_pool: str,
-        numbers_past: bool = False,
-        word_vectors: bool = False,
-        taught: bool = False,
-        cells_past: bool = False,
+        *,
+        numbers_past: bool,
+        word_vectors: bool,
+        taught: bool,
+        cells_past: bool,
     ):
-        """Make the parts that a space needs."""
+        """Make the parts that a space needs; see :func:`build_encoder`."""
         super().__init__()
+        _check_reading(space, graph_pool == PARSED, taught)
         self.space = space
         self.meaning = shared_map() if word_vectors else None
         self._tokens, self._beside = tokens(space), _beside(space)
         inside = {key for others in self._beside.values() for key in others if key}
         self._parses = graph_pool == PARSED
-        for key in named(space.spaces, INSTRUCTION) if self._parses or taught else ():
-            _check_readable(space[key], self._parses)
-        if self._parses and any(id_count(space[key]) > len(BENCHMARK.rows) + 1 for key in graphs(space)):
-            raise ValueError("graph_pool='parsed' knows the benchmark's classes alone; use 'grounded'")
-        if self._parses and taught:
-            raise ValueError(
-                "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
-            )
         pool = look_up("graph_pool", graph_pool, GRAPH_POOLS)
         if not (isinstance(pool, type) and issubclass(pool, GraphEncoder)):
             raise ValueError(f"graph_pool={graph_pool!r}: is no pool; derive a class from GraphEncoder")
@@ -260,6 +257,22 @@ def _tells_apart(instruction: spaces.Space[Any]) -> bool:
     """Return whether instructions name X's colour and Y's room, as among lookalikes."""
     among = instruction.shape is not None and instruction.shape[-1] % INSTRUCTION_LENGTH == ATTRIBUTES_LENGTH
     return among and id_count(instruction) >= vocabulary_size(attributes=True)
+
+
+def _check_reading(space: spaces.Dict, parses: bool, taught: bool) -> None:
+    """Refuse a space whose instructions, or whose classes, cannot be read as it is wanted.
+
+    Raises:
+        ValueError: they are not the benchmark's, or instructions are parsed and there is nothing to teach.
+    """
+    for key in named(space.spaces, INSTRUCTION) if parses or taught else ():
+        _check_readable(space[key], parses)
+    if parses and any(id_count(space[key]) > len(BENCHMARK.rows) + 1 for key in graphs(space)):
+        raise ValueError("graph_pool='parsed' knows the benchmark's classes alone; use 'grounded'")
+    if parses and taught:
+        raise ValueError(
+            "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
+        )
 
 
 def _check_readable(instruction: spaces.Space[Any], parses: bool) -> None:

@@ -40,7 +40,10 @@ class HouseholdFeatures(BaseFeaturesExtractor):
             ValueError: observations are flattened, stacked, normalised or scaled.
         """
         check = Check(observation_space)
-        encoder = DictEncoder(observation_space, features_dim, image_encoder, graph_pool, numbers_past, word_vectors)
+        encoder = DictEncoder(
+            observation_space, features_dim, image_encoder, graph_pool,
+            numbers_past=numbers_past, word_vectors=word_vectors, taught=False, cells_past=False,
+        )  # fmt: skip
         super().__init__(observation_space, encoder.size)
         self.encoder, self._check = encoder, check
 
