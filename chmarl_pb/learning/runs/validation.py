@@ -142,26 +142,35 @@ def play_tasks(
         tasks: which.
         known: task's id -> L*, of tasks that were solved before; others are added.
     """
-    cores, known = [core_of_parallel(env) for env in collector.envs], {} if known is None else known
-    rng, found = np.random.default_rng(0), []  # draws nothing
-    for first in range(0, len(tasks), len(cores)):
-        rollout = tasks[first : first + len(cores)]
-        outcomes = Outcomes()
-        episodes = collector.play(
-            agents, greedy, rng, [episode_seed(task, 0) for task in rollout], [{"task": task} for task in rollout],
-            on_step=outcomes.note,
-        )  # fmt: skip
-        noted = [
-            recognition(core, outcomes.noted[number], _without_words(core, episode)) or Recognition()
-            for number, (core, episode) in enumerate(zip(cores, episodes, strict=False))
-        ]
-        for core, task, episode, counts in zip(cores[: len(rollout)], rollout, episodes, noted, strict=True):
-            won, score = bool(episode.info[cores[0].possible_agents[0]]["success"]), 0.0
-            if won:
-                known[task.id] = known.get(task.id) or optimum(core).steps
-                score = path_weighted(True, len(episode), known[task.id])
-            found.append(PlayedTask(won, score, counts))
+    known, width = {} if known is None else known, len(collector.envs)
+    found: list[PlayedTask] = []
+    for first in range(0, len(tasks), width):
+        found += _play_side_by_side(collector, agents, tasks[first : first + width], known)
     return found
+
+
+def _play_side_by_side(
+    collector: Collector, agents: nn.ModuleDict, tasks: Sequence[Task], known: dict[str, int]
+) -> list[PlayedTask]:
+    outcomes, rng = Outcomes(), np.random.default_rng(0)  # draws nothing
+    seeds, options = [episode_seed(task, 0) for task in tasks], [{"task": task} for task in tasks]
+    episodes = collector.play(agents, greedy, rng, seeds, options, on_step=outcomes.note)
+    cores = [core_of_parallel(env) for env in collector.envs[: len(tasks)]]
+    return [
+        _judged(core, episode, outcomes.noted[number], known)
+        for number, (core, episode) in enumerate(zip(cores, episodes, strict=True))
+    ]
+
+
+def _judged(core: HouseholdEnv, episode: Episode, outcomes: list[Outcome], known: dict[str, int]) -> PlayedTask:
+    """Return how a task was played, in an environment where its episode has just ended."""
+    success, score = bool(episode.info[core.possible_agents[0]]["success"]), 0.0
+    recognized = recognition(core, outcomes, _without_words(core, episode)) or Recognition()
+    if success:
+        task = core.task.id
+        known[task] = known.get(task) or optimum(core).steps
+        score = path_weighted(True, len(episode), known[task])
+    return PlayedTask(success, score, recognized)
 
 
 def _without_words(core: HouseholdEnv, episode: Episode) -> list[dict[str, int]]:
