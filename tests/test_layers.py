@@ -42,7 +42,7 @@ ROWS = (
     ("data", "evaluation"),
     ("learning",),
     ("viewer", "bench"),
-    ("cli",),
+    ("cli", "__main__"),
 )
 ROW_OF = {name: number for number, names in enumerate(ROWS) for name in names}
 MAY_USE_PYBULLET = {"world", "robots", "rendering"}
