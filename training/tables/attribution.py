@@ -41,21 +41,17 @@ class Part:
 PARTS = (
     Part("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
     Part("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
-    Part(
-        "scene-graph", "Imitation of search, then MAPPO",
-        "imitation of *search*, asked in the learner's own states, then MAPPO; gated pool", 2,
-    ),
-    Part(
-        "scene-graph", "Imitation of belief",
-        "*belief* as the teacher, the encoder that ties words to things; no MAPPO", 3,
-    ),
-    Part("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 4),
-    Part("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 4),
+    Part("scene-graph", "Imitation of planner", "the planner asked in the learner's own states, as DAgger has it", 2),
+    Part("scene-graph", "Imitation of search", "*search* as the teacher, who has to look for things, too", 3),
+    Part("scene-graph", "Imitation of belief", "*belief* as the teacher", 4),
+    Part("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 5),
+    Part("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 5),
     Part(
         "scene-graph", "Imitation of belief, generated homes, words parsed",
-        "instructions read by the rule of the built-in searches, in place of a network that learns to read", 6,
+        "instructions read by the rule of the built-in searches, in place of a network that learns to read", 7,
     ),
-    Part("visual", "Imitation of belief, generated homes", "pictures, seen by the detector, in place of graphs", 6),
+    Part("visual", "Imitation of belief, generated homes, ResNet-18", "pictures by ResNet-18, in place of graphs", 7),
+    Part("visual", "Imitation of belief, generated homes", "our detector in place of ResNet-18", 9),
 )  # fmt: skip
 
 

@@ -195,18 +195,25 @@ def _ours(expert: str, observation: str, *options: str) -> Row:
 
 
 def _imitator(
-    observation: str, homes: str, *options: str, feedback: bool = True, reading: tuple[str, ...] = _GROUNDED
+    observation: str,
+    homes: str,
+    *options: str,
+    expert: str = "belief",
+    feedback: bool = True,
+    reading: tuple[str, ...] = _GROUNDED,
+    eyes: str = "detector",
+    seeds: int = 3,
 ) -> Row:
-    """Return what imitation of the belief search alone brings in some homes; pictures are seen by the detector."""
-    seeing = ("--image-encoder", "detector") if observation == "visual" else ()
-    given = ("--algo", "imitation", "--expert", "belief", *reading, *seeing, *options)
-    name, seeds = f"Imitation of belief{homes}", 3 if feedback else 1
-    return Row(name, observation, given, True, feedback, seeds=seeds, image_encoder="detector")
+    """Return what imitation of an expert alone brings in some homes; ``eyes`` encode pictures, if there are any."""
+    seeing = ("--image-encoder", eyes) if observation == "visual" else ()
+    given = ("--algo", "imitation", "--expert", expert, *reading, *seeing, *options)
+    return Row(f"Imitation of {expert}{homes}", observation, given, True, feedback, seeds=seeds, image_encoder=eyes)
 
 
 def _in_generated_homes(observation: str, feedback: bool = True) -> Row:
     """Return our strongest learner, with or without feedback in its training and at test."""
-    return _imitator(observation, ", generated homes", "--split", "generated", feedback=feedback)
+    homes, seeds = ", generated homes", 3 if feedback else 1
+    return _imitator(observation, homes, "--split", "generated", feedback=feedback, seeds=seeds)
 
 
 def _told(observation: str) -> Row:
@@ -258,8 +265,9 @@ OURS: tuple[Row, ...] = (
     *map(_from_scratch, ("PQN", "MAPPO")),
     *(_ours("belief", observation, *_GROUNDED) for observation in _SEEDS),
     *(_ours("search", observation) for observation in _SEEDS),
-    _imitator("scene_graph", ""),
+    *(_imitator("scene_graph", "", expert=expert) for expert in ("planner", "search", "belief")),
     *map(_in_generated_homes, _SEEDS),
+    _imitator("visual", ", generated homes, ResNet-18", "--split", "generated", eyes="resnet18", seeds=2),
     *map(_told, _SEEDS),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
