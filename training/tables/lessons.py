@@ -46,7 +46,7 @@ _LESSONS = (
         "QMIX", "QMIX + messages",
     ),
     _lesson(
-        "**Words**: PPO for the humanoid alone has {}; told the class ids of what it is asked for, with a network of "
+        "**Words**: PPO for the humanoid alone has {}; told whether what it is asked for is in view, with a network of "
         "few numbers, bolder settings, five times the steps and the drone of *belief*, {}. So a reward of this kind "
         "can be learned from; what each of the five changes brings was not measured apart.",
         "PPO, humanoid only", "PPO, humanoid only, goal observed",

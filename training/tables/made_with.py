@@ -36,7 +36,7 @@ def made_with(row: Row, same: Sequence[Record]) -> str:
         imitated = "planner"
     teacher = f"teacher: {imitated}" if imitated else ""
     told = f"{'' if row.feedback else 'no '}feedback at test"
-    return ", ".join(filter(None, [encoder, *_beside(config), teacher, budget(same[0]), told]))
+    return ", ".join(filter(None, [encoder, *_beside(config), teacher, budget(same[0]), minutes(same), told]))
 
 
 def _read(observation: str, config: dict[str, Any]) -> str:
@@ -52,6 +52,12 @@ def _beside(config: dict[str, Any]) -> list[str]:
     """Return what drives the drone, if a model of Stable-Baselines3 drives the humanoid alone."""
     options = options_of(config["env_id"]) if "Humanoid" in config.get("env_id", "") else {}
     return [f"drone: {options.get('partner', PARTNERS[0])}"] if options else []
+
+
+def minutes(same: Sequence[Record]) -> str:
+    """Return how long trainings took by the clock, e.g. "16 to 19 min"."""
+    known = sorted({round(record["seconds"]["train"] / 60) for record in same if "train" in record.get("seconds", {})})
+    return f"{' to '.join(str(known[end]) for end in (0, -1)[: len(known)])} min" if known else ""
 
 
 def seeds(row: Row, same: Sequence[Record]) -> str:

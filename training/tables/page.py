@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, MAX_STEPS
 from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
@@ -16,6 +17,7 @@ from training.tables import limited
 from training.tables.attribution import attribution
 from training.tables.cells import HEADLINE, METRICS, Records, built_in, cell, gained, runs_of, shown_name, values
 from training.tables.curves import draw_curves
+from training.tables.goals import goals
 from training.tables.lessons import lessons
 from training.tables.made_with import budget, encoder_of, made_with, seeds
 from training.tables.rows import LIMITED, TABLES, Row
@@ -54,8 +56,9 @@ with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told t
 their rows say; what searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
 *Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
 alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
-teacher, the length of the training, and whether there was feedback at test. The teachers of our own rows, *search* and
-*belief*, are told the true classes in view while they teach on pictures.
+teacher, the length of the training, its minutes by the clock, mostly beside another training (a shared machine, which
+was at times three times slower than at others), and whether there was feedback at test. The teachers of our own rows,
+*search* and *belief*, are told the true classes in view while they teach on pictures; *planner* knows the whole world.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
 robots get pictures; Pick and Place take no argument and drive by themselves; X's class stands in the scene but
@@ -70,7 +73,9 @@ interval reaches 5 to 8 points to either side ([the published weights](benchmark
 ENDS = {"X in nobody's view": {0}, "X in view": {1, 2}, "X held": {4, 5, 6}, "X on Y": {10}}
 
 ENDS_NOTE = """Where the episodes of test-unseen end, per cent: a learner that does not find X ends on the left, one
-that sees it and does not pick it next to that, one that does not find Y, or does not place, further right.
+that sees it and does not pick it next to that, one that does not find Y, or does not place, further right. *Picks*: in
+how many of the steps with X in view, *places*: in how many with X held and Y in view; of the trainings that were scored
+when this was kept.
 """
 
 WORDING_NOTE = """PLW of tasks whose instruction training can show, and of those with words held out of it
@@ -107,7 +112,8 @@ def write_page(results: Path, page: Path) -> None:
 
 def _write_page(results: Path, page: Path) -> None:
     records = read_records(results, TABLES)
-    parts = [TITLE, *lessons(records, page.parent), READING, attribution(records), *without_feedback(results)]
+    parts = [TITLE, *lessons(records, page.parent), goals(records, results), READING, attribution(records)]
+    parts += without_feedback(results)
     for table, rows in TABLES.items():
         if table == LIMITED:
             parts += [f"## {limited.TITLE}", limited.NOTE, f"```\n{_command(table)}\n```", limited.table(rows, records)]
@@ -162,14 +168,17 @@ def _grounded(rows: Sequence[Row], records: Records) -> str:
     lines.append("|---|---|---|---|" + "--:|" * 4)
     for row in rows:
         same, seen = runs_of(row, records), "graphs" if row.observation == "scene_graph" else "pictures"
-        shares = [record["evaluation"]["splits"][GROUNDED_SPLIT]["recognition"] for record in same]
-        cells = [
-            *(cell(values(same, metric, GROUNDED_SPLIT)) for metric in ("success_rate", "plw")),
-            *(cell([one[name] for one in shares if name in one]) for name in ("pick_share", "place_share")),
-        ]  # fmt: skip
+        scores = [cell(values(same, metric, GROUNDED_SPLIT)) for metric in ("success_rate", "plw")]
+        cells = [*scores, *_recognition([record["evaluation"]["splits"][GROUNDED_SPLIT] for record in same])]
         made = made_with(row, same)
         lines.append(f"| {row.name} | {seen} | {seeds(row, same)} | {made} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _recognition(played: Sequence[dict[str, Any]]) -> list[str]:
+    """Return in how many steps a row's trainings pick and place where they could; "" where none of them tells it."""
+    shares = [split.get("recognition", {}) for split in played]
+    return [cell([one[name] for one in shares if name in one]) for name in ("pick_share", "place_share")]
 
 
 def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
@@ -202,16 +211,15 @@ def _apart(same: Sequence[Record], split: str, wording: str) -> list[float]:
 
 def _ends(rows: Sequence[Row], records: Records) -> list[str]:
     """Return a table of where the episodes of test-unseen end, over all seeds of each row."""
-    lines = [f"| row | {' | '.join(ENDS)} |", "|---|" + "--:|" * len(ENDS)]
+    lines = [f"| row | {' | '.join(ENDS)} | picks % | places % |", "|---|" + "--:|" * (len(ENDS) + 2)]
     for row in rows:
+        played = [record["evaluation"]["splits"][SPLITS[-1]] for record in runs_of(row, records)]
         counts = Counter[float]()
-        for record in runs_of(row, records):
-            counts.update(
-                {float(phi): n for phi, n in record["evaluation"]["splits"][SPLITS[-1]].get("ends", {}).items()}
-            )
-        shares = (sum(counts[phi] for phi in phis) / max(counts.total(), 1) for phis in ENDS.values())
+        for split in played:
+            counts.update({float(phi): n for phi, n in split.get("ends", {}).items()})
         if counts:
-            lines.append(f"| {shown_name(row)} |" + "".join(f" {100 * share:.0f} |" for share in shares))
+            shares = [f"{100 * sum(counts[phi] for phi in phis) / counts.total():.0f}" for phis in ENDS.values()]
+            lines.append(f"| {shown_name(row)} | {' | '.join([*shares, *_recognition(played)])} |")
     return [ENDS_NOTE, "\n".join(lines)] if len(lines) > 2 else []
 
 
@@ -231,12 +239,14 @@ def _runs(records: Records) -> list[str]:
     lines += [_run_line(record) for same in records.values() for record in same]
     if len(lines) == 2:
         return []
+    hours = sum(sum(record["seconds"].values()) for same in records.values() for record in same) / 3600
     text = (
-        "One line for each run. *Budget*: of ours, imitation + MAPPO; *best after*: where its best weights are from; "
-        "*train, score*: minutes, with another run beside it; *source*: sha256 of the code of `chmarl_pb` and, in "
-        "later runs, of `training`, that the run was scored with; seeds of a row may come from different versions. "
-        "The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`, in later runs also those of "
-        "every version of `training` that trained it (`trained_by`)."
+        f"{hours:.0f} hours by the clock in all, mostly two runs side by side on a shared machine of two cores, at "
+        "times three times slower than at others. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
+        "after*: where its best weights are from; *train, score*: minutes; *source*: sha256 of the code of `chmarl_pb` "
+        "and, in later runs, of `training`, that the run was scored with; seeds of a row may come from different "
+        "versions. The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`, in later runs also "
+        "those of every version of `training` that trained it (`trained_by`)."
     )
     return ["## The runs", text, "\n".join(lines)]
 

@@ -23,6 +23,9 @@ cp out/without-feedback/ours-graphs/scores.json results/without-feedback/ours-gr
 """
 
 
+Scores = dict[str, dict[str, float]]  # split -> metric -> mean, 0 to 1
+
+
 def without_feedback(results: Path) -> list[str]:
     """Return the section as Markdown, nothing where no such result is kept.
 
@@ -34,6 +37,18 @@ def without_feedback(results: Path) -> list[str]:
     """
     published = read_manifest(weights_folder())
     lines = [f"| weights | feedback | {' | '.join(SPLITS)} |", "|---|---|" + "--:|" * len(SPLITS)]
+    for name, scores in played_without(results).items():
+        lines += [_line(name, "yes", published[name].published), _line("", "no", scores)]
+    return [NOTE.strip(), "\n".join(lines)] if len(lines) > 2 else []
+
+
+def played_without(results: Path) -> dict[str, Scores]:
+    """Return the scores without feedback of published weights, by their names.
+
+    Raises:
+        ResultError: a file is damaged, or of other weights than the published ones of its name.
+    """
+    published, scores = read_manifest(weights_folder()), {}
     for path in sorted((results / FOLDER).glob("*.json")):
         try:
             content = unsealed_or_plain(path.read_text(encoding="utf-8"))
@@ -41,15 +56,14 @@ def without_feedback(results: Path) -> list[str]:
                 raise ValueError("its weights are not the published ones")
             if content["evaluation"]["options"]["feedback"]:
                 raise ValueError("it was played with feedback")
-            lines.append(_line(path.stem, "yes", published[path.stem].published))
-            lines.append(_line("", "no", _means(content["evaluation"]["splits"])))
+            scores[path.stem] = _means(content["evaluation"]["splits"])
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{path}: not a result without feedback: {error!r}; play it again") from error
-    return [NOTE.strip(), "\n".join(lines)] if len(lines) > 2 else []
+    return scores
 
 
-def _means(splits: dict[str, Any]) -> dict[str, dict[str, float]]:
-    return {split: {name: one["summary"][name]["mean"] for name in _METRICS} for split, one in splits.items()}
+def _means(splits: dict[str, Any]) -> Scores:
+    return {split: {name: splits[split]["summary"][name]["mean"] for name in _METRICS} for split in SPLITS}
 
 
 def _line(name: str, feedback: str, scores: Any) -> str:

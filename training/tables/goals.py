@@ -1,0 +1,131 @@
+"""What this project set out to reach, beside what it reaches, and what is known of why it falls short where it does."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from chmarl_pb.envs.tracks import HEADLINE_SPLITS
+from training.tables.cells import NOT_RUN, Records, runs_of, values
+from training.tables.rows import TABLES
+from training.tables.without_feedback import Scores, played_without
+
+NOTE = """## Goals, and what stops what misses them
+
+Set before the runs. Success / PLW, per cent, means over seeds, on test-unseen (grounded track: generated-test); a goal
+is met if both are reached. Goals of speed: [performance.md](performance.md#learning).
+"""
+
+_TEACHER = (
+    "its teacher, which has 96.0 / 60.6 itself ([measured](training.md#our-own-row-imitation-of-a-search-then-mappo))"
+)
+_EYES = (
+    "its teacher, and in homes never seen the detector: told what pictures truly show it has 7 points of PLW more on "
+    "val-unseen, none on val-seen ([measured](training_encoders.md#the-detector))"
+)
+_SILENT = "as with feedback, which it never needs"
+_SILENT_PICTURES = (
+    "[what it does not see it is told by feedback](training.md#our-own-row-imitation-of-a-search-then-mappo)"
+)
+_POINTING = "the humanoid's movements, not its words ([measured](training.md#the-grounded-track))"
+
+
+@dataclass(frozen=True)
+class Goal:
+    """One line.
+
+    Attributes:
+        what: the learner and its setting.
+        wanted: success and PLW, per cent.
+        stops: why it is missed, as far as that is known.
+        table: of the row.
+        row: its name, as the table's rows of one name differ by observation alone; "" if it is played without feedback.
+        observation: of the row.
+        weights: name of the published weights that are played without feedback.
+    """
+
+    what: str
+    wanted: tuple[float, float]
+    stops: str = ""
+    table: str = "scene-graph"
+    row: str = ""
+    observation: str = "scene_graph"
+    weights: str = ""
+
+
+_OURS = "Imitation of belief, generated homes"
+_PARSED = f"{_OURS}, words parsed"
+
+GOALS = (
+    Goal("PPO, humanoid only", (75, 38), row="PPO, humanoid only, goal observed"),
+    Goal("Recurrent PPO, humanoid only", (85, 45), row="Recurrent PPO, humanoid only, goal observed"),
+    Goal("PPO, one network for both robots", (65, 30), row="PPO, both robots, goal observed"),
+    Goal("ours, graphs", (97, 65), _TEACHER, row=_PARSED),
+    Goal("the same, words learned", (97, 65), _TEACHER, row=_OURS),
+    Goal("ours, pictures", (92, 55), _EYES, "visual", _PARSED, "visual"),
+    Goal("the same, words learned", (92, 55), _EYES, "visual", _OURS, "visual"),
+    Goal("ours, graphs, no feedback at test", (95, 62), _SILENT, weights="ours-graphs-parsed"),
+    Goal("the same, words learned", (95, 62), _SILENT, weights="ours-graphs"),
+    Goal("ours, pictures, no feedback at test", (88, 50), _SILENT_PICTURES, weights="ours-pictures-parsed"),
+    Goal("the same, words learned", (88, 50), _SILENT_PICTURES, weights="ours-pictures"),
+    Goal("ours, grounded track, graphs", (75, 40), _POINTING, "grounded", "Imitation of belief, then MAPPO"),
+    Goal(
+        "ours, grounded track, pictures", (55, 25), _POINTING, "grounded", "Imitation of belief, then MAPPO", "visual"
+    ),
+)  # fmt: skip
+
+
+def goals(records: Records, results: Path, goals: Sequence[Goal] = GOALS) -> str:
+    """Return the section as Markdown.
+
+    Args:
+        records: the kept runs.
+        results: folder of the kept files.
+        goals: one for each line.
+    """
+    silent = played_without(results)
+    lines = ["| | goal | reached | of | met | what stops it |", "|---|--:|--:|---|---|---|"]
+    for goal in goals:
+        reached, of = _without(silent.get(goal.weights)) if goal.weights else _of_row(goal, records)
+        met = bool(reached) and all(have >= want for have, want in zip(reached, goal.wanted, strict=True))
+        cells = [goal.what, _pair(goal.wanted, 0), _pair(reached, 1), of, "yes" if met else "no" if reached else ""]
+        lines.append(f"| {' | '.join([*cells, '' if met else goal.stops])} |")
+    return "\n\n".join([NOTE.strip(), "\n".join(lines), _detector(results)])
+
+
+def _of_row(goal: Goal, records: Records) -> tuple[tuple[float, ...], str]:
+    """Return success and PLW of a row, per cent, and of how many trainings they are the mean."""
+    row = next(row for row in TABLES[goal.table] if (row.name, row.observation) == (goal.row, goal.observation))
+    same, split = runs_of(row, records), HEADLINE_SPLITS.get(goal.table, HEADLINE_SPLITS["paper"])
+    if not same:
+        return (), NOT_RUN
+    scores = tuple(100 * fmean(values(same, metric, split)) for metric in ("success_rate", "plw"))
+    return scores, f"{len(same)} training{'s' * (len(same) > 1)}"
+
+
+def _without(scores: Scores | None) -> tuple[tuple[float, ...], str]:
+    """Return success and PLW of published weights that were played without feedback, per cent."""
+    if scores is None:
+        return (), NOT_RUN
+    split = scores[HEADLINE_SPLITS["paper"]]
+    return tuple(100 * split[metric] for metric in ("success_rate", "plw")), "1 training"
+
+
+def _pair(scores: Sequence[float], digits: int) -> str:
+    return " / ".join(f"{score:.{digits}f}" for score in scores)
+
+
+def _detector(results: Path) -> str:
+    """Return what became of the goal for the detector."""
+    path = results / "detector.json"
+    if not path.is_file():
+        return ""
+    measured: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    found = {home: measured[home]["mean_average_precision"] for home in ("home_6", "generated_val")}
+    return (
+        f"The detector's goal is a mean average precision of 0.65 in homes that it never saw: {found['home_6']:.2f} in "
+        f"home 6, {found['generated_val']:.2f} in homes of generated-val. Its time for a picture: "
+        "[training_encoders.md](training_encoders.md#the-detector)."
+    )
