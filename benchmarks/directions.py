@@ -1,7 +1,7 @@
 """What directions from another robot are worth to a learner: ``python -m benchmarks.directions WEIGHTS``.
 
 Plays weights of ``--cells-past`` on validation tasks by the rules that they were trained by, with the directions of X
-and Y from another robot in the picture, and with zeros in their place. Prints success and PLW. Test splits are refused.
+and Y from another robot in the picture, and with zeros in their place. Test splits are refused.
 """
 
 import argparse
@@ -11,15 +11,10 @@ from typing import Any
 
 from torch import Tensor, nn
 
-from benchmarks.dials import advance
-from chmarl_pb.cli.evaluate import percent, progress_bar
-from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.sample import evaluated_tasks
+from benchmarks.scores import Scores, parser_of, run
 from chmarl_pb.learning.networks.bearings import SIZE
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.policies.policy import Policy
-
-SPLITS = ("generated-val", "val-seen", "val-unseen")
 
 
 class Undirected:
@@ -51,26 +46,17 @@ def _without_directions(places: Any, *arguments: Any, **named: Any) -> Tensor:
     return found
 
 
-def main() -> None:
+def main() -> int:
     """Play and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.directions", description=__doc__)
-    parser.add_argument("weights", type=Path)
-    parser.add_argument("--observation", default="scene_graph")
-    parser.add_argument("--split", default=SPLITS[0], choices=SPLITS)
-    parser.add_argument("--thin", type=int, default=5, metavar="N", help="play every Nth task only")
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    rules = ValuePolicies(options.weights).rules or {}
-    print("| directions | success % | PLW % |", "|---|--:|--:|", sep="\n", flush=True)
-    for name, policies in (("told", ValuePolicies(options.weights)), ("zeros", Undirected(options.weights))):
-        with progress_bar() as bar:
-            row = bar.add_task(name, total=None)
-            summary = evaluate(
-                policies, options.split, options.observation, seeds=[0], workers=options.workers,
-                tasks=evaluated_tasks(options.split)[:: options.thin], progress=partial(advance, bar, row), **rules,
-            ).summary  # fmt: skip
-        print(f"| {name} | {percent(summary.success_rate)} | {percent(summary.plw)} |", flush=True)
+    return run(parser_of("benchmarks.directions", __doc__), _play)
+
+
+def _play(chosen: argparse.Namespace) -> None:
+    scores = Scores("directions", chosen)
+    for split in scores.splits:
+        scores.play("told", ValuePolicies(chosen.weights), split)
+        scores.play("zeros", Undirected(chosen.weights), split)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

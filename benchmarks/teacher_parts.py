@@ -9,7 +9,6 @@ import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,7 @@ import numpy as np
 from torch import Tensor
 
 import chmarl_pb
-from benchmarks.dials import advance
-from chmarl_pb.cli.evaluate import percent, progress_bar
-from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.sample import evaluated_tasks
+from benchmarks.scores import Scores, parser_of, run
 from chmarl_pb.learning.components import counts_in, of_each
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.learning.rollouts.collect import NO_LABEL, Explorer, greedy
@@ -28,8 +24,6 @@ from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import make_expert
 from chmarl_pb.robots.pointing import verb_of
-
-SPLITS = ("generated-val", "val-seen", "val-unseen")
 
 Part = tuple[str, int]  # a robot, and the number of a component of its actions
 Counts = Counter[tuple[str, str, bool]]
@@ -110,7 +104,7 @@ class Helper:
     def __init__(self, weights: Path, expert: str, told: Sequence[Part]):
         """Remember what to make it from."""
         self.inner, self.expert, self.told = ValuePolicies(weights), expert, told
-        self.rules, self.made = self.inner.rules, list[Helped]()
+        self.made = list[Helped]()
 
     def __call__(self, env: Any) -> Policy:
         """Return the policy for an environment."""
@@ -138,33 +132,26 @@ def print_agreement(counts: Counts) -> None:
         print(f"| {name} | {kind} | {steps} | {100 * counts[name, kind, True] / steps:.0f} |")
 
 
-def main() -> None:
+def main() -> int:
     """Play and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.teacher_parts", description=__doc__)
-    parser.add_argument("weights", type=Path)
-    parser.add_argument("--expert", default="belief")
-    parser.add_argument("--observation", default="scene_graph")
-    parser.add_argument("--split", default=SPLITS[0], choices=SPLITS)
-    parser.add_argument("--thin", type=int, default=5, metavar="N", help="play every Nth task only")
-    options = parser.parse_args()
-    rules = {"split": options.split, "observation": options.observation, **ValuePolicies(options.weights).rules}
-    with closing(chmarl_pb.parallel_env(**rules)) as env:
-        components = {name: len(of_each(counts_in(name, env.action_space(name)))) for name in env.possible_agents}
-    print("| done by the expert | success % | PLW % |", "|---|--:|--:|", sep="\n", flush=True)
-    alone: Counts = Counter()
-    for name, told in parts_by_name(components).items():
-        helper = Helper(options.weights, options.expert, told)
-        with progress_bar() as bar:
-            row = bar.add_task(name, total=None)
-            summary = evaluate(
-                helper, options.split, options.observation, seeds=[0], workers=1,
-                tasks=evaluated_tasks(options.split)[:: options.thin], progress=partial(advance, bar, row),
-                **helper.rules,
-            ).summary  # fmt: skip
-        print(f"| {name} | {percent(summary.success_rate)} | {percent(summary.plw)} |", flush=True)
-        alone = alone or sum((made.counts for made in helper.made), Counter())
+    parser = parser_of("benchmarks.teacher_parts", __doc__)
+    parser.add_argument("--expert", default="belief", help="what it has imitated")
+    return run(parser, _play)
+
+
+def _play(chosen: argparse.Namespace) -> None:
+    scores, alone = Scores("done by the expert", chosen), Counts()
+    for split in scores.splits:
+        rules = {"split": split, "observation": chosen.observation, **scores.rules}
+        with closing(chmarl_pb.parallel_env(**rules)) as env:
+            components = {name: len(of_each(counts_in(name, env.action_space(name)))) for name in env.possible_agents}
+        for name, told in parts_by_name(components).items():
+            helper = Helper(chosen.weights, chosen.expert, told)
+            scores.play(name, helper, split, workers=1)  # it counts here what each of its policies has done
+            if not told:
+                alone.update(sum((made.counts for made in helper.made), Counts()))
     print_agreement(alone)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -1,13 +1,12 @@
-"""What the detector's mistakes cost: ``python -m benchmarks.true_eyes``.
+"""What the detector's mistakes cost: ``python -m benchmarks.true_eyes WEIGHTS``.
 
 Plays weights that see by the detector on validation tasks, by the rules that they were trained by, with what pictures
-truly show in the place of what it finds in them: of no class, of receptacles, of objects, of robots, of all. Prints
-success and PLW. Test splits are refused.
+truly show in the place of what it finds in them: of no class, of receptacles, of objects, of robots, of all. Test
+splits are refused.
 """
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +14,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from benchmarks.dials import advance
+from benchmarks.scores import Scores, parser_of, run
 from chmarl_pb import catalog
-from chmarl_pb.cli.evaluate import percent, progress_bar
-from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.learning.networks.detections import LABELS, OBJECTS, PLACE, SHAPE, THINGS
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, classes_of
 
-SPLITS = ("val-seen", "val-unseen", "generated-val")
 TRUE = {
     "none": slice(0), "receptacles": slice(OBJECTS, THINGS), "objects": slice(OBJECTS), "robots": slice(THINGS, None),
     "all": slice(None),
@@ -106,34 +101,23 @@ class Told:
     def __init__(self, weights: Path, told: slice):
         """Remember a file of weights, and the classes."""
         self.inner, self.told = ValuePolicies(weights), told
-        self.rules = self.inner.rules or {"messages": True, "feedback": True}
 
     def __call__(self, env: Any) -> Policy:
         """Return the policy for an environment."""
         return TrueEyes(self.inner(env), env, self.told)
 
 
-def main() -> None:
+def main() -> int:
     """Play and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.true_eyes", description=__doc__)
-    parser.add_argument("weights", type=Path, nargs="?", default=Path("results/weights/ours-pictures.pt"))
-    parser.add_argument("--split", action="append", choices=SPLITS, help="(default: the first two)")
-    parser.add_argument("--thin", type=int, default=1, metavar="N", help="play every Nth task only")
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    print("| told the truth of | split | success % | PLW % |", "|---|---|--:|--:|", sep="\n")
-    for split in options.split or SPLITS[:2]:
+    return run(parser_of("benchmarks.true_eyes", __doc__, "visual"), _play)
+
+
+def _play(chosen: argparse.Namespace) -> None:
+    scores = Scores("told the truth of", chosen)
+    for split in scores.splits:
         for name, told in TRUE.items():
-            policies = Told(options.weights, told)
-            with progress_bar() as bar:
-                row = bar.add_task(f"{name} on {split}", total=None)
-                summary = evaluate(
-                    policies, split, "visual", seeds=[0], workers=options.workers,
-                    tasks=evaluated_tasks(split)[:: options.thin], progress=partial(advance, bar, row),
-                    **policies.rules,
-                ).summary  # fmt: skip
-            print(f"| {name} | {split} | {percent(summary.success_rate)} | {percent(summary.plw)} |", flush=True)
+            scores.play(name, Told(chosen.weights, told), split)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

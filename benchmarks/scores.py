@@ -1,0 +1,104 @@
+"""What policies that are made of one file of weights score on validation tasks: a table, printed and kept."""
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.dials import advance
+from chmarl_pb.cli.evaluate import percent, progress_bar
+from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.provenance import source_hash
+from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.files import file_hash, write_atomically
+from chmarl_pb.learning.policies.learned import ValuePolicies
+from chmarl_pb.learning.runs.interrupts import run_command
+
+SPLITS = ("generated-val", "val-seen", "val-unseen")  # on a test split nothing is tried
+
+
+def parser_of(module: str, text: str | None, observation: str = "scene_graph") -> argparse.ArgumentParser:
+    """Return a parser with the options that all such benchmarks have.
+
+    Args:
+        module: that is run.
+        text: what it does.
+        observation: that policies get if nothing else is said.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=text)
+    parser.add_argument("weights", type=Path)
+    parser.add_argument("--observation", default=observation, choices=("scene_graph", "visual"))
+    parser.add_argument("--split", action="append", choices=SPLITS, help=f"(default: {SPLITS[0]})")
+    parser.add_argument("--thin", type=int, default=5, metavar="N", help="play every Nth task only (default: 5)")
+    parser.add_argument("--no-feedback", action="store_true", help="give no language feedback")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="keep the scores in a file, too")
+    return parser
+
+
+def run(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace], None]) -> int:
+    """Do a benchmark's work; bad weights or files end it with one sentence and exit code 2."""
+    chosen = parser.parse_args()
+
+    def whole() -> int:
+        work(chosen)
+        return 0
+
+    return run_command(whole)
+
+
+class Scores:
+    """Plays policies by the rules that their weights were trained by, and prints and keeps a row for each."""
+
+    def __init__(self, first: str, chosen: argparse.Namespace):
+        """Print the head of the table.
+
+        Args:
+            first: head of its first column.
+            chosen: the options.
+        """
+        rules = ValuePolicies(chosen.weights).rules
+        self.rules: dict[str, Any] = rules if "track" in rules else {"messages": True, "feedback": True, **rules}
+        if chosen.no_feedback:
+            self.rules["feedback"] = False
+        self.splits: Sequence[str] = chosen.split or SPLITS[:1]
+        self._chosen, self._rows = chosen, list[dict[str, Any]]()
+        head = ("split", "tasks", "success %", "PLW %", "picks %", "places %")
+        print(f"| {first} | {' | '.join(head)} |", f"|---|---|{'--:|' * 5}", sep="\n", flush=True)
+
+    def play(self, name: str, policies: Any, split: str, workers: int | None = None) -> None:
+        """Play the tasks of a split, and add a row.
+
+        Args:
+            name: of the row.
+            policies: as ``evaluate`` takes them.
+            split: whose tasks are played.
+            workers: processes; None: as many as chosen.
+        """
+        chosen, tasks = self._chosen, evaluated_tasks(split)[:: self._chosen.thin]
+        with progress_bar() as bar:
+            row = bar.add_task(f"{name}, {split}", total=None)
+            report = evaluate(
+                policies, split, chosen.observation, seeds=[0], workers=workers or chosen.workers, tasks=tasks,
+                progress=partial(advance, bar, row), **self.rules,
+            )  # fmt: skip
+        summary, shares = report.summary, report.recognition.figures()
+        cells = [percent(summary.success_rate), percent(summary.plw)]
+        cells += [f"{100 * shares[key]:.0f}" if key in shares else "" for key in ("pick_share", "place_share")]
+        print(f"| {name} | {split} | {len(tasks)} | {' | '.join(cells)} |", flush=True)
+        means = {"success_rate": summary.success_rate.mean, "plw": summary.plw.mean}
+        self._rows.append({"row": name, "split": split, "tasks": len(tasks), **means, **shares})
+        if chosen.json:
+            self._keep(chosen.json)
+
+    def _keep(self, path: Path) -> None:
+        chosen = self._chosen
+        content = {
+            "weights": chosen.weights.stem, "weights_sha256": file_hash(chosen.weights),
+            "observation": chosen.observation, "rules": self.rules, "source_sha256": source_hash(),
+            "rows": self._rows,
+        }  # fmt: skip
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, json.dumps(content, indent=1) + "\n")
