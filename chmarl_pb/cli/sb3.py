@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from chmarl_pb.cli.evaluate import evaluate_command
+from chmarl_pb.cli.idle_options import idle_in_sb3, refuse_idle
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.extras import needs
@@ -84,6 +85,7 @@ def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str, bool
     """Return the settings that a command names, the run's folder, the processes, the device, and if it is quiet."""
     command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=ABOUT)
     config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
+    refuse_idle(config, Config(config.algo), partial(idle_in_sb3, config=config))
     return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device, command.quiet
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_type_hints
 
 from chmarl_pb.cli.arguments import add_rules, given_rules
 from chmarl_pb.cli.evaluate import evaluate_command
+from chmarl_pb.cli.idle_options import idle_in_train, refuse_idle
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.extras import needs
@@ -225,20 +226,28 @@ def parse(arguments: Sequence[str]) -> Command:
     """Return the training that arguments ask for; ``--algo NAME`` may stand anywhere among them, or NAME first.
 
     Raises:
-        ValueError: no algorithm is named, or one that there is not.
+        ValueError: no algorithm is named, one that there is not, or an option that the run would not use.
     """
     words = _algorithm_first(arguments)
     rules, words = _rules_first(words)
     prog = "chmarl-pb train --algo"
     found: Command
+    default: Command
     if ":" in words[0]:
-        own = Play(words[0], find_algorithm(words[0]).config(image_encoder="resnet18"))
+        default = own = Play(words[0], find_algorithm(words[0]).config(image_encoder="resnet18"))
         found = tyro.cli(Play, default=own, args=words[1:], prog=f"{prog} {words[0]}", description=ABOUT)
     else:
         commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
         kinds: Any = Union[tuple(commands)]  # noqa: UP007
         found = tyro.cli(kinds, args=words, prog=prog, description=ABOUT)
-    return replace(found, env=replace(found.env, rules=rules)) if isinstance(found, Play) else found
+        default = COMMANDS[found.algo]
+    if isinstance(found, Play):
+        found = replace(found, env=replace(found.env, rules=rules))
+    why_idle = partial(idle_in_train, algorithm=found.algo, config=found.config, setting=found.setting)
+    refuse_idle(found.config, default.config, why_idle)
+    if isinstance(found, Play):
+        refuse_idle(found.env, Env(), why_idle)
+    return found
 
 
 def _rules_first(words: Sequence[str]) -> tuple[dict[str, Any], list[str]]:

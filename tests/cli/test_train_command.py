@@ -12,6 +12,7 @@ pytest.importorskip("torch")
 pytest.importorskip("tyro")
 
 from chmarl_pb.cli.evaluate import add, evaluate_command
+from chmarl_pb.cli.sb3 import parse as parse_sb3
 from chmarl_pb.cli.train import COMMANDS, main, parse, run_name
 from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
@@ -92,7 +93,7 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         (["--algo", "qmix", "--mixer", "magic"], "mixer='magic' is not known"),
         (["--algo", "iql", "--mixer", "qmix"], "mixer='qmix': that makes another algorithm of iql; use qmix"),
         (["--algo", "qmix", "--mixer", "torch.nn:Linear"], "mixer='torch.nn:Linear': makes a Linear, not a Mixer"),
-        (["--algo", "vdn", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
+        (["--algo", "vdn", "--observation", "visual", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
         (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),
         (["--algo", "dagger-mappo", "--imitation.numbers-past"], "Unrecognized options: --imitation.numbers-past"),
         (["--algo", "dagger-mappo", "--start", "a.pt"], "--start: dagger-mappo begins with its own imitator"),
@@ -113,13 +114,55 @@ def test_bad_values_give_one_sentence(
     assert code == 2 and known in " ".join(shown.err.split()) and "episodes" not in shown.err
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("iql --embedding 8", "--embedding"),
+        ("vdn --standardize-state", "--standardize-state"),
+        ("qmix --joint-units 7", "--joint-units"),
+        ("qtran --embedding 8", "--embedding"),
+        ("pqn --embedding 8", "--embedding"),
+        ("imitation --reward-scale 2", "--reward-scale"),
+        ("mappo --critic-starts 2", "--critic-starts"),
+        ("qmix --home-rollouts 3", "--home-rollouts"),
+        ("qmix --track grounded --home villa.urdf --home-rollouts 3", "--home-rollouts"),
+        ("qmix --image-encoder detector", "--image-encoder"),
+        ("bc --image-encoder detector", "--image-encoder"),
+        ("qmix --image-size 64", "--image-size"),
+        ("qmix --observation visual --graph-pool grounded", "--graph-pool"),
+    ],
+)
+def test_an_option_that_the_run_would_not_use_is_refused(words: str, option: str) -> None:
+    with pytest.raises(ValueError, match=f"^{option}: .*; leave it out$"):
+        parse(["--algo", *words.split()])
+
+
+def test_options_that_are_used_where_they_belong_are_taken() -> None:
+    for words in (
+        "qmix --embedding 8 --standardize-state", "qtran --joint-units 7", "pqn --mixer qmix --embedding 8",
+        "mappo --start best.pt --critic-starts 2", "qmix --split generated --home-rollouts 3",
+        "qmix --track grounded --home-rollouts 3", "qmix --observation visual --image-encoder cnn --image-size 64",
+        "bc --observation visual --image-encoder detector --graph-pool grounded", "dagger-mappo --critic-starts 2",
+    ):  # fmt: skip
+        parse(["--algo", *words.split()])
+
+
+@pytest.mark.parametrize("option", ["--features 3", "--word-vectors", "--graph-pool parsed", "--image-size 64"])
+def test_a_preset_of_few_numbers_takes_no_options_of_encoders(option: str) -> None:
+    with pytest.raises(ValueError, match=f"^{option.split()[0]}: preset 'goal' reads a few numbers"):
+        parse_sb3(["--algo", "ppo", *option.split()])
+    parse_sb3(
+        ["--algo", "ppo", "--preset", "encoder", *(["--observation", "visual"] * ("size" in option)), *option.split()]
+    )
+
+
 def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from chmarl_pb.cli import train as command
 
     trained = []
     monkeypatch.setattr(command, "train", lambda env_fn, *arguments, **options: trained.append(arguments))
     words = ["--algo", "dagger-mappo", "--seed", "4", "--imitation.episodes", "5", "--episodes", "6"]
-    assert main([*words, "--image-encoder", "cnn", "--out", str(tmp_path)]) == 0
+    assert main([*words, "--out", str(tmp_path)]) == 0
     (first, imitation, begun), (second, mappo, folder) = (arguments[:3] for arguments in trained)
     assert (first, imitation.seed, imitation.episodes, begun) == ("imitation", 4, 5, tmp_path / "imitation")
     assert (second, mappo.seed, mappo.episodes, folder) == ("mappo", 4, 6, tmp_path)
@@ -134,7 +177,7 @@ def test_dagger_mappo_goes_on_without_the_imitator_that_it_has_begun_with(
     trained = []
     monkeypatch.setattr(command, "train", lambda env_fn, algorithm, *arguments, **options: trained.append(algorithm))
     (tmp_path / LAST).touch()
-    assert main(["--algo", "dagger-mappo", "--image-encoder", "cnn", "--out", str(tmp_path)]) == 0
+    assert main(["--algo", "dagger-mappo", "--out", str(tmp_path)]) == 0
     assert trained == ["mappo"]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -129,10 +129,15 @@ def test_colours_and_places_of_nodes_count(env: HouseholdEnv, pool: str) -> None
         assert not torch.equal(one, two)
 
 
-def test_nothing_is_taught_without_words_and_graphs() -> None:
-    encode = build_encoder(spaces.Dict({"range": spaces.Box(0, 1, (3,))}), 8, taught=True)
-    assert isinstance(encode, DictEncoder)
-    assert float(encode.grounding_loss({"range": torch.rand(2, 3)})) == 0
+@pytest.mark.parametrize(
+    ("option", "named"),
+    [("taught", "grounding_coef"), ("word_vectors",) * 2, ("numbers_past",) * 2, ("cells_past",) * 2],
+)
+def test_options_about_words_and_graphs_need_them(option: str, named: str) -> None:
+    numbers: Any = {option: True}
+    for space in (spaces.Dict({"range": spaces.Box(0, 1, (3,))}), spaces.Box(0, 1, (3,))):
+        with pytest.raises(ValueError, match=f"^{named}"):
+            build_encoder(space, 8, **numbers)
 
 
 @pytest.mark.parametrize("algorithm", ["qmix", "pqn", "mappo", "imitation"])

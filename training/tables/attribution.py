@@ -50,8 +50,11 @@ PARTS = (
         "scene-graph", "Imitation of belief, generated homes, words parsed",
         "instructions read by the rule of the built-in searches, in place of a network that learns to read", 7,
     ),
-    Part("visual", "Imitation of belief, generated homes, ResNet-18", "pictures by ResNet-18, in place of graphs", 7),
-    Part("visual", "Imitation of belief, generated homes", "our detector in place of ResNet-18", 9),
+    Part(
+        "visual", "Imitation of belief, generated homes, ResNet-18",
+        "pictures by ResNet-18, to which nothing ties words", 7,
+    ),
+    Part("visual", "Imitation of belief, generated homes", "our detector, and words tied to what it finds", 9),
 )  # fmt: skip
 
 

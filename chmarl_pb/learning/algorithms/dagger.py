@@ -41,8 +41,8 @@ class DAggerConfig(RunConfig):
     (1.0, 0.0)
 
     Attributes:
-        expert: name of what is imitated: on the command line a built-in policy, "belief" or "search"; ``train`` writes
-            down here what it is given.
+        expert: name of what is imitated: on the command line a built-in policy, "belief", "search", or "planner",
+            which knows the world and never has to look for things; ``train`` writes down here what it is given.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
         anneal: share of the episodes, the last ones, in which the learning rate falls linearly, to 0 after the last
