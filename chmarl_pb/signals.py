@@ -16,7 +16,9 @@ class Interrupted(KeyboardInterrupt):
         number: of the signal.
     """
 
-    def __init__(self, number: int, message: str = "interrupted; the same command goes on from what is kept"):
+    def __init__(
+        self, number: int, message: str = "interrupted; the same command goes on from what is kept, if anything is"
+    ):
         """Say what was saved, and what goes on from it."""
         super().__init__(message)
         self.number = number

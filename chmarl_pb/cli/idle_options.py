@@ -47,6 +47,8 @@ def idle_in_train(name: str, algorithm: str, config: Any, setting: Any) -> str:
         return f"{algorithm} does not use it"
     if name == "embedding" and algorithm == "pqn" and config.mixer in ("iql", "vdn"):
         return f"the mixer {config.mixer} has no layers"
+    if name == "split" and getattr(setting, "home", None):
+        return "--home is trained in instead"
     if name == "home_rollouts" and (setting.home or setting.options.split != STREAM):
         return "only with --split generated is there another home to go to"
     if name == "critic_starts" and algorithm == "mappo" and not config.start:

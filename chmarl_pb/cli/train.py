@@ -276,6 +276,8 @@ def _algorithm_first(arguments: Sequence[str]) -> list[str]:
     if "--algo" in words[:-1]:
         place = words.index("--algo")
         words = [words[place + 1], *words[:place], *words[place + 2 :]]
+    if words[:1] == ["--algo"]:
+        words = []
     if words[:1] not in ([name] for name in (*COMMANDS, "-h", "--help")) and ":" not in "".join(words[:1]):
         raise ValueError(f"--algo {words[0] if words else 'is missing'}: use one of: {', '.join(COMMANDS)}")
     return words

@@ -45,7 +45,7 @@ def share(default: float) -> Any:
 
 
 def check(settings: Any) -> None:
-    """Refuse settings, a frozen dataclass, with a value outside the limits of its field.
+    """Refuse settings, a frozen dataclass, with a value outside the limits of its field, or of another kind.
 
     Values become plain ones of the field's kind: 4.0 environments are 4, and NumPy's numbers Python's, which
     checkpoints can hold.
@@ -59,7 +59,13 @@ def check(settings: Any) -> None:
             value = value.item()
         if "limits" in one.metadata and (value is not None or one.default is not None):
             value = _within(one.name, value, int if type(one.default) is int else float, *one.metadata["limits"])
+        kind = type(one.default)
+        if kind in _KINDS and not isinstance(value, kind):
+            raise ValueError(f"{one.name}={value!r}: must be {_KINDS[kind]}")
         object.__setattr__(settings, one.name, value)
+
+
+_KINDS = {bool: "True or False", str: "a text"}
 
 
 def _within(name: str, value: Any, kind: type, least: float, most: float) -> Any:
@@ -68,7 +74,7 @@ def _within(name: str, value: Any, kind: type, least: float, most: float) -> Any
     Raises:
         ValueError: it is outside its limits, or no such number.
     """
-    if not hasattr(value, "__float__"):
+    if not hasattr(value, "__float__") or isinstance(value, bool):
         raise ValueError(f"{name}={value!r}: must be a number")
     if not (least <= value <= most and value < math.inf and (kind is float or value == int(value))):
         bounds = f"at least {least}, and finite" if most == math.inf else f"from {least} to {most}"

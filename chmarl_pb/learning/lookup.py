@@ -57,6 +57,10 @@ def look_up(option: str, name: str, registry: Mapping[str, T]) -> T:
         raise ValueError(f"{option}={name!r}: {error}; name a module that can be imported from here") from error
 
 
+def _kind(of: type[Any]) -> str:
+    return f"{of.__module__}.{of.__qualname__}"
+
+
 def make_network(
     option: str,
     name: str,
@@ -86,7 +90,10 @@ def make_network(
     except (TypeError, ValueError) as error:  # the second of builtins
         given = ", ".join([*(type(one).__name__ for one in arguments), *named])
         raise ValueError(f"{option}={name!r}: {error}; it is called with ({given})") from error
-    network = make(*arguments, **named)
+    try:
+        network = make(*arguments, **named)
+    except TypeError as error:  # of what was written to be called with something else
+        raise ValueError(f"{option}={name!r}: {error}; see docs/training.md for what it is called with") from error
     if not isinstance(network, kind):
-        raise ValueError(f"{option}={name!r}: makes a {type(network).__name__}, not a {kind.__name__}")
+        raise ValueError(f"{option}={name!r}: makes {_kind(type(network))}; derive what it makes from {_kind(kind)}")
     return network

@@ -111,9 +111,12 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
     """Return agent -> observation space, and agent -> number of actions.
 
     Raises:
-        ValueError: an action space is neither Discrete nor MultiDiscrete, an observation space neither Box, Discrete,
-            MultiDiscrete, MultiBinary nor Dict of them, or an agent has a name that torch keeps for itself.
+        ValueError: it is no ParallelEnv, an action space is neither Discrete nor MultiDiscrete, an observation space
+            neither Box, Discrete, MultiDiscrete, MultiBinary nor Dict of them, or an agent has a name that torch keeps
+            for itself.
     """
+    if not hasattr(env, "possible_agents"):
+        raise ValueError(f"{env!r} has no possible_agents: env_fn has to make a ParallelEnv, as PettingZoo has them")
     names = list(env.possible_agents)
     for name in names:
         if not isinstance(name, str) or not name or "." in name or hasattr(nn.ModuleDict(), name):

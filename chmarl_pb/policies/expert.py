@@ -47,5 +47,11 @@ class Informed:
 
 
 def as_expert(policy: Any) -> Expert:
-    """Return a policy as an expert."""
+    """Return a policy as an expert.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if not hasattr(policy, "reset") or not (hasattr(policy, "act") or hasattr(policy, "propose")):
+        raise ValueError(f"expert makes {policy!r}: make a policy, with reset and act, or an Expert")
     return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)

@@ -223,6 +223,8 @@ def imported(path: str, what: str) -> Callable[..., Any]:
 
 
 def _checkpoint(path: Path) -> Source:
+    if path.is_dir():
+        raise OptionError(f"{path}: is a folder; name the file of the weights in it, e.g. {path / 'best.pt'}")
     installed = {f".{point.name}": point for point in entry_points(group=ENTRY_POINTS)}
     ending = path.suffix
     if ending in _LOADERS:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import FROZEN, RULES, RunConfig
@@ -80,6 +81,7 @@ class ValuePolicies:
             setting = load(path, "value")["setting"]
             goal = {GOAL: True} if setting.get(GOAL) else {}
             self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting), **goal}
+            Options(**self.rules)  # a later version may know other rules
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

@@ -249,6 +249,10 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, 
             for name, counts in interface.actions.items()
         }
     )
+    if unpaid := [name for name in actions if name not in rewards]:
+        raise ValueError(
+            f"step() returns no reward of {unpaid[0]!r}, which has acted; return one, 0 where it gets none"
+        )
     episode.rewards.append(np.array([_number(name, rewards.get(name, 0.0)) for name in names], np.float32))
     episode.acted.append(_acting(names, episode, actions))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))

@@ -1,7 +1,7 @@
 """One process for a run's folder: a second one would mix its rows and checkpoints with those of the first."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from chmarl_pb.errors import BusyError
@@ -11,7 +11,9 @@ from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 @contextmanager
 def run_lock(folder: Path | None) -> Iterator[None]:
-    """Hold a run's folder, which is made if it is missing, as long as the block runs; None: there is none to hold.
+    """Hold a run's folder as long as the block runs; None: there is none to hold.
+
+    It is made if it is missing, and removed again if nothing was written into it.
 
     Raises:
         CheckpointError: another process holds it.
@@ -20,9 +22,15 @@ def run_lock(folder: Path | None) -> Iterator[None]:
     if folder is None:
         yield
         return
+    made = not folder.exists()
     try:
         lock = Lock(folder / "training")
     except BusyError as error:
         raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
-    with lock:
-        yield
+    try:
+        with lock:
+            yield
+    finally:
+        if made:  # and nothing was written
+            with suppress(OSError):
+                folder.rmdir()

@@ -11,7 +11,7 @@ from torch import nn
 
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
-from chmarl_pb.learning.algorithms.registry import check_first_weights, find_algorithm
+from chmarl_pb.learning.algorithms.registry import Algorithm, check_first_weights, find_algorithm
 from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.rollouts.collect import Collector
@@ -22,7 +22,7 @@ from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.validation import Validate, by_return
-from chmarl_pb.learning.storage.checkpoint import check_kept, load, reading
+from chmarl_pb.learning.storage.checkpoint import check_begun, check_kept, load, plain, reading
 from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
@@ -36,6 +36,26 @@ def expert_name(expert: Callable[[Any], Expert | Policy]) -> str:
         return str((*expert.args, expert.keywords.get("name"))[0])
     named = make if hasattr(make, "__qualname__") else type(make)
     return f"{named.__module__}:{named.__qualname__}"
+
+
+def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> None:
+    """Refuse arguments of ``train`` of another kind, before anything is made.
+
+    Raises:
+        ValueError: one is, or there is nobody to imitate.
+    """
+    env_fn, config, expert, setting = (given[name] for name in ("env_fn", "config", "expert", "setting"))
+    if not callable(env_fn):
+        raise ValueError(f"env_fn={env_fn!r}: give what makes an environment, e.g. partial(chmarl_pb.parallel_env)")
+    if not isinstance(config, row.config):
+        raise ValueError(f"config={config!r}: {algorithm} takes settings of the class {row.config.__name__}")
+    if expert is not None and not callable(expert):
+        raise ValueError(f"expert={expert!r}: give what makes an expert in an environment")
+    if row.imitates and expert is None:
+        raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, 'belief')")
+    if setting is not None and not isinstance(setting, dict):
+        raise ValueError(f"setting={setting!r}: give a dict")
+    plain(setting, "setting")
 
 
 @dataclass(frozen=True)
@@ -57,7 +77,7 @@ def train(
     env_fn: Callable[[], Any],
     algorithm: str,
     config: RunConfig | None = None,
-    folder: Path | None = None,
+    folder: Path | str | None = None,
     validate: Validate | None = None,
     setting: dict[str, Any] | None = None,
     quiet: bool = True,
@@ -101,14 +121,13 @@ def train(
 
     Raises:
         Interrupted: a signal asked the run to end.
-        ValueError: the algorithm or the environment is of another kind, there is nobody to imitate, or no such device.
-        CheckpointError: the folder's checkpoint is damaged or of other settings, another process trains there, or the
-            run is over and its best weights are gone.
+        ValueError: an argument or the environment is of another kind, there is nobody to imitate, or no such device.
+        CheckpointError: the folder's checkpoint is damaged, of other settings, or gone while its best weights are
+            there, another process trains there, or the run is over and its best weights are gone.
     """
-    row = find_algorithm(algorithm)
-    if row.imitates and expert is None:
-        raise ValueError(f"{algorithm} needs an expert to imitate, e.g. expert=partial(make_policy, 'belief')")
-    config = config or row.config()
+    row, folder = find_algorithm(algorithm), None if folder is None else Path(folder)
+    config = row.config() if config is None else config
+    _check_arguments(algorithm, row, {"env_fn": env_fn, "config": config, "expert": expert, "setting": setting})
     if isinstance(config, DAggerConfig) and expert is not None:
         config = replace(config, expert=expert_name(expert))
     imitated = expert if row.imitates else None
@@ -121,6 +140,8 @@ def train(
         rollouts_of(collector, collector_of, config.workers, threads, signals.check) as play,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
+        if last is not None:
+            check_begun(last, last.with_name(BEST))
         setting = setting_of(collector.envs[0]) if setting is None else setting
         if not resumed:
             check_first_weights(config, setting)

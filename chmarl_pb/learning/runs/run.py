@@ -218,19 +218,13 @@ class Run:
         """Validate, keep the weights if none so far were better, so of equals the last ones, and return the figures.
 
         Raises:
-            ValueError: there is no score, or it is no number.
+            ValueError: there is no score, or a figure is no number.
         """
-        found: Any = self._validate(self._collector, self.learner.agents)
-        numbers = found if isinstance(found, Mapping) else {}
-        figures = {name: value.item() if hasattr(value, "item") else value for name, value in numbers.items()}
-        if not isinstance(figures.get("score"), int | float):
+        figures = _figures_of(self._validate(self._collector, self.learner.agents))
+        if not np.isfinite(figures["score"]):
             raise ValueError(
-                f"validate returns {found!r}; let it return a dict of numbers with one of the name 'score'"
-            )
-        if np.isnan(figures["score"]):
-            raise ValueError(
-                f"the validation after {self.episodes} episodes has the score nan, by which no weights can be chosen; "
-                "see to what `validate` returns, or to the rewards of the environment"
+                f"the validation after {self.episodes} episodes has the score {figures['score']}, by which no weights "
+                "can be chosen; see to what `validate` returns, or to the rewards of the environment"
             )
         if figures["score"] >= self.best_score:
             self.best_score = figures["score"]
@@ -265,6 +259,21 @@ class Run:
 
     def _due(self, before: int, interval: int) -> bool:
         return self.episodes // interval > before // interval or self.episodes >= self.config.episodes
+
+
+def _figures_of(found: Any) -> dict[str, float]:
+    """Return what a validation returns, in plain numbers.
+
+    Raises:
+        ValueError: it is no dict of numbers, or has no score.
+    """
+    numbers = found if isinstance(found, Mapping) else {}
+    figures = {name: np.ravel(value).tolist() for name, value in numbers.items()}
+    wrong = [name for name, of in figures.items() if len(of) != 1 or not isinstance(of[0], int | float)]
+    if wrong or "score" not in figures:
+        what = f"{wrong[0]!r}: {numbers[wrong[0]]!r} among its figures" if wrong else repr(found)
+        raise ValueError(f"validate returns {what}; let it return a dict of numbers with one of the name 'score'")
+    return {name: of[0] for name, of in figures.items()}
 
 
 def origin(weights: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ The reasons are our own words: torch's advise to load a file that it refuses in 
 
 import pickle
 import warnings
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,9 @@ from chmarl_pb.learning.lookup import UntrustedError, guarded
 from chmarl_pb.learning.storage.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
+
+#: Kinds of what a checkpoint holds, beside lists, tuples and dicts of these; torch's state of a module is the last.
+_KEPT = (str, int, float, bool, bytes, torch.Tensor, nn.Parameter, torch.Size, torch.dtype, OrderedDict)
 
 #: What earlier versions called the settings of learners that play -> their names since then.
 RENAMED = {
@@ -47,19 +51,38 @@ def save(path: Path, kind: str, content: dict[str, Any]) -> None:
         path: of the file.
         kind: what it holds, e.g. "value" or "bc"; says who can read it.
         content: tensors, numbers, texts, and lists and dicts of these.
+
+    Raises:
+        CheckpointError: there is something else in it.
     """
+    whole = {name: plain(part, name) for name, part in {"format": FORMAT, "kind": kind, **content}.items()}
     with replacing(path) as temporary:
-        torch.save(_plain({"format": FORMAT, "kind": kind, **content}), temporary)
+        torch.save(whole, temporary)
         seal(temporary)
 
 
-def _plain(part: Any) -> Any:
-    """Return what a checkpoint holds with Python's numbers in the place of NumPy's, which would not be read again."""
+def plain(part: Any, place: str) -> Any:
+    """Return what a checkpoint holds with Python's numbers in the place of NumPy's, which would not be read again.
+
+    Args:
+        part: of a checkpoint.
+        place: of this part in it, for the error.
+
+    Raises:
+        CheckpointError: there is something in it that would not be read again.
+    """
     if isinstance(part, np.generic):
         return part.item()
     if type(part) is dict:
-        return {key: _plain(value) for key, value in part.items()}
-    return type(part)(map(_plain, part)) if type(part) in (list, tuple) else part
+        return {plain(key, place): plain(value, f"{place}[{key!r}]") for key, value in part.items()}
+    if type(part) in (list, tuple):
+        return type(part)(plain(value, f"{place}[{number}]") for number, value in enumerate(part))
+    if part is not None and type(part) not in _KEPT:
+        raise CheckpointError(
+            f"{place}: a checkpoint keeps no {type(part).__name__}, which could not be read again; give tensors, "
+            "numbers, texts, and lists and dicts of these"
+        )
+    return part
 
 
 def load(path: Path, kind: str | None = None) -> dict[str, Any]:
@@ -80,7 +103,9 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
         found = str(content.get("format") if isinstance(content, dict) else None)[:80]
         raise CheckpointError(f"{path}: its format is {found!r}, this version reads {FORMAT!r}; train it again")
     if kind not in (None, content.get("kind")) or "kind" not in content:
-        raise CheckpointError(f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}")
+        raise CheckpointError(
+            f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}; name another file, or folder"
+        )
     return _with_present_names(content)
 
 
@@ -91,6 +116,23 @@ def _with_present_names(content: dict[str, Any]) -> dict[str, Any]:
         known = {RENAMED.get(name, name): value for name, value in content["config"].items()}
         content["config"] = BEFORE.get(str(content.get("algorithm")), {}) | known
     return content
+
+
+def check_begun(last: Path, best: Path) -> None:
+    """Check that a run that begins does not write over the best weights of another.
+
+    Args:
+        last: the checkpoint that a run goes on from.
+        best: the best weights beside it.
+
+    Raises:
+        CheckpointError: there are best weights alone.
+    """
+    if best.is_file() and not last.exists():
+        raise CheckpointError(
+            f"{best}: the best weights of a run that cannot go on, as its {last.name} is gone; use another folder, or "
+            "remove them"
+        )
 
 
 def check_kept(best: Path) -> None:
@@ -199,9 +241,12 @@ def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> Non
         path: of the file that they come from, for the error.
 
     Raises:
-        CheckpointError: the weights are those of another architecture.
+        CheckpointError: the weights are those of another architecture, or no numbers.
     """
     try:
+        for name, weight in weights.items():
+            if not torch.isfinite(weight).all():
+                raise CheckpointError(f"{path}: its weights {name} are not all finite numbers; train it again")
         module.load_state_dict(weights)
     except (RuntimeError, AttributeError, TypeError) as error:
         lines = [line.strip() for line in str(error).splitlines()]
