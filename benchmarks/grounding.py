@@ -68,12 +68,18 @@ ROWS = (
     Row("mean pool + goal", {"graph_pool": "mean"}, goal=True),
     Row("gated pool", {"graph_pool": "gated"}),
     Row("gated pool + word vectors", {"graph_pool": "gated", "word_vectors": True}),
+    Row("gated pool + numbers past", {"graph_pool": "gated", "numbers_past": True}),
     Row("grounded pool", {"graph_pool": "grounded"}),
     Row("grounded pool + word vectors", {"graph_pool": "grounded", "word_vectors": True}),
     Row("grounded pool + grounding loss", {"graph_pool": "grounded", "grounding_coef": 1.0}),
     Row("grounded pool + word vectors + grounding loss", _GROUNDED),
     Row("the same + numbers past", {**_GROUNDED, "numbers_past": True}),
     Row("the same + goal", {**_GROUNDED, "numbers_past": True}, goal=True),
+    Row("parsed pool + numbers past", {"graph_pool": "parsed", "numbers_past": True}),
+    Row(
+        "parsed pool + word vectors + numbers past",
+        {"graph_pool": "parsed", "word_vectors": True, "numbers_past": True},
+    ),
 )
 
 

@@ -15,6 +15,7 @@ from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.spaces import Interface, interface_of
+from training.sizes_of_others import table_of_others
 from training.tables.rows import TABLES, Row
 
 ROWS = (
@@ -120,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _main() -> int:
-    print(table())
+    print(table(), table_of_others(), sep="\n\n")
     return 0
 
 

@@ -222,7 +222,7 @@ def test_random_actions_fall_linearly_from_first_to_last_share() -> None:
 
 
 def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:
-    with run_lock(tmp_path), pytest.raises(CheckpointError, match="another process trains here"):
+    with run_lock(tmp_path, LAST, BEST), pytest.raises(CheckpointError, match="another process trains here"):
         train(UnevenEnv, "vdn", SMALL, tmp_path)
     assert not (tmp_path / LAST).exists()
     train(UnevenEnv, "vdn", SMALL, tmp_path)

@@ -11,7 +11,8 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import sealed
 from chmarl_pb.policies.weights import read_manifest, weights_folder
 from training.tables.attribution import PARTS, attribution
-from training.tables.cells import Records
+from training.tables.cells import NOT_RUN, Records
+from training.tables.goals import GOALS, goals
 from training.tables.page import write_page
 from training.tables.rows import LIMITED, LIMITED_SPLITS, TABLES, Row
 from training.tables.runs import FORMAT
@@ -41,6 +42,24 @@ def test_each_part_is_told_beside_the_line_that_it_changes() -> None:
         ["", "line 5", "", ""], ["90.0 / 60.0", "line 5", "+0.0", "+10.0"], *[["", "line 7", "", ""]] * 2,
         ["", "line 9", "", ""],
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("plw", "met"), [(0.38, "yes"), (0.379, "no")])
+def test_a_goal_is_met_if_both_of_its_numbers_are(plw: float, met: str, tmp_path: Path) -> None:
+    row = row_of("scene-graph", GOALS[0].row)
+    split = {"summary": {"plw": {"mean": plw}, "success_rate": {"mean": 0.9}}}
+    records: Any = {(row.table, row.slug): [{"evaluation": {"splits": {"test-unseen": split}}}]}
+    lines = goals(records, tmp_path).splitlines()
+    first, second = (line for line in lines if line.startswith("| ") and "PPO, humanoid only" in line)
+    assert first == f"| PPO, humanoid only | 75 / 38 | 90.0 / {100 * plw:.1f} | 1 training | {met} |  |"
+    assert second == f"| Recurrent PPO, humanoid only | 85 / 45 |  | {NOT_RUN} |  |  |"
+
+
+def test_every_goal_names_a_row_or_published_weights() -> None:
+    weights = read_manifest(weights_folder())
+    for goal in GOALS:
+        named = [row for row in TABLES[goal.table] if (row.name, row.observation) == (goal.row, goal.observation)]
+        assert len(named) == (0 if goal.weights else 1) and (not goal.weights or goal.weights in weights)
 
 
 def test_weights_without_feedback_stand_beside_what_they_have_with_it(tmp_path: Path) -> None:

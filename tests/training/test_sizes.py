@@ -7,6 +7,7 @@ from typing import Any
 from unittest.mock import patch
 
 import pytest
+from torch import nn
 
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
@@ -15,6 +16,7 @@ from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.config import RunConfig
 from training import sizes
 from training.games import MATRIX_GAMES, MatrixGame
+from training.sizes_of_others import table_of_others
 
 SMALL: dict[str, Any] = {"horizon": 1, "features": 8, "hidden": 8, "validation_interval": 1000}
 make_game = partial(MatrixGame, MATRIX_GAMES["additive"])
@@ -45,4 +47,13 @@ def test_updates_of_targets_are_those_of_a_run(interval: int) -> None:
 
 def test_the_page_of_the_learners_has_the_table() -> None:
     text = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
-    assert sizes.table() in text
+    assert sizes.table() in text and table_of_others() in text
+
+
+def test_sizes_of_others_are_those_of_their_layers() -> None:
+    recurrent = (nn.Linear(842, 128), nn.GRUCell(128, 128), nn.Linear(128, 10))
+    plain = (nn.Linear(842, 64), nn.Linear(64, 64), nn.Linear(64, 10))
+    counts = [sum(w.numel() for layer in layers for w in layer.parameters()) for layers in (recurrent, plain)]
+    iql, vdn = table_of_others().splitlines()[2:4]
+    assert iql == f"| IQL, EPyMARL | 842 | {counts[0]:,} | none |"
+    assert vdn == f"| VDN, EPyMARL | 842 | {counts[1]:,} | none |"

@@ -27,7 +27,8 @@ _EYES = (
 )
 _SILENT = "as with feedback, which it never needs"
 _SILENT_PICTURES = (
-    "[what it does not see it is told by feedback](training.md#our-own-row-imitation-of-a-search-then-mappo)"
+    "objects that the detector misses, which feedback points out "
+    "([measured](training.md#our-own-row-imitation-of-a-search-then-mappo))"
 )
 _POINTING = "the humanoid's movements, not its words ([measured](training.md#the-grounded-track))"
 

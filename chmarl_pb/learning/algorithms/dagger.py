@@ -2,9 +2,6 @@
 
 https://arxiv.org/abs/1011.0686. Cloning from stored episodes knows only states that the expert comes to; here the
 expert says what it would do while the learner acts more and more by itself, so it learns to get out of its own errors.
-
-Unlike Ross et al., a few gradient steps on the newest ``buffer_size`` episodes follow each rollout, in the place of a
-new learner of all data so far, and the expert's share falls linearly.
 """
 
 from collections.abc import Iterator
@@ -68,6 +65,9 @@ class DAggerConfig(RunConfig):
 
 class DAgger:
     """Learns each agent's actions from an expert's.
+
+    Unlike Ross et al., a few gradient steps on the newest ``buffer_size`` episodes follow each rollout, in the place of
+    a new learner of all data so far, and the expert's share falls linearly.
 
     Attributes:
         agents: agent -> its network; its values are logits of the actions.

@@ -3,11 +3,6 @@
 Each agent acts on its own history; the critic, which is needed in training alone, sees the global state. The reward is
 the team's. An episode that was cut off is worth, beyond its end, what the critic says of its last state; one that has
 ended is worth nothing there.
-
-Of what Yu et al. advise, there are value normalisation (PopArt), a Huber loss and few epochs. Unlike theirs, batches
-are split into minibatches of ``batch_size`` episodes; values are not clipped; the critic sees the global state alone,
-standardized, and has no memory; agents share no weights; whole episodes are learned from, from their starts on, and not
-chunks of 10 steps; there is no orthogonal initialisation and no layer norm; and the learning rates fall linearly.
 """
 
 from collections.abc import Iterator
@@ -120,6 +115,12 @@ class Advantages:
 
 class Mappo:
     """Learns the agents' policies and a critic.
+
+    Of what Yu et al. advise, there are value normalisation (PopArt), a Huber loss and few epochs. Unlike theirs,
+    batches are split into minibatches of ``batch_size`` episodes; values are not clipped; the critic sees the global
+    state alone, standardized, and has no memory; agents share no weights; whole episodes are learned from, from their
+    starts on, and not chunks of 10 steps; there is no orthogonal initialisation and no layer norm; and the learning
+    rates fall linearly.
 
     Attributes:
         agents: agent -> its network; its values are logits of the actions.

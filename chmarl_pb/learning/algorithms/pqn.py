@@ -2,9 +2,6 @@
 
 Episodes that were just played are learned from and thrown away. Lambda-returns of the networks' own values are what
 they learn, and layer norm keeps that stable in the place of target networks.
-
-Unlike Gallici et al., agents share no weights, whole episodes are learned from and not chunks of some steps, and layer
-norm stands after the encoder and after the GRU, not after every layer.
 """
 
 from collections.abc import Iterator
@@ -87,6 +84,9 @@ class PqnConfig(RunConfig):
 
 class Pqn:
     """Learns the agents' values, joined by a mixer, from the newest episodes alone.
+
+    Unlike Gallici et al., agents share no weights, whole episodes are learned from and not chunks of some steps, and
+    layer norm stands after the encoder and after the GRU, not after every layer.
 
     Attributes:
         agents: agent -> its network.

@@ -2,9 +2,6 @@
 
 QTRAN does not mix: it learns the team's value freely and then makes the sum of the agents' values agree with it where
 it matters.
-
-Unlike Son et al., agents share no weights and are recurrent, the three losses have equal weights, and targets are of
-double Q: the next actions are those that the networks in training think best.
 """
 
 import torch
@@ -58,7 +55,11 @@ class QtranNetworks(nn.Module):
 
 
 class Qtran(ValueLearner):
-    """Value factorisation with the networks and the loss of QTRAN in the place of a mixer."""
+    """Value factorisation with the networks and the loss of QTRAN in the place of a mixer.
+
+    Unlike Son et al., agents share no weights and are recurrent, the three losses have equal weights, and targets are
+    of double Q: the next actions are those that the networks in training think best.
+    """
 
     def make_mixer(self, interface: Interface) -> nn.Module:
         """Return the joint networks.

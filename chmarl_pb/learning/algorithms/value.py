@@ -1,11 +1,4 @@
-"""Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step.
-
-The defaults are PyMARL's where it has a like: targets of double Q that look one step ahead and are copied every 200
-gradient steps, states and values as they are. Unlike PyMARL's, agents share no weights, the optimizer is Adam and not
-RMSprop, several episodes are played side by side, and epsilon falls with the episodes. Sunehag et al. (VDN) have an
-LSTM, a dueling head and eligibility traces besides; Rashid et al. (QMIX) write the maximum of the target networks' own
-values, not double Q.
-"""
+"""Value factorisation (IQL, VDN, QMIX): networks, their targets, and one gradient step."""
 
 import copy
 from collections.abc import Iterator
@@ -80,6 +73,14 @@ class Config(RunConfig):
 
 class ValueLearner:
     """Learns the agents' values, joined by a mixer.
+
+    The defaults are PyMARL's where it has a like: targets of double Q that look one step ahead and are copied every 200
+    gradient steps, states and values as they are. Unlike PyMARL's, agents share no weights, the optimizer is Adam and
+    not RMSprop, several episodes are played side by side, and epsilon falls with the episodes. Sunehag et al. (VDN)
+    have an LSTM, a dueling head and eligibility traces besides; Rashid et al. (QMIX) write the maximum of the target
+    networks' own values, not double Q. Of IQL, Tan (1993) has tables, one for each agent, and Tampuu et al. (2017) DQN
+    on pictures, without memory and double Q; here each agent has a recurrent network, and all learn from one replay
+    buffer.
 
     Attributes:
         agents: agent -> its network.

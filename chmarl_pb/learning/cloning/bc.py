@@ -52,6 +52,10 @@ def clone(
 ) -> dict[str, Any]:
     """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
 
+    Unlike the clones of Goyal et al. (Adam, end to end), these learn by AdamW with a rate that falls along a cosine,
+    see pictures by frozen weights, and observe their own last action (``past_actions``). The best epoch is the one with
+    the best PLW on validation tasks, not the one with the least loss.
+
     The best are those of the epoch with the highest mean of the validation splits' PLW. A signal that asks the run
     to end has it saved after the present batch; a killed run loses a minute at most.
 
@@ -76,7 +80,7 @@ def clone(
     signals, where = Signals(), find_device(device)
     with torch_threads(threads):
         run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check, where)
-        with closing(run.examiner), run_lock(folder):
+        with closing(run.examiner), run_lock(folder, LAST, BEST):
             run.restore()
             with closing(Logger(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logger, signals:
                 try:

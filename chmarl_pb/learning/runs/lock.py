@@ -6,17 +6,22 @@ from pathlib import Path
 
 from chmarl_pb.errors import BusyError
 from chmarl_pb.files import Lock
-from chmarl_pb.learning.storage.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_begun
 
 
 @contextmanager
-def run_lock(folder: Path | None) -> Iterator[None]:
+def run_lock(folder: Path | None, last: str, best: str) -> Iterator[None]:
     """Hold a run's folder as long as the block runs; None: there is none to hold.
 
     It is made if it is missing, and removed again if nothing was written into it.
 
+    Args:
+        folder: of the run.
+        last: name of the file that the run goes on from.
+        best: name of that of its best weights.
+
     Raises:
-        CheckpointError: another process holds it.
+        CheckpointError: another process holds it, or it has best weights of a run that cannot go on.
         WriteError: nothing can be written there.
     """
     if folder is None:
@@ -29,6 +34,7 @@ def run_lock(folder: Path | None) -> Iterator[None]:
         raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
     try:
         with lock:
+            check_begun(folder / last, folder / best)
             yield
     finally:
         if made:  # and nothing was written

@@ -22,7 +22,7 @@ from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.validation import Validate, by_return
-from chmarl_pb.learning.storage.checkpoint import check_begun, check_kept, load, plain, reading
+from chmarl_pb.learning.storage.checkpoint import check_kept, load, plain, reading
 from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
@@ -135,13 +135,11 @@ def train(
     collector_of = partial(Collector, env_fn, expert=imitated, horizon=config.horizon)
     last = None if folder is None else folder / LAST
     with (
-        torch_threads(threads), run_lock(folder),
+        torch_threads(threads), run_lock(folder, LAST, BEST),
         closing(collector_of(config.envs, check=signals.check)) as collector,
         rollouts_of(collector, collector_of, config.workers, threads, signals.check) as play,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
-        if last is not None:
-            check_begun(last, last.with_name(BEST))
         setting = setting_of(collector.envs[0]) if setting is None else setting
         if not resumed:
             check_first_weights(config, setting)

@@ -76,7 +76,7 @@ def run(
     signals = Signals()
     with ExitStack() as stack:
         stack.enter_context(torch_threads(threads))
-        stack.enter_context(run_lock(folder))
+        stack.enter_context(run_lock(folder, LAST, BEST))
         title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
         bar = stack.enter_context(Bar(title, config.steps, quiet))
         journal = Journal(chmarl_pb.sb3_vec_env(config.envs, config.env_id, workers, **config.env_options))
