@@ -5,6 +5,8 @@ of VDN and QMIX give one for the team, (B, T, 1); all three are learned by one l
 see :mod:`chmarl_pb.learning.algorithms.qtran`.
 """
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -43,12 +45,12 @@ def mixed(mixer: Mixer, values: Tensor, states: Tensor) -> Tensor:
     Raises:
         ValueError: that has another shape than it should.
     """
-    found: Tensor = mixer(values, states)
+    found: Any = mixer(values, states)
     wanted = (*values.shape[:2], values.shape[2] if mixer.per_agent else 1)
-    if found.shape != wanted:
+    if not isinstance(found, Tensor) or found.shape != wanted:
+        given = tuple(found.shape) if isinstance(found, Tensor) else repr(found)
         raise ValueError(
-            f"the mixer {type(mixer).__name__} gives {tuple(found.shape)} for values {tuple(values.shape)}; it is to "
-            f"give {wanted}"
+            f"the mixer {type(mixer).__name__} gives {given} for values {tuple(values.shape)}; it is to give {wanted}"
         )
     return found
 

@@ -101,7 +101,10 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
     content = tensors_of(path, path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = str(content.get("format") if isinstance(content, dict) else None)[:80]
-        raise CheckpointError(f"{path}: its format is {found!r}, this version reads {FORMAT!r}; train it again")
+        raise CheckpointError(
+            f"{path}: its format is {found!r}, and that of policies of this version {FORMAT!r}; name the weights of a "
+            "policy, or train it again"
+        )
     if kind not in (None, content.get("kind")) or "kind" not in content:
         raise CheckpointError(
             f"{path}: holds a checkpoint of kind {content.get('kind')!r}, not {kind!r}; name another file, or folder"
