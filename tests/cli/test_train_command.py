@@ -92,7 +92,10 @@ def test_folders_are_named_after_what_makes_a_row_of_the_tables() -> None:
         (["--algo", "qmix", "--device", "abacus"], "device='abacus'"),
         (["--algo", "qmix", "--mixer", "magic"], "mixer='magic' is not known"),
         (["--algo", "iql", "--mixer", "qmix"], "mixer='qmix': that makes another algorithm of iql; use qmix"),
-        (["--algo", "qmix", "--mixer", "torch.nn:Linear"], "mixer='torch.nn:Linear': makes a Linear, not a Mixer"),
+        (
+            ["--algo", "qmix", "--mixer", "torch.nn:Linear"],
+            "mixer='torch.nn:Linear': makes torch.nn.modules.linear.Linear;",
+        ),
         (["--algo", "vdn", "--observation", "visual", "--image-encoder", "vgg"], "image_encoder='vgg' is not known"),
         (["--algo", "mappo", "--start", "no.pt"], "no.pt: no such checkpoint"),
         (["--algo", "dagger-mappo", "--imitation.numbers-past"], "Unrecognized options: --imitation.numbers-past"),

@@ -27,6 +27,7 @@ from chmarl_pb.learning.runs.logger import Logger
 from training import table
 from training.tables.attribution import PARTS
 from training.tables.cells import NOT_RUN
+from training.tables.goals import GOALS
 from training.tables.page import write_page
 from training.tables.rows import LIMITED, LIMITED_DATA, TABLES, Row
 from training.tables.runs import FORMAT, Run, curve, read_records
@@ -408,7 +409,7 @@ def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
 def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert text.count(f"| {NOT_RUN} |") == len(PARTS) + sum(
+    assert text.count(f"| {NOT_RUN} |") == len(GOALS) + len(PARTS) + sum(
         len(rows) * (1 if table in TRACKS else 2) for table, rows in TABLES.items()
     )
     for published in (row.published for rows in TABLES.values() for row in rows if row.published):
@@ -444,9 +445,10 @@ def test_page_shows_means_and_spread(tmp_path: Path, launch: Launch) -> None:
     write_page(runs[0].results, tmp_path / "docs" / "results.md")
     text = (tmp_path / "docs" / "results.md").read_text()
     assert (
-        "| QMIX | 2 of 3 | mean pool, 4 episodes, feedback at test | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |" in text
+        "| QMIX | 2 of 3 | mean pool, 4 episodes, 0 min, feedback at test | 13.73 | 30.0 ± 7.1 | 12.84 | 30.0 ± 7.1 |"
+        in text
     )
-    assert "| QMIX | 1 of 2 | 4 episodes, feedback at test | 14.09 | 25.0 |" in text
+    assert "| QMIX | 1 of 2 | 4 episodes, 0 min, feedback at test | 14.09 | 25.0 |" in text
     assert (
         "**QMIX** (best on val-unseen of those with all seeds run): PLW **30.0 ± 7.1**, success" in text
     )  # without intervals
