@@ -174,7 +174,8 @@ def _make_folder(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        file = next(above for above in reversed(path.parents) if above.exists() and not above.is_dir())
+        files = (above for above in reversed(path.parents) if above.exists() and not above.is_dir())
+        file = next(files, error.filename)  # of a link to nowhere itself
         raise WriteError(f"{path}: cannot be written, {file} is no folder; choose another place") from error
     except OSError as error:
         raise _refused(path, error) from error

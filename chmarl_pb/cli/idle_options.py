@@ -14,6 +14,7 @@ _OF_OTHERS: Mapping[str, frozenset[str]] = {
     "imitation": frozenset({"reward_scale"}),
 }
 _OF_PICTURES = frozenset({"image_encoder", "image_size"})
+_UNPOOLED = frozenset({"cnn", "resnet18", "efficientnet-lite0"})
 _OF_ENCODERS = frozenset({"features", "graph_pool", "word_vectors", "image_size"})
 
 
@@ -67,6 +68,7 @@ def _idle_in_encoder(name: str, config: Any, observation: str) -> str:
     pictures = observation == "visual"
     if name in _OF_PICTURES and not pictures:
         return f"there are no pictures with --observation {observation}"
-    if name == "graph_pool" and pictures and config.image_encoder != "detector":
+    unpooled = config.image_encoder in _UNPOOLED and getattr(config, "encoder", "household") == "household"
+    if name == "graph_pool" and pictures and unpooled:
         return f"features of {config.image_encoder} are not pooled as scene graphs and detections are"
     return ""

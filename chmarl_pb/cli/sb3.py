@@ -16,7 +16,7 @@ from chmarl_pb.extras import needs
 from chmarl_pb.learning.benchmark_env import Observation
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.sb3.config import Config, EnvId
-from chmarl_pb.learning.sb3.train import BEST, RESULT, run
+from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.robots.registry import TEAM, listed
 
 with needs("chmarl-pb sb3", "train"):
@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str]) -> int:
     config, folder, workers, device, quiet = parse(arguments)
+    if not (folder / LAST).exists():  # what was begun goes on, however it was begun
+        refuse_idle(config, Config(config.algo), partial(idle_in_sb3, config=config))
     run(config, folder, workers, quiet=quiet, device=device)
     if quiet:
         return 0
@@ -85,7 +87,6 @@ def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str, bool
     """Return the settings that a command names, the run's folder, the processes, the device, and if it is quiet."""
     command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=ABOUT)
     config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
-    refuse_idle(config, Config(config.algo), partial(idle_in_sb3, config=config))
     return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device, command.quiet
 
 

@@ -212,6 +212,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     command = parse(arguments)
     folder = command.place.out or Path("out/train") / run_name(command)
+    if not any((place / LAST).exists() for place in (folder, folder / IMITATION)):  # what was begun goes on as it was
+        check_used(command)
     command.run(folder)
     if command.place.quiet:
         return 0
@@ -226,28 +228,41 @@ def parse(arguments: Sequence[str]) -> Command:
     """Return the training that arguments ask for; ``--algo NAME`` may stand anywhere among them, or NAME first.
 
     Raises:
-        ValueError: no algorithm is named, one that there is not, or an option that the run would not use.
+        ValueError: no algorithm is named, or one that there is not.
     """
     words = _algorithm_first(arguments)
     rules, words = _rules_first(words)
     prog = "chmarl-pb train --algo"
     found: Command
-    default: Command
     if ":" in words[0]:
-        default = own = Play(words[0], find_algorithm(words[0]).config(image_encoder="resnet18"))
-        found = tyro.cli(Play, default=own, args=words[1:], prog=f"{prog} {words[0]}", description=ABOUT)
+        found = tyro.cli(Play, default=_own(words[0]), args=words[1:], prog=f"{prog} {words[0]}", description=ABOUT)
     else:
         commands = [Annotated[type(one), tyro.conf.subcommand(name, default=one)] for name, one in COMMANDS.items()]
         kinds: Any = Union[tuple(commands)]  # noqa: UP007
         found = tyro.cli(kinds, args=words, prog=prog, description=ABOUT)
-        default = COMMANDS[found.algo]
     if isinstance(found, Play):
         found = replace(found, env=replace(found.env, rules=rules))
-    why_idle = partial(idle_in_train, algorithm=found.algo, config=found.config, setting=found.setting)
-    refuse_idle(found.config, default.config, why_idle)
-    if isinstance(found, Play):
-        refuse_idle(found.env, Env(), why_idle)
     return found
+
+
+def check_used(command: Command) -> None:
+    """Refuse options that a run would not use.
+
+    Raises:
+        ValueError: there is one.
+    """
+    why_idle = partial(idle_in_train, config=command.config, setting=command.setting)
+    kind = COMMANDS.get(command.algo) or _own(command.algo)
+    refuse_idle(command.config, kind.config, partial(why_idle, algorithm=command.algo))
+    if isinstance(command, DaggerMappo):
+        refuse_idle(command.imitation, Imitation(), partial(why_idle, algorithm=IMITATION))
+    if isinstance(command, Play):
+        refuse_idle(command.env, Env(), partial(why_idle, algorithm=command.algo))
+
+
+def _own(algorithm: str) -> Play:
+    """Return the command that trains an algorithm of one's own, with its defaults."""
+    return Play(algorithm, find_algorithm(algorithm).config(image_encoder="resnet18"))
 
 
 def _rules_first(words: Sequence[str]) -> tuple[dict[str, Any], list[str]]:

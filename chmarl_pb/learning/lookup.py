@@ -90,10 +90,7 @@ def make_network(
     except (TypeError, ValueError) as error:  # the second of builtins
         given = ", ".join([*(type(one).__name__ for one in arguments), *named])
         raise ValueError(f"{option}={name!r}: {error}; it is called with ({given})") from error
-    try:
-        network = make(*arguments, **named)
-    except TypeError as error:  # of what was written to be called with something else
-        raise ValueError(f"{option}={name!r}: {error}; see docs/training.md for what it is called with") from error
+    network = make(*arguments, **named)
     if not isinstance(network, kind):
         raise ValueError(f"{option}={name!r}: makes {_kind(type(network))}; derive what it makes from {_kind(kind)}")
     return network

@@ -223,14 +223,14 @@ def imported(path: str, what: str) -> Callable[..., Any]:
 
 
 def _checkpoint(path: Path) -> Source:
-    if path.is_dir():
-        raise OptionError(f"{path}: is a folder; name the file of the weights in it, e.g. {path / 'best.pt'}")
     installed = {f".{point.name}": point for point in entry_points(group=ENTRY_POINTS)}
     ending = path.suffix
     if ending in _LOADERS:
         load = _LOADERS[ending]
     elif ending in installed:
         load = installed[ending].load()
+    elif path.is_dir():
+        raise OptionError(f"{path}: is a folder; name the file of the weights in it, e.g. {path / 'best.pt'}")
     else:
         known = ", ".join(sorted({*_LOADERS, *installed})) or "none"
         raise OptionError(

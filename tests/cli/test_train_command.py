@@ -12,8 +12,8 @@ pytest.importorskip("torch")
 pytest.importorskip("tyro")
 
 from chmarl_pb.cli.evaluate import add, evaluate_command
-from chmarl_pb.cli.sb3 import parse as parse_sb3
-from chmarl_pb.cli.train import COMMANDS, main, parse, run_name
+from chmarl_pb.cli.sb3 import main as main_sb3
+from chmarl_pb.cli.train import COMMANDS, check_used, main, parse, run_name
 from chmarl_pb.envs.options import Options
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS
 from chmarl_pb.learning.algorithms.value import Config
@@ -132,12 +132,15 @@ def test_bad_values_give_one_sentence(
         ("qmix --image-encoder detector", "--image-encoder"),
         ("bc --image-encoder detector", "--image-encoder"),
         ("qmix --image-size 64", "--image-size"),
+        ("qmix --home villa.urdf --split generated", "--split"),
+        ("dagger-mappo --imitation.reward-scale 2", "--reward-scale"),
+        ("dagger-mappo --imitation.home-rollouts 5", "--home-rollouts"),
         ("qmix --observation visual --graph-pool grounded", "--graph-pool"),
     ],
 )
 def test_an_option_that_the_run_would_not_use_is_refused(words: str, option: str) -> None:
     with pytest.raises(ValueError, match=f"^{option}: .*; leave it out$"):
-        parse(["--algo", *words.split()])
+        check_used(parse(["--algo", *words.split()]))
 
 
 def test_options_that_are_used_where_they_belong_are_taken() -> None:
@@ -146,17 +149,29 @@ def test_options_that_are_used_where_they_belong_are_taken() -> None:
         "mappo --start best.pt --critic-starts 2", "qmix --split generated --home-rollouts 3",
         "qmix --track grounded --home-rollouts 3", "qmix --observation visual --image-encoder cnn --image-size 64",
         "bc --observation visual --image-encoder detector --graph-pool grounded", "dagger-mappo --critic-starts 2",
+        "qmix --observation visual --encoder mine:Encoder --graph-pool gated",
     ):  # fmt: skip
-        parse(["--algo", *words.split()])
+        check_used(parse(["--algo", *words.split()]))
+
+
+def test_a_run_that_was_begun_with_an_idle_option_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from chmarl_pb.cli import train as command
+
+    monkeypatch.setattr(command, "train", lambda *arguments, **options: None)
+    words = ["--algo", "qmix", "--joint-units", "7", "--quiet", "--out", str(tmp_path)]
+    assert main(words) == 2 and "--joint-units: qmix does not use it" in capsys.readouterr().err
+    (tmp_path / LAST).touch()
+    assert main(words) == 0
 
 
 @pytest.mark.parametrize("option", ["--features 3", "--word-vectors", "--graph-pool parsed", "--image-size 64"])
-def test_a_preset_of_few_numbers_takes_no_options_of_encoders(option: str) -> None:
-    with pytest.raises(ValueError, match=f"^{option.split()[0]}: preset 'goal' reads a few numbers"):
-        parse_sb3(["--algo", "ppo", *option.split()])
-    parse_sb3(
-        ["--algo", "ppo", "--preset", "encoder", *(["--observation", "visual"] * ("size" in option)), *option.split()]
-    )
+def test_a_preset_of_few_numbers_takes_no_options_of_encoders(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main_sb3(["--algo", "ppo", *option.split(), "--out", str(tmp_path)]) == 2
+    assert f"{option.split()[0]}: preset 'goal' reads a few numbers" in capsys.readouterr().err
 
 
 def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,11 +14,11 @@ import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.learning import train
+from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.algorithms.losses import grounding
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, make_learner
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
-from chmarl_pb.learning.networks.agents import Agent
+from chmarl_pb.learning.networks.agents import Agent, make_agents
 from chmarl_pb.learning.networks.match import ROOMS, Match, named_by
 from chmarl_pb.learning.networks.tables import class_table, shared_map, word_table
 from chmarl_pb.learning.rollouts.collect import Collector, greedy
@@ -134,10 +134,14 @@ def test_colours_and_places_of_nodes_count(env: HouseholdEnv, pool: str) -> None
     [("taught", "grounding_coef"), ("word_vectors",) * 2, ("numbers_past",) * 2, ("cells_past",) * 2],
 )
 def test_options_about_words_and_graphs_need_them(option: str, named: str) -> None:
-    numbers: Any = {option: True}
-    for space in (spaces.Dict({"range": spaces.Box(0, 1, (3,))}), spaces.Box(0, 1, (3,))):
-        with pytest.raises(ValueError, match=f"^{named}"):
-            build_encoder(space, 8, **numbers)
+    given: Any = {named: 1.0 if option == "taught" else True}
+    config = Config(features=8, hidden=8, **given)
+    plain: dict[str, spaces.Space[Any]] = {"b": spaces.Dict({"range": spaces.Box(0, 1, (3,))})}
+    with pytest.raises(ValueError, match=f"^{named}"):
+        make_agents(plain, {"b": 2}, config)
+    if option in ("word_vectors", "numbers_past"):  # one that has it is enough: agents share their settings
+        with closing(chmarl_pb.parallel_env()) as env:
+            make_agents({"a": env.observation_space("humanoid"), "b": spaces.Box(0, 1, (3,))}, {"a": 2, "b": 2}, config)
 
 
 @pytest.mark.parametrize("algorithm", ["qmix", "pqn", "mappo", "imitation"])

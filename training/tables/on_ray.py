@@ -32,7 +32,8 @@ def main() -> int:
     except ChmarlError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    for path, content in files.items():
+    for path in sorted(files, key=lambda path: path.stem == "best"):  # a run without its last checkpoint cannot go on
+        content = files[path]
         with replacing(path) as temporary:
             temporary.write_bytes(content)
     sys.stdout.buffer.write(printed)

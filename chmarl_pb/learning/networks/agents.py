@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import make_network
-from chmarl_pb.learning.networks.encoders import ENCODERS
+from chmarl_pb.learning.networks.encoders import ENCODERS, build_encoder, check_found
 from chmarl_pb.learning.spaces import Tree, tree_map
 
 NO_ACTION = -1  # last action at the first step
@@ -119,8 +119,15 @@ def asked_of_encoder(config: Any) -> dict[str, bool]:
 def make_agents(
     observations: dict[str, spaces.Space[Any]], actions: Mapping[str, Counts], config: RunConfig
 ) -> nn.ModuleDict:
-    """Return agent -> its network, from its observation space and its number of actions."""
-    return nn.ModuleDict({name: Agent(space, actions[name], config) for name, space in observations.items()})
+    """Return agent -> its network, from its observation space and its number of actions.
+
+    Raises:
+        ValueError: there is no such encoder, or an option is about what no agent observes.
+    """
+    agents = {name: Agent(space, actions[name], config) for name, space in observations.items()}
+    if ENCODERS.get(config.encoder) is build_encoder:
+        check_found((agent.encoder for agent in agents.values()), asked_of_encoder(config))
+    return nn.ModuleDict(agents)
 
 
 def device_of(networks: nn.Module) -> torch.device:

@@ -5,7 +5,7 @@ through a graph convolution, tokens through an embedding; any picture goes throu
 key is flattened.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
 import torch
@@ -86,8 +86,8 @@ def build_encoder(
             with places in the picture.
 
     Raises:
-        ValueError: the space is of another kind, there is no such encoder, instructions have words that are not read,
-            or an option is about what the space has not: words, numbers of ours, cells, or what could be taught.
+        ValueError: the space is of another kind, there is no such encoder, nothing tells of cells, instructions have
+            words that are not read, or there is nothing to teach, as they are parsed.
         CheckpointError: there are no weights of ResNet-18.
     """
     look_up("graph_pool", graph_pool, GRAPH_POOLS)
@@ -97,13 +97,34 @@ def build_encoder(
             space, size, image_encoder, graph_pool,
             numbers_past=numbers_past, word_vectors=word_vectors, taught=taught, cells_past=cells_past,
         )  # fmt: skip
-    asked = {
-        "word_vectors": word_vectors, "numbers_past": numbers_past, "grounding_coef": taught, "cells_past": cells_past
-    }  # fmt: skip
-    if named_parts := [name for name, on in asked.items() if on]:
-        raise ValueError(f"{named_parts[0]}: is about parts of an observation that is a Dict, and this is {space}")
     part = _flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
+
+
+#: Option of encoders -> what an observation has to have for it.
+_NEEDED = {
+    "taught": "a scene graph, or detections of pictures, beside an instruction",
+    "word_vectors": "words or classes",
+    "numbers_past": "messages, self or goal",
+    "cells_past": "cells",
+}
+
+
+def check_found(encoders: Iterable[nn.Module], asked: Iterable[str]) -> None:
+    """Refuse options for which none of the observations that encoders of ``build_encoder`` read has anything.
+
+    Args:
+        encoders: of all agents, which share the options.
+        asked: names of the options that are on.
+
+    Raises:
+        ValueError: there is one.
+    """
+    found = set[str]().union(*(getattr(encoder, "found", ()) for encoder in encoders))
+    for name in asked:
+        if name not in found:
+            option = "grounding_coef" if name == "taught" else name
+            raise ValueError(f"{option}: no observation has {_NEEDED[name]}; leave it out")
 
 
 class DictEncoder(nn.Module):
@@ -112,6 +133,7 @@ class DictEncoder(nn.Module):
     Attributes:
         past: number of the numbers that go past the layers.
         size: number of features, with these.
+        found: names of the options for which the space has something.
     """
 
     def __init__(
@@ -141,19 +163,13 @@ class DictEncoder(nn.Module):
         parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
-        if taught and not matched:
-            raise ValueError(
-                "grounding_coef: the observation has no scene graph, and no detections of pictures, whose classes an "
-                "instruction beside them could name; leave it at 0"
-            )
         self.matches = nn.ModuleDict({key: self._match(key) for key in matched})
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
         self.numbers = Numbers(space, cells_past) if numbers_past else None
-        if self.numbers is not None and not self.numbers.size:
-            raise ValueError("numbers_past: the observation has no messages, self or goal; leave it out")
-        if self.meaning is not None and not (self._tokens or goals(space) or graphs(space)):
-            raise ValueError("word_vectors: the observation has no words and no classes; leave it out")
+        meant = self._tokens or any(hasattr(part, "classes") for part in parts.values())
+        found = {"taught": matched, "word_vectors": meant, "numbers_past": self.numbers and self.numbers.size}
+        self.found = {name for name, of in found.items() if of} | ({"cells_past"} if cells_past else set())
         self._locating = {key: part.locates for key, part in parts.items() if part.locates} if cells_past else {}
         if cells_past and not self._locating:
             raise ValueError(

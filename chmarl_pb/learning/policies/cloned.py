@@ -15,6 +15,7 @@ from chmarl_pb.learning.components import one_hot
 from chmarl_pb.learning.config import CATALOG, FROZEN, amount, check, count, seed_number, share
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, device_of
+from chmarl_pb.learning.networks.encoders import check_found
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
@@ -119,6 +120,7 @@ class BCActor(nn.Module):
             DictEncoder,
             build_encoder(space, config.features, config.image_encoder, config.graph_pool, **asked_of_encoder(config)),
         )
+        check_found([self.encoder], asked_of_encoder(config))
         past = self.encoder.past
         self.dropout = nn.Dropout(config.dropout)
         self.past_actions = config.past_actions

@@ -27,7 +27,7 @@ def run_lock(folder: Path | None, last: str, best: str) -> Iterator[None]:
     if folder is None:
         yield
         return
-    made = not folder.exists()
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
         lock = Lock(folder / "training")
     except BusyError as error:
@@ -37,6 +37,6 @@ def run_lock(folder: Path | None, last: str, best: str) -> Iterator[None]:
             check_begun(folder / last, folder / best)
             yield
     finally:
-        if made:  # and nothing was written
-            with suppress(OSError):
-                folder.rmdir()
+        with suppress(OSError):  # of those that something was written into
+            for place in made:
+                place.rmdir()

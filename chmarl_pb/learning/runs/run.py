@@ -268,12 +268,20 @@ def _figures_of(found: Any) -> dict[str, float]:
         ValueError: it is no dict of numbers, or has no score.
     """
     numbers = found if isinstance(found, Mapping) else {}
-    figures = {name: np.ravel(value).tolist() for name, value in numbers.items()}
-    wrong = [name for name, of in figures.items() if len(of) != 1 or not isinstance(of[0], int | float)]
+    figures = {name: _number(value) for name, value in numbers.items()}
+    wrong = [name for name, value in figures.items() if not isinstance(value, int | float)]
     if wrong or "score" not in figures:
         what = f"{wrong[0]!r}: {numbers[wrong[0]]!r} among its figures" if wrong else repr(found)
         raise ValueError(f"validate returns {what}; let it return a dict of numbers with one of the name 'score'")
-    return {name: of[0] for name, of in figures.items()}
+    return figures
+
+
+def _number(value: Any) -> Any:
+    """Return a number of NumPy or torch as Python's; anything else as it is."""
+    try:
+        return value.item() if hasattr(value, "item") else value
+    except (ValueError, RuntimeError):  # several numbers
+        return value
 
 
 def origin(weights: Path) -> dict[str, Any]:

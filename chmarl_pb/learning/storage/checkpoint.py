@@ -5,7 +5,7 @@ The reasons are our own words: torch's advise to load a file that it refuses in 
 
 import pickle
 import warnings
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,8 +22,11 @@ from chmarl_pb.learning.storage.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
 
-#: Kinds of what a checkpoint holds, beside lists, tuples and dicts of these; torch's state of a module is the last.
-_KEPT = (str, int, float, bool, bytes, torch.Tensor, nn.Parameter, torch.Size, torch.dtype, OrderedDict)
+#: Kinds of what a checkpoint holds, beside lists, tuples, sets and dicts of these.
+_KEPT = (
+    str, int, float, complex, bool, bytes, bytearray, torch.Tensor, nn.Parameter, torch.Size, torch.dtype, torch.device,
+    torch.layout,
+)  # fmt: skip
 
 #: What earlier versions called the settings of learners that play -> their names since then.
 RENAMED = {
@@ -73,9 +76,12 @@ def plain(part: Any, place: str) -> Any:
     """
     if isinstance(part, np.generic):
         return part.item()
-    if type(part) is dict:
-        return {plain(key, place): plain(value, f"{place}[{key!r}]") for key, value in part.items()}
-    if type(part) in (list, tuple):
+    if type(part) in (dict, OrderedDict, Counter):
+        made = type(part)({plain(key, place): plain(value, f"{place}[{key!r}]") for key, value in part.items()})
+        if type(part) is OrderedDict:  # torch's state of a module, which has the versions of its parts beside it
+            vars(made).update(vars(part))
+        return made
+    if type(part) in (list, tuple, set):
         return type(part)(plain(value, f"{place}[{number}]") for number, value in enumerate(part))
     if part is not None and type(part) not in _KEPT:
         raise CheckpointError(
@@ -247,9 +253,6 @@ def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> Non
         CheckpointError: the weights are those of another architecture, or no numbers.
     """
     try:
-        for name, weight in weights.items():
-            if not torch.isfinite(weight).all():
-                raise CheckpointError(f"{path}: its weights {name} are not all finite numbers; train it again")
         module.load_state_dict(weights)
     except (RuntimeError, AttributeError, TypeError) as error:
         lines = [line.strip() for line in str(error).splitlines()]
@@ -258,6 +261,9 @@ def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> Non
             f"{path}: its weights do not fit this network: {reason} Use the configuration, observation and version "
             "that it was trained with"
         ) from error
+    for name, weight in module.named_parameters():  # buffers may be infinite, as masks are
+        if not torch.isfinite(weight).all():
+            raise CheckpointError(f"{path}: its weights {name} are not all finite numbers; train it again")
 
 
 def fill_optimizer(optimizer: torch.optim.Optimizer, state: dict[str, Any], path: Path) -> None:
