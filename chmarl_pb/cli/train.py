@@ -146,7 +146,7 @@ class DaggerMappo(Play):
     """Imitate a search, then learn by MAPPO from there on.
 
     The search knows no more than the robots see; to imitate it gives a learner that looks around and goes on,
-    which the privileged planner, who never searches, cannot teach. MAPPO then improves the imitator by the reward.
+    which the privileged planner, who never searches, teaches less well. MAPPO then improves the imitator by the reward.
 
     Attributes:
         imitation: settings that the first training has by itself; seed and networks are those of the second.
