@@ -52,6 +52,7 @@ def as_expert(policy: Any) -> Expert:
     Raises:
         ValueError: it is neither.
     """
-    if not hasattr(policy, "reset") or not (hasattr(policy, "act") or hasattr(policy, "propose")):
+    teaches = hasattr(policy, "propose") and hasattr(policy, "note")
+    if not hasattr(policy, "reset") or not (teaches or hasattr(policy, "act")):
         raise ValueError(f"expert makes {policy!r}: make a policy, with reset and act, or an Expert")
-    return policy if hasattr(policy, "propose") and hasattr(policy, "note") else PlainExpert(policy)
+    return policy if teaches else PlainExpert(policy)

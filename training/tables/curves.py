@@ -29,6 +29,8 @@ _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
     "Imitation of belief, generated homes, words parsed": "#0050c8", "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
+    "Imitation of search": "#a65628", "Imitation of planner": "#9ecae1",
+    "Imitation of belief, generated homes, ResNet-18": "#ff9da7",
     "QMIX + messages, grounded": "#00897b", "QMIX + messages, grounded, generated homes": "#00897b",
 }  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.

@@ -46,7 +46,7 @@ def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> N
     """
     env_fn, config, expert, setting = (given[name] for name in ("env_fn", "config", "expert", "setting"))
     if not callable(env_fn):
-        raise ValueError(f"env_fn={env_fn!r}: give what makes an environment, e.g. partial(chmarl_pb.parallel_env)")
+        raise ValueError(f"env_fn={env_fn!r}: give what makes an environment, e.g. chmarl_pb.parallel_env")
     if not isinstance(config, row.config):
         raise ValueError(f"config={config!r}: {algorithm} takes settings of the class {row.config.__name__}")
     if expert is not None and not callable(expert):
