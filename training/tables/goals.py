@@ -8,22 +8,22 @@ from statistics import fmean
 from typing import Any
 
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS
-from training.tables.cells import NOT_RUN, Records, runs_of, values
+from training.tables.cells import HEADLINE, NOT_RUN, Records, built_in, runs_of, values
 from training.tables.rows import TABLES
 from training.tables.without_feedback import Scores, played_without
 
 NOTE = """## Goals, and what stops what misses them
 
-Set before the runs. Success / PLW, per cent, means over seeds, on test-unseen (grounded track: generated-test); a goal
-is met if both are reached. Goals of speed: [performance.md](performance.md#learning).
+What this project set out to reach. Success / PLW, per cent, means over seeds, on test-unseen (grounded track:
+generated-test); a goal is met if both are reached. Goals of speed: [performance.md](performance.md#learning).
 """
 
 _TEACHER = (
-    "its teacher, which has 96.0 / 60.6 itself ([measured](training.md#our-own-row-imitation-of-a-search-then-mappo))"
+    "its teacher, which has {belief} itself ([measured](training.md#our-own-row-imitation-of-a-search-then-mappo))"
 )
 _EYES = (
-    "its teacher, and in homes never seen the detector: told what pictures truly show `ours-pictures` has 7 points of "
-    "PLW more on val-unseen, one on val-seen ([measured](training_encoders.md#the-detector))"
+    "its teacher, which has {belief} itself, and in homes never seen objects that the detector misses "
+    "([measured](training_encoders.md#the-detector) on `ours-pictures`)"
 )
 _SILENT = "as with feedback, which it never needs"
 _SILENT_PICTURES = (
@@ -41,7 +41,7 @@ class Goal:
     Attributes:
         what: the learner and its setting.
         wanted: success and PLW, per cent.
-        stops: why it is missed, as far as that is known.
+        stops: why it is missed, as far as that is known; ``{belief}`` stands for the scores of the belief search.
         table: of the row.
         row: its name, as the table's rows of one name differ by observation alone; "" if it is played without feedback.
         observation: of the row.
@@ -89,12 +89,13 @@ def goals(records: Records, results: Path, goals: Sequence[Goal] = GOALS) -> str
         goals: one for each line.
     """
     silent = played_without(results)
+    belief = _pair([100 * (built_in("belief", metric, HEADLINE) or 0) for metric in ("success_rate", "plw")], 1)
     lines = ["| | goal | reached | of | met | what stops it |", "|---|--:|--:|---|---|---|"]
     for goal in goals:
         reached, of = _without(silent.get(goal.weights)) if goal.weights else _of_row(goal, records)
         met = bool(reached) and all(have >= want for have, want in zip(reached, goal.wanted, strict=True))
         cells = [goal.what, _pair(goal.wanted, 0), _pair(reached, 1), of, "yes" if met else "no" if reached else ""]
-        lines.append(f"| {' | '.join([*cells, '' if met else goal.stops])} |")
+        lines.append(f"| {' | '.join([*cells, '' if met else goal.stops.format(belief=belief)])} |")
     return "\n\n".join([NOTE.strip(), "\n".join(lines), _detector(results)])
 
 
