@@ -1,7 +1,7 @@
 """``python -m benchmarks.encoders``: what the features of a picture cost by each frozen network and arithmetic.
 
-One thread, 128 pixels, processor time, the best of some rounds in which all take turns. Rows without a name are of
-ResNet-18; that of EfficientNet-Lite0 appears where its packages are installed.
+One thread, views of 128 pixels in a home, processor time, the best of some rounds in which all take turns. Rows without
+a name are of ResNet-18; that of EfficientNet-Lite0 appears where its packages are installed.
 """
 
 import argparse
@@ -19,11 +19,12 @@ with needs("benchmarks.encoders", "train", script=True):
     from torch import Tensor
 
 from chmarl_pb.learning.networks import detector, efficientnet
+from chmarl_pb.learning.networks.frozen import read_weights, weights_file
 from chmarl_pb.learning.networks.int8 import IntegerResNet18, ranges_of
+from chmarl_pb.learning.networks.labelled_views import Job, layout_views
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 
 BATCHES = (1, 2, 16)
-SIZE = 128
 
 Encode = Callable[[Tensor], Tensor]
 
@@ -36,7 +37,7 @@ def main() -> None:
     chosen = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    images = torch.randint(0, 256, (max(BATCHES), SIZE, SIZE, 3), dtype=torch.uint8)
+    images = torch.from_numpy(layout_views(Job("train", task=0, seed=0)).images[: max(BATCHES)])
     rows = encoders(images)
     figures: dict[str, dict[int, float]] = {name: {} for name in rows}
     with torch.no_grad():
@@ -62,7 +63,7 @@ def milliseconds(encode: Encode, images: Tensor) -> float:
 
 
 def encoders(images: Tensor) -> dict[str, Encode]:
-    """Return name -> encoder; those of ResNet-18 have the same random weights."""
+    """Return name -> encoder; those of ResNet-18 have the same random weights, the detector its published or own."""
     network = folded(ResNet18().eval().requires_grad_(False)).to(memory_format=torch.channels_last)
 
     def halves(pictures: Tensor) -> Tensor:
@@ -73,7 +74,7 @@ def encoders(images: Tensor) -> dict[str, Encode]:
     ranges = ranges_of(network, images)
     rows: dict[str, Encode] = {"float32, channels last": network, "bfloat16": halves}
     rows |= {"int8 (used)": IntegerResNet18(network, ranges)}
-    weights = detector.Detector().weights(images.numpy())
+    weights = read_weights(weights_file("detector"), "detector")
     floats = detector.read(weights).to(memory_format=torch.channels_last)
     rows |= {"detector, int8 (used)": detector.build(weights), "detector, float32": floats}
     try:

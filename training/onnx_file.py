@@ -40,7 +40,7 @@ def _levels(table: ColourTable, images: Tensor) -> Tensor:
 
     It takes longer, but scatters nothing: onnxruntime adds to one row from several threads, and loses some of it.
     """
-    shares = nn.functional.pad(table.shares.float(), (0, 0, 1, 0))[table.rows[codes_of(images)].long()]
+    shares = nn.functional.pad(table.shares.float(), (0, 0, 1, 0))[table.rows[codes_of(images).long()].long()]
     cells = shares.unflatten(2, (-1, CELL)).unflatten(1, (-1, CELL))
     return levels_of(cells.sum(dim=(2, 4)), (cells > 0).float().sum(dim=(2, 4)))
 

@@ -61,23 +61,36 @@ class ColourTable(nn.Module):
         self.register_buffer("rows", rows, persistent=False)
 
     def levels(self, images: Tensor) -> Tensor:
-        """Return the evidence (B, rows, columns, SHARES), int64 below LEVELS, of uint8 pictures (B, height, width, 3).
+        """Return the evidence (B, rows, columns, SHARES), int64 below LEVELS, of uint8 (B, height, width, 3) images."""
+        (picture, cell), found = self._found(images)
+        rows, columns = _cells_of(images)
+        levels = torch.zeros(len(images), rows * columns, SHARES, dtype=torch.int64)
+        levels[picture, cell] = found
+        return levels.view(-1, rows, columns, SHARES)
+
+    def _found(self, images: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:
+        """Return the cells with a known colour, by picture and number (N) each, and their evidence (N, SHARES).
 
         Sums are those of whole numbers, and exact.
         """
-        count, height, width, _ = images.shape
-        rows, columns = -(-height // CELL), -(-width // CELL)
+        rows, columns = _cells_of(images)
         numbers = self.rows[codes_of(images)]
-        picture, row, column = torch.nonzero(numbers > 0, as_tuple=True)
-        cell = (picture * rows + row // CELL) * columns + column // CELL
+        picture, row, column = torch.nonzero(numbers, as_tuple=True)
+        places = (picture * rows + row // CELL) * columns + column // CELL
+        cells, of_pixel = torch.unique(places, return_inverse=True)
         shares = self.shares[numbers[picture, row, column].long() - 1].float()
-        sums = torch.zeros(count * rows * columns, SHARES).index_add_(0, cell, shares)
-        pixels = torch.zeros_like(sums).index_add_(0, cell, (shares > 0).float())
-        return levels_of(sums, pixels).view(count, rows, columns, SHARES)
+        sums = torch.zeros(len(cells), SHARES).index_add_(0, of_pixel, shares)
+        pixels = torch.zeros_like(sums).index_add_(0, of_pixel, (shares > 0).float())
+        return (cells // (rows * columns), cells % (rows * columns)), levels_of(sums, pixels)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return what is added to the logits (B, classes + colours, rows, columns) of (B, height, width, 3) images."""
-        return self.worth(self.levels(images))
+        (picture, cell), found = self._found(images)
+        rows, columns = _cells_of(images)
+        nothing = self.worth(torch.zeros(1, 1, 1, SHARES, dtype=torch.int64)).flatten(2)
+        logits = nothing.repeat(len(images), 1, rows * columns)
+        logits[picture, :, cell] = self.worth(found[None, None])[0, :, 0].T
+        return logits.view(len(images), -1, rows, columns)
 
     def worth(self, levels: Tensor) -> Tensor:
         """Return what evidence (B, rows, columns, SHARES) adds to the logits (B, classes + colours, rows, columns)."""
@@ -87,14 +100,19 @@ class ColourTable(nn.Module):
         return logits.permute(0, 3, 1, 2)
 
 
+def _cells_of(images: Tensor) -> tuple[int, int]:
+    """Return the rows and columns of cells of pictures (B, height, width, 3)."""
+    return -(-images.shape[1] // CELL), -(-images.shape[2] // CELL)
+
+
 def levels_of(sums: Tensor, pixels: Tensor) -> Tensor:
     """Return evidence, int64, from the sums of the shares of a cell's colours, and the pixels that have any."""
     return (sums / pixels.clamp(min=VISIBLE_PIXELS)).floor().long()
 
 
 def codes_of(images: Tensor) -> Tensor:
-    """Return the colours (B, height, width), int64, of the pixels of uint8 pictures (B, height, width, 3)."""
-    red, green, blue = (images.long() >> 8 - _BITS).unbind(dim=-1)
+    """Return the colours (B, height, width), int32, of the pixels of uint8 pictures (B, height, width, 3)."""
+    red, green, blue = (images >> 8 - _BITS).int().unbind(dim=-1)
     return (red << 2 * _BITS) + (green << _BITS) + blue
 
 

@@ -35,6 +35,7 @@ _COUNTED = 32_000  # most views whose colours are counted
 
 _RARE = 0.01  # share of the cells that show a class, as it is believed before training
 _COLOURS = "colours."  # before the names of the table's parts, in a file of weights
+_AT_ONCE = 8  # pictures, whose maps fit the cache
 _HEAD_LEVELS = 127  # of the last layer's weights, on each side of 0
 
 
@@ -160,12 +161,11 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
 
     def detect(images: Tensor) -> Tensor:
         found = []
-        for image in images.split(1):  # one by one, as they fit the cache
-            maps = network(image)[0]
-            # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
-            sums = whole @ maps.permute(1, 2, 0).flatten(0, 1).float().T
-            logits = (sums * steps + shift).unflatten(1, maps.shape[1:])
-            found.append(detections(logits + detector.colours(image)[0]))
+        for some in images.split(_AT_ONCE):
+            for maps, colours in zip(network(some), detector.colours(some), strict=True):
+                # Sums of whole numbers below 2 ** 24 are exact in float32, in any order.
+                sums = whole @ maps.permute(1, 2, 0).flatten(0, 1).float().T
+                found.append(detections((sums * steps + shift).unflatten(1, maps.shape[1:]) + colours))
         return torch.stack(found)
 
     return detect

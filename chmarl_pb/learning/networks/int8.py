@@ -6,7 +6,7 @@ scales of the results come from the network's ranges on views of our homes (:fun
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 
 import torch
@@ -42,13 +42,15 @@ class Convolution:
     stride: int
     padding: int
     unit: float
+    _packed: dict[torch.Size, Tensor] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def packed(self) -> Tensor:
-        """The weights as oneDNN wants them."""
-        two = [self.stride] * 2, [self.padding] * 2
-        packed: torch.Tensor = torch.ops.onednn.qconv_prepack(self.weight, self.scales, self.unit, 0, *two, _ONE, 1)
-        return packed
+    def packed(self, maps: Tensor) -> Tensor:
+        """Return the weights as oneDNN wants them for maps of this size; not told it, it may pack them at each call."""
+        size = maps.shape[2:]
+        if size not in self._packed:
+            head = self.weight, self.scales, self.unit, 0, [self.stride] * 2, [self.padding] * 2, _ONE, 1
+            self._packed[size] = torch.ops.onednn.qconv_prepack(*head, list(maps.shape))
+        return self._packed[size]
 
     @cached_property
     def zeros(self) -> Tensor:
@@ -74,7 +76,7 @@ def by_onednn(
 ) -> Tensor:
     """Convolve by oneDNN; what is added is overwritten."""
     two = [part.stride] * 2, [part.padding] * 2
-    head = maps, part.unit, 0, part.packed, part.scales, part.zeros
+    head = maps, part.unit, 0, part.packed(maps), part.scales, part.zeros
     tail = part.bias, *two, _ONE, 1, out.unit, out.zero, torch.uint8
     convolve = torch.ops.onednn.qconv2d_pointwise
     if added is not None:
