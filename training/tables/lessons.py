@@ -70,12 +70,13 @@ _LESSONS = (
     ),
     Lesson(
         "**Reading and eyes**: this learner, which reads words that training never shows, has {}; {} where the rule "
-        "that the built-in searches read by tells it X and Y, so reading is not what holds it; and {} on pictures by "
-        "our detector.",
+        "that the built-in searches read by tells it X and Y, so reading is not what holds it; on pictures {} by "
+        "our detector, and {} by ResNet-18.",
         (
             ("scene-graph", "Imitation of belief, generated homes", HEADLINE),
             ("scene-graph", "Imitation of belief, generated homes, words parsed", HEADLINE),
             ("visual", "Imitation of belief, generated homes", HEADLINE),
+            ("visual", "Imitation of belief, generated homes, ResNet-18", HEADLINE),
         ),
     ),
     Lesson(
