@@ -31,7 +31,9 @@ _SILENT_PICTURES = (
     "([measured](training.md#our-own-row-imitation-of-a-search-then-mappo) on `ours-pictures`)"
 )
 _POINTING = "the humanoid's movements, not its words ([measured](training.md#the-grounded-track))"
-_POINTING_PICTURES = "not the detector's mistakes ([measured](training.md#the-grounded-track)); what else is not known"
+_POINTING_PICTURES = (
+    "the humanoid's movements, not its words nor the detector's mistakes ([measured](training.md#the-grounded-track))"
+)
 
 
 @dataclass(frozen=True)
