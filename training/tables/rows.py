@@ -315,12 +315,14 @@ def _grounded(observation: str) -> tuple[Row, ...]:
             "--learning-rate", "3e-4", "--ent-coef", "0.003", *pointing,
         ),
     }  # fmt: skip
+    seeds = {"Imitation of belief": 2} if graphs else {}
     learners = tuple(
         Row(
-            name, observation, options, messages=True, feedback=False, seeds=1, track=GROUNDED, image_encoder="detector"
+            name, observation, options, messages=True, feedback=False, seeds=seeds.get(name, 1), track=GROUNDED,
+            image_encoder="detector",
         )
         for name, options in rows.items()
-    )
+    )  # fmt: skip
     alone = Row(
         "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
         checkpoint="best.zip", seeds=1, image_encoder="detector", track=GROUNDED,
