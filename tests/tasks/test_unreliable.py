@@ -84,7 +84,7 @@ def test_wrong_actions_are_equally_likely() -> None:
 
 def test_a_share_of_the_bits_is_misread() -> None:
     env = chmarl_pb.parallel_env(messages=NoisyBoard(0.25), split="val-unseen")
-    env.reset(options={"task": "val-unseen-000"})
+    env.reset(seed=0, options={"task": "val-unseen-000"})
     wrong = [np.mean(env.step(IDLE)[0]["drone"]["messages"] != env.messages) for _ in range(28)]
     env.close()
     assert 0.15 < np.mean(wrong) < 0.35 and len(set(wrong)) > 2
