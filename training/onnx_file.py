@@ -31,7 +31,7 @@ class Exported(nn.Module):
         """Return confidence and cells."""
         cells, table = self.detector.cells(self.detector.network(images)), self.detector.colours
         if len(table.codes):
-            cells = cells + table.worth(_levels(table, images))
+            cells = cells + table.worth(_levels(table, images)).permute(0, 3, 1, 2)
         return torch.sigmoid(cells[:, : self.detector.classes].amax(dim=(2, 3))), cells
 
 

@@ -1,6 +1,7 @@
 """The table of colours: what is counted, what evidence a cell has of it, and how much that counts."""
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -71,6 +72,16 @@ def test_a_picture_has_the_same_evidence_whatever_it_is_seen_with() -> None:
     assert torch.equal(torch.cat([table(image[None]) for image in images]), table(images))
     assert table(images).shape == (4, len(LABELS) + len(catalog.COLOURS), 5, 5)
     assert not table(images)[:, OBJECTS : len(LABELS)].any()  # of receptacles it tells nothing
+
+
+@pytest.mark.parametrize("known", [0, 9])
+def test_what_is_added_is_what_the_evidence_of_each_cell_is_worth(known: int) -> None:
+    images = torch.from_numpy(np.random.default_rng(0).integers(0, 256, (3, 22, 17, 3), np.uint8))
+    codes = codes_of(images).unique()[:known].int()
+    shares = torch.arange(known * SHARES).view(known, SHARES).remainder(256).to(torch.uint8)
+    table = ColourTable(codes, shares, torch.rand(2, 256))
+    levels = table.levels(images)
+    assert levels.any() == bool(known) and torch.equal(table(images), table.worth(levels).permute(0, 3, 1, 2))
 
 
 def test_a_detector_that_has_learned_nothing_knows_objects_by_their_colours() -> None:

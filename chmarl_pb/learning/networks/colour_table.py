@@ -66,7 +66,7 @@ class ColourTable(nn.Module):
         rows, columns = _cells_of(images)
         levels = torch.zeros(len(images), rows * columns, SHARES, dtype=torch.int64)
         levels[picture, cell] = found
-        return levels.view(-1, rows, columns, SHARES)
+        return levels.view(len(images), rows, columns, SHARES)
 
     def _found(self, images: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:
         """Return the cells with a known colour, by picture and number (N) each, and their evidence (N, SHARES).
@@ -87,17 +87,17 @@ class ColourTable(nn.Module):
         """Return what is added to the logits (B, classes + colours, rows, columns) of (B, height, width, 3) images."""
         (picture, cell), found = self._found(images)
         rows, columns = _cells_of(images)
-        nothing = self.worth(torch.zeros(1, 1, 1, SHARES, dtype=torch.int64)).flatten(2)
-        logits = nothing.repeat(len(images), 1, rows * columns)
-        logits[picture, :, cell] = self.worth(found[None, None])[0, :, 0].T
-        return logits.view(len(images), -1, rows, columns)
+        nothing = self.worth(torch.zeros(SHARES, dtype=torch.int64))
+        logits = nothing.unsqueeze(1).repeat(len(images), 1, rows * columns)
+        logits[picture, :, cell] = self.worth(found)
+        return logits.view(len(images), len(nothing), rows, columns)
 
     def worth(self, levels: Tensor) -> Tensor:
-        """Return what evidence (B, rows, columns, SHARES) adds to the logits (B, classes + colours, rows, columns)."""
-        logits = torch.zeros(*levels.shape[:3], self._classes + len(catalog.COLOURS))
+        """Return what evidence (..., SHARES) adds to the logits (..., classes + colours)."""
+        logits = torch.zeros(*levels.shape[:-1], self._classes + len(catalog.COLOURS))
         logits[..., :OBJECTS] = self.odds[0][levels[..., :OBJECTS]]
         logits[..., self._classes :] = self.odds[1][levels[..., OBJECTS:]]
-        return logits.permute(0, 3, 1, 2)
+        return logits
 
 
 def _cells_of(images: Tensor) -> tuple[int, int]:
