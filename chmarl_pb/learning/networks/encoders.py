@@ -12,33 +12,19 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.catalog import BENCHMARK, COLOURS
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
 from chmarl_pb.learning.networks.graphs import GatedGraphEncoder, GraphEncoder
 from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.match import ROOMS, Match
-from chmarl_pb.learning.networks.numbers import GoalEncoder, Numbers
+from chmarl_pb.learning.networks.numbers import Numbers
 from chmarl_pb.learning.networks.parsed import Parsed, ParsedInstruction
-from chmarl_pb.learning.networks.parts import Asked, FlatEncoder, Part, TokenEncoder, flattened, id_count
-from chmarl_pb.learning.networks.tables import Table, class_table, colour_table, shared_map, word_table
-from chmarl_pb.learning.observation_keys import (
-    IMAGE,
-    INSTRUCTION,
-    NODE_CLASS,
-    goal_attributes,
-    goals,
-    graphs,
-    is_features,
-    is_picture,
-    named,
-    node_color,
-    node_view,
-    tokens,
-)
-from chmarl_pb.learning.spaces import FLAT, FLAT_NAMES
-from chmarl_pb.tasks.language.tokens import ATTRIBUTES_LENGTH, INSTRUCTION_LENGTH, vocabulary_size
+from chmarl_pb.learning.networks.part_maker import PartMaker, flat_or_image, instruction_beside
+from chmarl_pb.learning.networks.parts import Asked, TokenEncoder, flattened
+from chmarl_pb.learning.networks.readable import check_reading
+from chmarl_pb.learning.networks.tables import Table, shared_map
+from chmarl_pb.learning.observation_keys import goal_attributes, goals, graphs, node_color, node_view, tokens
 
 PARSED = "parsed"  # the pool that is told what instructions name
 
@@ -97,7 +83,7 @@ def build_encoder(
             space, size, image_encoder, graph_pool,
             numbers_past=numbers_past, word_vectors=word_vectors, taught=taught, cells_past=cells_past,
         )  # fmt: skip
-    part = _flat_or_image(space, image_encoder)
+    part = flat_or_image(space, image_encoder)
     return nn.Sequential(part, nn.Linear(part.size, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
 
 
@@ -150,7 +136,7 @@ class DictEncoder(nn.Module):
     ):
         """Make the parts that a space needs; see :func:`build_encoder`."""
         super().__init__()
-        _check_reading(space, graph_pool == PARSED, taught)
+        check_reading(space, graph_pool == PARSED, taught)
         self.space = space
         self.meaning = shared_map() if word_vectors else None
         self._tokens, self._beside = tokens(space), _beside(space)
@@ -159,7 +145,7 @@ class DictEncoder(nn.Module):
         pool = look_up("graph_pool", graph_pool, GRAPH_POOLS)
         if not (isinstance(pool, type) and issubclass(pool, GraphEncoder)):
             raise ValueError(f"graph_pool={graph_pool!r}: is no pool; derive a class from GraphEncoder")
-        make = _Maker(space, pool, image_encoder, self.meaning, self._parses)
+        make = PartMaker(space, pool, image_encoder, self.meaning, self._parses)
         parts = {key: make.part(key, self._beside.get(key, ())) for key in space.spaces if key not in inside}
         self.keys, self.parts = tuple(parts), nn.ModuleList(parts.values())
         matched = [key for key, part in parts.items() if part.matches or (taught and isinstance(part, GraphEncoder))]
@@ -195,7 +181,7 @@ class DictEncoder(nn.Module):
         """Return how badly the classes and colours of X and Y are known from the instructions; 0 without any."""
         losses = [next(self.joint.parameters()).new_zeros(())]
         for key, match in ({} if self._parses else self.matches).items():
-            instruction = _instruction_beside(key)
+            instruction = instruction_beside(key)
             flat = flattened(observation[instruction], self.space[instruction].shape)
             losses.append(cast(Match, match).loss(flat, *self._tables(key)))
         return torch.stack(losses).sum()
@@ -218,112 +204,17 @@ class DictEncoder(nn.Module):
 
     def _words(self, key: str) -> TokenEncoder | ParsedInstruction:
         """Return what encodes the instruction beside a part."""
-        instruction = _instruction_beside(key)
+        instruction = instruction_beside(key)
         if instruction not in self._tokens:
             raise ValueError(f"pooling by the instruction needs its tokens, {instruction!r}, in the observation")
         return cast(TokenEncoder | ParsedInstruction, self._part(instruction))
 
     def _asked(self, key: str, flat: Mapping[str, Tensor]) -> Asked:
         """Return what the instruction beside a part says."""
-        words, ids = self._words(key), flat[_instruction_beside(key)]
+        words, ids = self._words(key), flat[instruction_beside(key)]
         if not self._part(key).matches:
             return Asked(words.total(ids))
         return Asked(words.total(ids), self.matches[key](ids, *(() if self._parses else self._tables(key))))
-
-
-class _Maker:
-    """Makes the parts of an encoder of a space."""
-
-    def __init__(
-        self,
-        space: spaces.Dict,
-        pool: type[GraphEncoder],
-        image_encoder: str,
-        meaning: nn.Linear | None,
-        parses: bool,
-    ):
-        self._space, self._pool, self._image_encoder, self._meaning = space, pool, image_encoder, meaning
-        self._parsed = named(space.spaces, INSTRUCTION) if parses else []
-        self._graphs, self._tokens, self._goals = graphs(space), tokens(space), goals(space)
-        self._pictures = named(space, IMAGE)
-        self._tables: dict[int, Table] = {}  # one for each size of vocabulary: instruction and feedback share it
-
-    def part(self, key: str, beside: tuple[str, ...]) -> Part:
-        """Return what encodes a key, with those beside it."""
-        box, others = self._space[key], [self._space[other] if other else None for other in beside]
-        if key in self._graphs:
-            states, _, colours, views = others
-            assert states is not None
-            return self._pool(box, states, self._meaning, colours, views is not None)
-        if key in self._parsed:
-            return self._parsed_instruction(box)
-        if key in self._tokens:
-            count = id_count(box)
-            return TokenEncoder(self._tables.setdefault(count, word_table(count, self._meaning)))
-        if key in self._goals:
-            return GoalEncoder(box, self._meaning, others[0])
-        if key in self._pictures and is_features(box):
-            return self._reader(key, box)
-        return _flat_or_image(box, self._image_encoder)
-
-    def _parsed_instruction(self, words: spaces.Space[Any]) -> ParsedInstruction:
-        colours = colour_table(len(COLOURS) + 1, self._meaning) if _tells_apart(words) else None
-        return ParsedInstruction(class_table(len(BENCHMARK.rows) + 1, self._meaning), colours)
-
-    def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
-        """Return what reads the features of a picture; those are known under our own key alone."""
-        kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS)
-        if features.shape not in kind.shapes:
-            raise ValueError(
-                f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: "
-                + " or ".join(map(str, kind.shapes))
-            )
-        words = self._space.spaces.get(_instruction_beside(key))
-        coloured = words is not None and _tells_apart(words)
-        return kind.reader(features.shape, self._meaning, self._pool is GroundedGraphEncoder, coloured)
-
-
-def _tells_apart(instruction: spaces.Space[Any]) -> bool:
-    """Return whether instructions name X's colour and Y's room, as among lookalikes."""
-    among = instruction.shape is not None and instruction.shape[-1] % INSTRUCTION_LENGTH == ATTRIBUTES_LENGTH
-    return among and id_count(instruction) >= vocabulary_size(attributes=True)
-
-
-def _check_reading(space: spaces.Dict, parses: bool, taught: bool) -> None:
-    """Refuse a space whose instructions, or whose classes, cannot be read as it is wanted.
-
-    Raises:
-        ValueError: they are not the benchmark's, or instructions are parsed and there is nothing to teach.
-    """
-    for key in named(space.spaces, INSTRUCTION) if parses or taught else ():
-        _check_readable(space[key], parses)
-    if parses and any(id_count(space[key]) > len(BENCHMARK.rows) + 1 for key in graphs(space)):
-        raise ValueError("graph_pool='parsed' knows the benchmark's classes alone; use 'grounded'")
-    if parses and taught:
-        raise ValueError(
-            "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
-        )
-
-
-def _check_readable(instruction: spaces.Space[Any], parses: bool) -> None:
-    """Refuse instructions that the benchmark's words do not read.
-
-    Raises:
-        ValueError: the ids of colours are others behind a user's own words, or nothing but the rule reads the
-            instruction, and that does not know all of it.
-    """
-    among = _tells_apart(instruction)
-    own_words = id_count(instruction) != vocabulary_size(attributes=among)
-    if own_words and among:
-        raise ValueError(
-            "words of your own among lookalikes: colours are not told apart; leave out the catalogue or "
-            "graph_pool='parsed' and grounding_coef"
-        )
-    length = INSTRUCTION_LENGTH + among * ATTRIBUTES_LENGTH
-    if parses and (own_words or instruction.shape != (length,)):
-        raise ValueError(
-            "graph_pool='parsed' reads instructions of one object in the benchmark's words; use 'grounded'"
-        )
 
 
 def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
@@ -334,23 +225,9 @@ def _beside(space: spaces.Dict) -> dict[str, tuple[str, ...]]:
     return found | {key: (goal_attributes(space, key),) for key in goals(space)}
 
 
-def _flat_or_image(space: spaces.Space[Any], image_encoder: str) -> Part:
-    """Return what encodes a part of a space that needs nothing else."""
-    if isinstance(space, spaces.Box) and is_picture(space):
-        return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)
-    if isinstance(space, FLAT):
-        return FlatEncoder(space)
-    raise ValueError(f"{space} cannot be encoded; use a {FLAT_NAMES}, or a Dict of these")
-
-
 def _named_rooms(asked: Asked) -> list[Tensor]:
     """Return how likely each kind of room is named as that of Y, (B, ROOMS), where instructions name any."""
     return [] if asked.wanted is None or asked.wanted.rooms is None else [asked.wanted.rooms[:, 1:]]
-
-
-def _instruction_beside(key: str) -> str:
-    """Return the key of the instruction beside that of a graph's nodes or of a picture: both have the same prefix."""
-    return key.removesuffix(NODE_CLASS).removesuffix(IMAGE) + INSTRUCTION
 
 
 #: Name -> what makes the encoder of a space: called with the space, the number of features, and the names of the
