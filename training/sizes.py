@@ -16,7 +16,8 @@ from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.spaces import Interface, interface_of
 from training.sizes_of_others import table_of_others
-from training.tables.rows import TABLES, Row
+from training.tables.row import Row
+from training.tables.rows import TABLES
 
 ROWS = (
     *(f"{name} + messages" for name in ("IQL", "VDN", "QMIX", "QTRAN")),

@@ -18,7 +18,8 @@ from chmarl_pb.errors import ChmarlError, OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.learning.runs.interrupts import run_command
 from training.tables.page import write_page
-from training.tables.rows import TABLES, Row
+from training.tables.row import Row
+from training.tables.rows import TABLES
 from training.tables.runs import Run, python
 from training.tables.schedule import Schedule, as_step, end, on_ray
 

@@ -14,7 +14,8 @@ from training.tables.attribution import PARTS, attribution
 from training.tables.cells import NOT_RUN, Records
 from training.tables.goals import GOALS, goals
 from training.tables.page import write_page
-from training.tables.rows import LIMITED, LIMITED_SPLITS, TABLES, Row
+from training.tables.row import LIMITED, LIMITED_SPLITS, Row
+from training.tables.rows import TABLES
 from training.tables.runs import FORMAT
 from training.tables.without_feedback import without_feedback
 

@@ -29,7 +29,8 @@ from training.tables.attribution import PARTS
 from training.tables.cells import NOT_RUN
 from training.tables.goals import GOALS
 from training.tables.page import write_page
-from training.tables.rows import LIMITED, LIMITED_DATA, TABLES, Row
+from training.tables.row import LIMITED, LIMITED_DATA, Row
+from training.tables.rows import TABLES
 from training.tables.runs import FORMAT, Run, curve, read_records
 from training.tables.schedule import Launch, Schedule
 

@@ -7,7 +7,8 @@ from statistics import fmean
 from chmarl_pb.evaluation.paper import SPLITS
 from training.tables.cells import METRICS, Records, both, runs_of, values
 from training.tables.made_with import seeds
-from training.tables.rows import TABLES, Row
+from training.tables.row import Row
+from training.tables.rows import TABLES
 
 NOTE = """## What each part adds
 

@@ -9,7 +9,7 @@ from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.gain import gain_of_runs
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.paper import SPLITS
-from training.tables.rows import Row
+from training.tables.row import Row
 from training.tables.runs import Record
 
 Records = dict[tuple[str, str], list[Record]]

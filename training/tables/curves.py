@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.files import replacing
-from training.tables.rows import Row
+from training.tables.row import Row
 from training.tables.runs import Record
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from statistics import fmean
 from chmarl_pb.evaluation.paper import SPLITS
 from training.tables.cells import METRICS, Records, both, runs_of, values
 from training.tables.made_with import seeds
-from training.tables.rows import LIMITED_SPLITS, TABLES, Row
+from training.tables.row import LIMITED_SPLITS, Row
+from training.tables.rows import TABLES
 
 TITLE = "Limited layouts"
 

@@ -20,7 +20,8 @@ from training.tables.curves import draw_curves
 from training.tables.goals import goals
 from training.tables.lessons import lessons
 from training.tables.made_with import budget, encoder_of, made_with, seeds
-from training.tables.rows import LIMITED, TABLES, Row
+from training.tables.row import LIMITED, Row
+from training.tables.rows import TABLES
 from training.tables.runs import Record, read_records
 from training.tables.without_feedback import without_feedback
 

@@ -15,7 +15,7 @@ from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from training.score import SCORES
-from training.tables.rows import Row, splits_of
+from training.tables.row import Row, splits_of
 
 FORMAT = "chmarl-pb table run 1"
 STATE = "state.json"

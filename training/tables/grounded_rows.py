@@ -1,0 +1,53 @@
+"""The rows of the grounded track."""
+
+from chmarl_pb.envs.tracks import GROUNDED
+from training.tables.row import GROUNDED_ENCODER, Row
+
+#: Published weights of the imitators of the grounded track.
+_IMITATORS = {"scene_graph": "ours-grounded", "visual": "ours-grounded-pictures"}
+
+
+def grounded_rows(observation: str) -> tuple[Row, ...]:
+    """Return the rows of the grounded track: nothing is told but what robots see, read and hear.
+
+    Budgets are what fits: a core plays some 60 joint steps a second with an expert and 150 without, and an episode has
+    up to 28; so 12,000 episodes are some 40 minutes of playing alone. On pictures, which all rows see by the same
+    detector, each has 4,000 episodes, or as many steps. MAPPO goes on from the published weights of the imitator, those
+    of the row above with seed 0.
+    """
+    graphs = observation == "scene_graph"
+
+    def episodes(of_graphs: int) -> tuple[str, str]:
+        return "--episodes", str(of_graphs if graphs else 4000)
+
+    seeing = () if graphs else ("--image-encoder", "detector")
+    pointing = ("--cells-past", "--history-past", *GROUNDED_ENCODER, *seeing)
+    env = f"CHMARL/Grounded{'SceneGraph' if graphs else 'Visual'}Humanoid-v0"
+    ppo = ("--algo", "ppo", "--env", env, "--preset", "encoder", "--workers", "1")
+    ppo += ("--steps", "150000" if graphs else "100000", *seeing)
+    start = f"results/weights/{_IMITATORS[observation]}.pt"
+    rows = {
+        "QMIX": ("--algo", "qmix", *episodes(12000), *seeing),
+        "MAPPO": ("--algo", "mappo", *episodes(6000), *GROUNDED_ENCODER, *seeing),
+        "Imitation of belief": (
+            "--algo", "imitation", "--expert", "belief", *episodes(6000), "--gradient-steps", "12",
+            "--anneal", "0.5", *pointing
+        ),
+        "Imitation of belief, then MAPPO": (
+            "--algo", "mappo", "--start", start, *episodes(8000), "--envs", "16", "--buffer-size", "256",
+            "--learning-rate", "3e-4", "--ent-coef", "0.003", *pointing,
+        ),
+    }  # fmt: skip
+    seeds = {"Imitation of belief": 2} if graphs else {}
+    learners = tuple(
+        Row(
+            name, observation, options, messages=True, feedback=False, seeds=seeds.get(name, 1), track=GROUNDED,
+            image_encoder="detector",
+        )
+        for name, options in rows.items()
+    )  # fmt: skip
+    alone = Row(
+        "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
+        checkpoint="best.zip", seeds=1, image_encoder="detector", track=GROUNDED,
+    )  # fmt: skip
+    return (*learners[:2], alone, *learners[2:])
