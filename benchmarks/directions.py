@@ -12,8 +12,9 @@ from typing import Any
 from torch import Tensor, nn
 
 from benchmarks.scores import Scores, parser_of, run
-from chmarl_pb.learning.networks.bearings import SIZE
+from chmarl_pb.learning.networks import bearings, cells
 from chmarl_pb.learning.policies.learned import ValuePolicies
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
 from chmarl_pb.policies.policy import Policy
 
 
@@ -23,8 +24,14 @@ class Undirected:
     deterministic = True
 
     def __init__(self, weights: Path):
-        """Remember a file of weights."""
+        """Remember a file of weights.
+
+        Raises:
+            CheckpointError: they are told no directions.
+        """
         self.inner = ValuePolicies(weights)
+        if not load(weights, "value")["config"].get("cells_past"):
+            raise CheckpointError(f"{weights}: is told no directions; give weights that were trained with --cells-past")
 
     def __call__(self, env: Any) -> Policy:
         """Return the policy for an environment."""
@@ -36,13 +43,13 @@ class Undirected:
 def hide_directions(agents: nn.Module) -> None:
     """Let all that tells agents of cells and directions tell zeros in the place of directions, its last numbers."""
     for part in agents.modules():
-        if getattr(part, "locates", 0):
+        if getattr(part, "locates", 0) == cells.SIZE + bearings.SIZE:  # without: of a detector that knows no robots
             part.places = partial(_without_directions, part.places)  # type: ignore[assignment]
 
 
 def _without_directions(places: Any, *arguments: Any, **named: Any) -> Tensor:
     found: Tensor = places(*arguments, **named)
-    found[:, -SIZE:] = 0
+    found[:, -bearings.SIZE :] = 0
     return found
 
 
@@ -52,10 +59,11 @@ def main() -> int:
 
 
 def _play(chosen: argparse.Namespace) -> None:
+    rows = {"told": ValuePolicies(chosen.weights), "zeros": Undirected(chosen.weights)}
     scores = Scores("directions", chosen)
     for split in scores.splits:
-        scores.play("told", ValuePolicies(chosen.weights), split)
-        scores.play("zeros", Undirected(chosen.weights), split)
+        for name, policies in rows.items():
+            scores.play(name, policies, split)
 
 
 if __name__ == "__main__":

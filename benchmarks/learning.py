@@ -18,7 +18,9 @@ from typing import Any
 
 import chmarl_pb
 from chmarl_pb.learning import Config, train
+from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.run import Run
+from chmarl_pb.limits import whole_number
 
 WARM_UP = 160  # episodes that are not counted
 SHORT = 6  # times as long is the training whose speed is taken
@@ -108,8 +110,12 @@ def _seconds_of_ppo(steps: int, workers: int) -> float:
         return time.perf_counter() - start
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Print the speeds."""
+    return run_command(_main, ValueError)
+
+
+def _main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("qmix", "ppo"))
     parser.add_argument("--episodes", type=int, default=480, help="of QMIX that are counted")
@@ -117,7 +123,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--gradient-steps", type=int, default=Config.gradient_steps)
     parser.add_argument("--steps", type=int, default=120_000, help="of PPO")
     parser.add_argument("--workers", type=int, default=1, help="processes of the environments")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
+    for name in ("episodes", "envs", "gradient_steps", "steps", "workers"):
+        whole_number(f"--{name.replace('_', '-')}", getattr(options, name), 1)
     if options.only != "ppo":
         print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps, options.workers)), flush=True)
     if options.only != "qmix":

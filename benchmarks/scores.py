@@ -9,40 +9,49 @@ from typing import Any
 
 from benchmarks.dials import advance
 from chmarl_pb.cli.evaluate import percent, progress_bar
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import file_hash, write_atomically
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.learning.runs.interrupts import run_command
+from chmarl_pb.limits import whole_number
 
 SPLITS = ("generated-val", "val-seen", "val-unseen")  # on a test split nothing is tried
 
 
-def parser_of(module: str, text: str | None, observation: str = "scene_graph") -> argparse.ArgumentParser:
+def parser_of(module: str, text: str | None, **fixed: object) -> argparse.ArgumentParser:
     """Return a parser with the options that all such benchmarks have.
 
     Args:
         module: that is run.
         text: what it does.
-        observation: that policies get if nothing else is said.
+        fixed: values of "observation" and "workers" that cannot be chosen.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=text)
     parser.add_argument("weights", type=Path)
-    parser.add_argument("--observation", default=observation, choices=("scene_graph", "visual"))
+    parser.set_defaults(**fixed)
+    if "observation" not in fixed:
+        parser.add_argument("--observation", default="scene_graph", choices=("scene_graph", "visual"))
     parser.add_argument("--split", action="append", choices=SPLITS, help=f"(default: {SPLITS[0]})")
     parser.add_argument("--thin", type=int, default=5, metavar="N", help="play every Nth task only (default: 5)")
     parser.add_argument("--no-feedback", action="store_true", help="give no language feedback")
-    parser.add_argument("--workers", type=int, default=2)
+    if "workers" not in fixed:
+        parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="keep the scores in a file, too")
     return parser
 
 
 def run(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace], None]) -> int:
-    """Do a benchmark's work; bad weights or files end it with one sentence and exit code 2."""
+    """Do a benchmark's work; bad weights, files or numbers end it with one sentence and exit code 2."""
     chosen = parser.parse_args()
 
     def whole() -> int:
+        for name in ("thin", "workers"):
+            whole_number(f"--{name}", getattr(chosen, name), 1)
+        if chosen.json and chosen.json.is_dir():
+            raise OptionError(f"--json {chosen.json}: is a folder; name a file in it")
         work(chosen)
         return 0
 
@@ -68,20 +77,19 @@ class Scores:
         head = ("split", "tasks", "success %", "PLW %", "picks %", "places %")
         print(f"| {first} | {' | '.join(head)} |", f"|---|---|{'--:|' * 5}", sep="\n", flush=True)
 
-    def play(self, name: str, policies: Any, split: str, workers: int | None = None) -> None:
+    def play(self, name: str, policies: Any, split: str) -> None:
         """Play the tasks of a split, and add a row.
 
         Args:
             name: of the row.
             policies: as ``evaluate`` takes them.
             split: whose tasks are played.
-            workers: processes; None: as many as chosen.
         """
         chosen, tasks = self._chosen, evaluated_tasks(split)[:: self._chosen.thin]
         with progress_bar() as bar:
             row = bar.add_task(f"{name}, {split}", total=None)
             report = evaluate(
-                policies, split, chosen.observation, seeds=[0], workers=workers or chosen.workers, tasks=tasks,
+                policies, split, chosen.observation, seeds=[0], workers=chosen.workers, tasks=tasks,
                 progress=partial(advance, bar, row), **self.rules,
             )  # fmt: skip
         summary, shares = report.summary, report.recognition.figures()

@@ -134,7 +134,7 @@ def print_agreement(counts: Counts) -> None:
 
 def main() -> int:
     """Play and print."""
-    parser = parser_of("benchmarks.teacher_parts", __doc__)
+    parser = parser_of("benchmarks.teacher_parts", __doc__, workers=1)  # it counts what each of its policies has done
     parser.add_argument("--expert", default="belief", help="what it has imitated")
     return run(parser, _play)
 
@@ -147,7 +147,7 @@ def _play(chosen: argparse.Namespace) -> None:
             components = {name: len(of_each(counts_in(name, env.action_space(name)))) for name in env.possible_agents}
         for name, told in parts_by_name(components).items():
             helper = Helper(chosen.weights, chosen.expert, told)
-            scores.play(name, helper, split, workers=1)  # it counts here what each of its policies has done
+            scores.play(name, helper, split)
             if not told:
                 alone.update(sum((made.counts for made in helper.made), Counts()))
     print_agreement(alone)

@@ -19,6 +19,7 @@ from chmarl_pb import catalog
 from chmarl_pb.learning.networks.detections import LABELS, OBJECTS, PLACE, SHAPE, THINGS
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.policies.learned import ValuePolicies
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE, VISIBLE_PIXELS, classes_of
 
@@ -39,7 +40,12 @@ class TrueEyes:
             inner: the policy.
             env: what it plays in.
             told: the classes, of ``LABELS``, of which it is told the truth.
+
+        Raises:
+            CheckpointError: it sees by something else.
         """
+        if getattr(inner.batched.encoder, "name", "") != "detector":
+            raise CheckpointError("these weights do not see by the detector, whose mistakes are to be told")
         self._inner, self._env, self._told = inner, env, told
         self._encoder: FrozenEncoder = inner.batched.encoder
         self._models = {name: robot.model for name, robot in env.simulation.robots.items()}
@@ -109,7 +115,7 @@ class Told:
 
 def main() -> int:
     """Play and print."""
-    return run(parser_of("benchmarks.true_eyes", __doc__, "visual"), _play)
+    return run(parser_of("benchmarks.true_eyes", __doc__, observation="visual"), _play)
 
 
 def _play(chosen: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ import pickle
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
-from importlib.machinery import PathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -126,22 +126,35 @@ def _imported_by(module: str) -> set[Path]:
         if path is None or path in found or not _is_users(path):
             continue
         found.add(path)
-        left += _imports(path, name if path.stem == "__init__" else name.rpartition(".")[0])
+        left += _imports(path, _package_of(name, path))
     return found
+
+
+def _package_of(module: str, path: Path) -> str:
+    """Return the package that relative imports of a module begin in; that of ``python -m`` is not in its name."""
+    if spec := getattr(sys.modules.get(module), "__spec__", None):
+        return str(spec.parent)
+    return module if path.stem == "__init__" else module.rpartition(".")[0]
 
 
 def _module_file(name: str) -> Path | None:
     """Return the file of a module by its name; nothing is imported for it."""
     if name in sys.modules:
         return _file_of(sys.modules[name])
-    spec, parts = None, name.split(".")
-    for number in range(len(parts)):
-        folders = None if spec is None else spec.submodule_search_locations
-        spec = PathFinder.find_spec(".".join(parts[: number + 1]), folders) if folders or not number else None
-        if spec is None:
-            return None
+    spec = _spec_of(name)
     path = Path(str(spec and spec.origin))
     return path if path.suffix == ".py" and path.is_file() else None
+
+
+def _spec_of(name: str) -> ModuleSpec | None:
+    """Return where a module is, imported or not; packages that are imported know where their modules are."""
+    package = name.rpartition(".")[0]
+    if not package:
+        return getattr(sys.modules.get(name), "__spec__", None) or PathFinder.find_spec(name)
+    folders = getattr(sys.modules.get(package), "__path__", None)
+    if folders is None and (above := _spec_of(package)):
+        folders = above.submodule_search_locations
+    return PathFinder.find_spec(name, folders) if folders else None
 
 
 def _is_users(path: Path) -> bool:

@@ -148,6 +148,21 @@ def test_what_modules_of_the_user_import_counts(line: str, tmp_path: Path, monke
         before = after
 
 
+def test_a_policy_that_is_run_as_a_module_imports_from_its_package(tmp_path: Path) -> None:
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "__init__.py").write_text("")
+    (tmp_path / "package" / "play.py").write_text(
+        "from .rates import RATE\nfrom chmarl_pb.fingerprint import fingerprint\n\n"
+        "class Own:\n    rate = RATE\n\nprint(fingerprint(Own))\n"
+    )
+    seen = set()
+    for number in range(2):
+        (tmp_path / "package" / "rates.py").write_text(f"RATE = 1  # {number}\n")
+        command = [sys.executable, "-m", "package.play"]
+        seen.add(subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+    assert len(seen) == 2 and "None\n" not in seen
+
+
 def test_elements_of_sets_are_told_apart() -> None:
     one, same, other = ({Quiet("x", rate), Quiet("y", 0)} for rate in (0.25, 0.25, 0.5))
     assert fingerprint(one) == fingerprint(same) != fingerprint(other)

@@ -18,13 +18,14 @@ _UNPOOLED = frozenset({"cnn", "resnet18", "efficientnet-lite0"})
 _OF_ENCODERS = frozenset({"features", "graph_pool", "word_vectors", "image_size"})
 
 
-def refuse_idle(given: Any, default: Any, why_idle: Callable[[str], str]) -> None:
+def refuse_idle(given: Any, default: Any, why_idle: Callable[[str], str], prefix: str = "") -> None:
     """Refuse a setting that is not at its default, and that the run would not use.
 
     Args:
         given: settings, a dataclass.
         default: of the same class.
         why_idle: tells of a setting's name why it would not be used; "" if it would be.
+        prefix: of the options' names.
 
     Raises:
         ValueError: there is one.
@@ -32,7 +33,7 @@ def refuse_idle(given: Any, default: Any, why_idle: Callable[[str], str]) -> Non
     changed = (name for name, value in vars(given).items() if value != getattr(default, name))
     for name in sorted(changed):
         if why := why_idle(name):
-            raise ValueError(f"--{name.replace('_', '-')}: {why}; leave it out")
+            raise ValueError(f"--{prefix}{name.replace('_', '-')}: {why}; leave it out")
 
 
 def idle_in_train(name: str, algorithm: str, config: Any, setting: Any) -> str:

@@ -255,7 +255,7 @@ def check_used(command: Command) -> None:
     kind = COMMANDS.get(command.algo) or _own(command.algo)
     refuse_idle(command.config, kind.config, partial(why_idle, algorithm=command.algo))
     if isinstance(command, DaggerMappo):
-        refuse_idle(command.imitation, Imitation(), partial(why_idle, algorithm=IMITATION))
+        refuse_idle(command.imitation, Imitation(), partial(why_idle, algorithm=IMITATION), f"{IMITATION}.")
     if isinstance(command, Play):
         refuse_idle(command.env, Env(), partial(why_idle, algorithm=command.algo))
 

@@ -1,14 +1,17 @@
 """What policies of one file of weights score: printed and kept, or refused in one sentence."""
 
+import importlib
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from chmarl_pb.files import file_hash
 from chmarl_pb.policies.weights import weights_folder
 
-WEIGHTS = weights_folder() / "ours-graphs.pt"
+WEIGHTS = weights_folder() / "ours-grounded.pt"
 
 
 def directions(*options: str) -> subprocess.CompletedProcess[str]:
@@ -18,20 +21,39 @@ def directions(*options: str) -> subprocess.CompletedProcess[str]:
 
 def test_scores_are_printed_and_kept(tmp_path: Path) -> None:
     kept = tmp_path / "new" / "scores.json"
-    options = ("--split", "val-unseen", "--thin", "25", "--workers", "1", "--no-feedback", "--json", str(kept))
+    options = ("--thin", "100", "--workers", "1", "--no-feedback", "--json", str(kept))
     done = directions(str(WEIGHTS), *options)
     assert done.returncode == 0, done.stderr
     content = json.loads(kept.read_text())
     assert content["weights_sha256"] == file_hash(WEIGHTS)
-    assert content["rules"] == {"messages": True, "feedback": False}
-    assert [(row["row"], row["split"], row["tasks"]) for row in content["rows"]] == [
-        (name, "val-unseen", 2) for name in ("told", "zeros")
+    assert content["rules"] == {"track": "grounded", "feedback": False}
+    told, zeros = content["rows"]
+    assert [(row["row"], row["split"], row["tasks"]) for row in (told, zeros)] == [
+        (name, "generated-val", 5) for name in ("told", "zeros")
     ]
+    assert told | {"row": ""} != zeros | {"row": ""}, "directions are told in both"
     printed = [line.split(" | ") for line in done.stdout.splitlines()[2:]]
     means = [f"{100 * row[metric]:.1f}" for row in content["rows"] for metric in ("success_rate", "plw")]
     assert [cell for line in printed for cell in line[3:5]] == means
 
 
-def test_weights_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
-    done = directions(str(tmp_path / "none.pt"))
-    assert done.returncode == 2 and "no such checkpoint" in done.stderr and "Traceback" not in done.stderr
+@pytest.mark.parametrize(
+    ("module", "options", "words"),
+    [
+        ("directions", "none.pt", "no such checkpoint"),
+        ("directions", f"{weights_folder() / 'ours-graphs.pt'}", "is told no directions"),
+        ("directions", f"{WEIGHTS} --thin 0", "--thin=0 is not a whole number from 1 on"),
+        ("directions", f"{WEIGHTS} --workers 0", "--workers=0 is not a whole number from 1 on"),
+        ("directions", f"{WEIGHTS} --json .", "is a folder"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(
+    module: str,
+    options: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", [module, *options.split()])
+    assert importlib.import_module(f"benchmarks.{module}").main() == 2
+    assert words in capsys.readouterr().err

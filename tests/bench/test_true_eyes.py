@@ -1,12 +1,15 @@
 """What pictures truly show, as the detector would tell it if it made no mistakes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 
-from benchmarks.true_eyes import TRUE, detections_of
+from benchmarks.true_eyes import TRUE, TrueEyes, detections_of
 from chmarl_pb import catalog
 from chmarl_pb.learning.networks.detections import LABELS, detections
+from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 MUG, SOFA, ROBOT = (LABELS.index(name) for name in ("mug", "sofa", "humanoid"))
 
@@ -35,3 +38,9 @@ def test_a_class_has_the_colour_of_its_most_pixels() -> None:
 )
 def test_the_truth_is_told_of_some_classes(name: str, told: set[int]) -> None:
     assert set(range(len(LABELS))[TRUE[name]]) & {MUG, SOFA, ROBOT} == told
+
+
+@pytest.mark.parametrize("encoder", [None, SimpleNamespace(name="resnet18")])
+def test_only_what_the_detector_finds_can_be_put_right(encoder: object) -> None:
+    with pytest.raises(CheckpointError, match="do not see by the detector"):
+        TrueEyes(SimpleNamespace(batched=SimpleNamespace(encoder=encoder)), None, slice(0))

@@ -133,8 +133,8 @@ def test_bad_values_give_one_sentence(
         ("bc --image-encoder detector", "--image-encoder"),
         ("qmix --image-size 64", "--image-size"),
         ("qmix --home villa.urdf --split generated", "--split"),
-        ("dagger-mappo --imitation.reward-scale 2", "--reward-scale"),
-        ("dagger-mappo --imitation.home-rollouts 5", "--home-rollouts"),
+        ("dagger-mappo --imitation.reward-scale 2", "--imitation.reward-scale"),
+        ("dagger-mappo --imitation.home-rollouts 5", "--imitation.home-rollouts"),
         ("qmix --observation visual --graph-pool grounded", "--graph-pool"),
     ],
 )

@@ -1,5 +1,6 @@
 """The detector: what its cells are taught, what it tells of a picture, and who reads it."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -143,11 +144,18 @@ def test_whole_numbers_are_near_floats_and_the_same_by_either_way(monkeypatch: p
 
 
 def test_a_picture_is_seen_alike_whatever_it_is_seen_with(encoder: FrozenEncoder) -> None:
-    images = pictures(5, 64)
+    images = pictures(19, 64)  # more than are computed at once
     together = encoder(images)
-    assert together.shape == (5, *SHAPE) and together.dtype == torch.float16
+    assert together.shape == (19, *SHAPE) and together.dtype == torch.float16
     encoder._known.clear()
-    assert torch.equal(torch.cat([encoder(images[number : number + 1]) for number in range(5)]), together)
+    assert torch.equal(torch.cat([encoder(images[number : number + 1]) for number in range(19)]), together)
+
+
+def test_an_encoder_can_be_sent_to_other_processes(encoder: FrozenEncoder) -> None:
+    images = pictures(2, 64)
+    found, copy = encoder(images), pickle.loads(pickle.dumps(encoder))
+    assert copy is not encoder and copy.fingerprint == encoder.fingerprint
+    assert torch.equal(copy(images), found)
 
 
 def test_agents_read_detections_by_their_instruction(encoder: FrozenEncoder) -> None:

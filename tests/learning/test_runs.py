@@ -167,8 +167,10 @@ def test_validations_without_a_score_are_refused(given: Any) -> None:
 
 
 def test_a_score_that_is_no_number_ends_a_run_with_a_word(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="validation after 16 episodes has the score nan"):
-        train(UnevenEnv, "vdn", SMALL, tmp_path, validate=lambda *_: {"score": float("nan")})
+    for figures in ({"score": float("nan")}, {"score": 1.0, "success": float("inf")}):
+        *_, (name, value) = figures.items()
+        with pytest.raises(ValueError, match=f"validation after 16 episodes has the {name} {value}"):
+            train(UnevenEnv, "vdn", SMALL, tmp_path, validate=lambda *_, found=figures: found)
     train(UnevenEnv, "vdn", SMALL, tmp_path)  # by another validation it goes on
     assert (tmp_path / BEST).is_file()
 

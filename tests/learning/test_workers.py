@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -18,9 +19,11 @@ import torch
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.benchmark_env import benchmark
 from chmarl_pb.learning.rollouts.collect import Choose, Collector, epsilon_greedy, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.rollouts.workers import rollouts_of
+from chmarl_pb.signals import Interrupted
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.uneven_env import UnevenEnv
@@ -90,6 +93,15 @@ def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def stop_all() -> None:
+    """End as after a signal to all processes of a group, while the run waits for this one."""
+    time.sleep(1.0)
+    parent = parent_process()
+    assert parent is not None and parent.pid is not None
+    os.kill(parent.pid, signal.SIGTERM)
+    die()
+
+
 @pytest.mark.parametrize(
     ("act", "kind", "words"), [(fail, ValueError, "the lamp is out"), (die, WorkerError, "a process died")]
 )
@@ -97,6 +109,20 @@ def test_errors_of_other_processes_end_the_run(act: Callable[[], None], kind: ty
     with pytest.raises(kind, match=words):
         train(partial(Elsewhere, act), "vdn", replace(SMALL, workers=2))
     assert not active_children()
+
+
+def test_a_signal_to_all_processes_saves_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("chmarl_pb.learning.rollouts.workers._WAIT", 60.0)  # the others end before the run looks
+    with pytest.raises(Interrupted, match=r"goes on from .*last\.pt"):
+        train(partial(Elsewhere, stop_all), "vdn", replace(SMALL, workers=2), tmp_path)
+    assert (tmp_path / "last.pt").is_file()
+
+
+def test_pictures_are_encoded_in_each_process(tmp_path: Path) -> None:
+    make, setting = benchmark("visual", image_encoder="resnet18", image_size=64)
+    config = replace(SMALL, episodes=2, envs=2, workers=2, horizon=30, image_encoder="resnet18")
+    train(make, "vdn", config, tmp_path, setting=setting)
+    assert (tmp_path / "last.pt").is_file()
 
 
 def test_what_cannot_be_sent_is_told() -> None:

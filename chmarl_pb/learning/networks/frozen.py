@@ -75,6 +75,10 @@ class FrozenEncoder:
         """Return itself, as it never changes: networks that look through it are copied without it."""
         return self
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let another process make it anew of its weights, as what oneDNN has packed cannot be sent."""
+        return FrozenEncoder, self._made_of
+
     def __init__(self, name: str, weights: dict[str, Tensor], kept: int = KEPT):
         """Take weights; those of a last layer of torchvision's are left out.
 
@@ -89,6 +93,7 @@ class FrozenEncoder:
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
         kind = FROZEN_ENCODERS[name]
         self.name, self.fingerprint = name, fingerprint(weights)
+        self._made_of = name, dict(weights), kept
         weights.pop(BEFORE, None)
         self.asked, self.computed = 0, 0
         self._kept, self._known = kept, OrderedDict[bytes, Tensor]()

@@ -102,6 +102,7 @@ class _Shared:
     def _results(self, futures: "Sequence[Future[list[Episode]]]") -> Iterator[list[Episode]]:
         while wait_for(futures, timeout=_WAIT).not_done:
             self.check()
+        self.check()  # a signal to the whole group of processes has ended the others: that is no failure of theirs
         yield from (future.result() for future in futures)
 
 
@@ -126,7 +127,7 @@ def _pickled(content: Any, name: str) -> bytes:
     """
     try:
         return pickle.dumps(CloudpickleWrapper(content))
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
+    except (pickle.PicklingError, AttributeError, TypeError, RuntimeError) as error:
         raise ValueError(
             f"{name} cannot be sent to other processes ({error}); keep what cannot be copied out, or give workers=1"
         ) from error

@@ -221,11 +221,13 @@ class Run:
             ValueError: there is no score, or a figure is no number.
         """
         figures = _figures_of(self._validate(self._collector, self.learner.agents))
-        if not np.isfinite(figures["score"]):
-            raise ValueError(
-                f"the validation after {self.episodes} episodes has the score {figures['score']}, by which no weights "
-                "can be chosen; see to what `validate` returns, or to the rewards of the environment"
-            )
+        for name, value in figures.items():
+            if not np.isfinite(value):
+                raise ValueError(
+                    f"the validation after {self.episodes} episodes has the {name} {value}, which is no number"
+                    f"{', so no weights can be chosen by it' * (name == 'score')}; see to what `validate` returns, or "
+                    "to the rewards of the environment"
+                )
         if figures["score"] >= self.best_score:
             self.best_score = figures["score"]
             if self.folder is not None:
