@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, SENT = ROOT / "docs" / "leaderboard.md", ROOT / "results" / "leaderboard"
 TABLES = {"scene-graph": PAPER, "visual": PAPER, "grounded": GROUNDED}  # -> their track
 BEGIN, END = "<!-- leaderboard -->", "<!-- end of leaderboard -->"
-HEAD = "| | policy | observation | is given | trainings | success % | PLW % | gain |\n|--:|---|---|---|--:|--:|--:|--:|"
+HEAD = "| | policy | observation | is given | runs | success % | PLW % | gain |\n|--:|---|---|---|--:|--:|--:|--:|"
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from chmarl_pb.learning.runs.interrupts import run_command
 from training.tables.page import write_page
 from training.tables.row import Row
 from training.tables.rows import TABLES
-from training.tables.runs import Run, python
+from training.tables.runs import Run, python, read_records
 from training.tables.schedule import Schedule, as_step, end, on_ray
+from training.tables.sheet import write_sheet
 
 RESULTS, OUT, PAGE = Path("results"), Path("out/tables"), Path("docs/results.md")
 
@@ -45,6 +46,9 @@ def _main(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> int
     failed = [] if chosen.show else _work(chosen, extra, page)
     write_page(chosen.results, page)
     print(page)
+    if chosen.csv:
+        write_sheet(read_records(chosen.results, TABLES), chosen.csv)
+        print(chosen.csv)
     return 1 if failed else 0
 
 
@@ -165,6 +169,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--ray", metavar="ADDRESS", help="do the runs on a Ray cluster, --jobs at a time")
     parser.add_argument("--budget", type=float, metavar="MINUTES", help="start no run after so many minutes")
     parser.add_argument("--show", action="store_true", help="train nothing, write the page")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the scores of each seed on each split, too")
     parser.add_argument("--data", type=Path, default=Path("out/data"), help="of data sets (default %(default)s)")
     parser.add_argument("--out", type=Path, help=f"folder for models and logs (default {OUT})")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder for results (default %(default)s)")

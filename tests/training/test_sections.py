@@ -52,8 +52,8 @@ def test_a_goal_is_met_if_both_of_its_numbers_are(plw: float, met: str, tmp_path
     records: Any = {(row.table, row.slug): [{"evaluation": {"splits": {"test-unseen": split}}}]}
     lines = goals(records, tmp_path).splitlines()
     first, second = (line for line in lines if line.startswith("| ") and "PPO, humanoid only" in line)
-    assert first == f"| PPO, humanoid only | 75 / 38 | 90.0 / {100 * plw:.1f} | 1 training | {met} |  |"
-    assert second == f"| Recurrent PPO, humanoid only | 85 / 45 |  | {NOT_RUN} |  |  |"
+    assert first == f"| PPO, humanoid only, goal observed | 75 / 38 | 90.0 / {100 * plw:.1f} | 1 training | {met} |  |"
+    assert second == f"| Recurrent PPO, humanoid only, goal observed | 85 / 45 |  | {NOT_RUN} |  |  |"
 
 
 def test_every_goal_names_a_row_or_published_weights() -> None:

@@ -1,5 +1,6 @@
 """The tables of the learners: their rows, their runs with fake learners, and the page."""
 
+import csv
 import json
 import os
 import signal
@@ -561,8 +562,28 @@ def test_page_tells_both_steps_of_ours_and_the_intervals(tmp_path: Path, launch:
     run.result.write_text(json.dumps(record))
     write_page(run.results, tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert "3 + 4 episodes" in text
+    assert "3 + 4 episodes, 0 min, feedback" in text
     assert "PLW **25.0** (0 to 62), success **50.0** (38 to 62)" in text
+
+
+def test_minutes_of_a_run_that_begins_with_the_weights_of_another_are_its_own(tmp_path: Path, launch: Launch) -> None:
+    run = run_of(tmp_path, options=("--algo", "mappo", "--start", "best.pt"))
+    work([run], launch)
+    write_page(run.results, tmp_path / "results.md")
+    assert "0 min (after that of the weights it begins with)" in (tmp_path / "results.md").read_text()
+
+
+def test_the_scores_of_each_run_are_lines_of_a_sheet(tmp_path: Path, launch: Launch) -> None:
+    runs = [run_of(tmp_path, seed=seed) for seed in (0, 1)]
+    work(runs, launch)
+    change(runs[1], plw=0.35)
+    options = ["--show", "--results", str(runs[0].results), "--csv", str(tmp_path / "scores.csv")]
+    assert table.main(options) == 0
+    with (tmp_path / "scores.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    scores = [("qmix", str(seed), split, plw, "0.5") for seed, plw in enumerate(("0.25", "0.35")) for split in SPLITS]
+    assert [tuple(line[key] for key in ("row", "seed", "split", "plw", "success_rate")) for line in lines] == scores
+    assert {line["plw_low"] for line in lines} == {""} and lines[0]["messages"] == "False"
 
 
 def change(run: Run, plw: float) -> None:

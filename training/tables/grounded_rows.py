@@ -34,8 +34,9 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
             "--anneal", "0.5", *pointing
         ),
         "Imitation of belief, then MAPPO": (
-            "--algo", "mappo", "--start", start, *episodes(8000), "--envs", "16", "--buffer-size", "256",
-            "--learning-rate", "3e-4", "--ent-coef", "0.003", *pointing,
+            "--algo", "mappo", "--start", start, *episodes(8000), "--envs", "16", "--buffer-size", "512",
+            "--learning-rate", "1e-4", "--ent-coef", "0.001", "--home-rollouts", "20",
+            "--validation-interval", "1000", *pointing,
         ),
     }  # fmt: skip
     seeds = {"Imitation of belief": 2} if graphs else {}

@@ -53,8 +53,9 @@ _LESSONS = (
         "PPO, humanoid only", "PPO, humanoid only, goal observed",
     ),
     _lesson(
-        "**Memory** brings nothing beside a board that never forgets, and to drive the drone as well costs: PPO has "
-        "{}, Recurrent PPO {}, one PPO for both robots {}; beside the first two the drone follows *belief*.",
+        "**Memory** seems to bring nothing beside a board that never forgets, and to drive the drone as well costs: "
+        "with the goal observed PPO has {}, Recurrent PPO, with half the epochs, {}, one PPO for both robots {}; "
+        "beside the first two the drone follows *belief*.",
         "PPO, humanoid only, goal observed", "Recurrent PPO, humanoid only, goal observed",
         "PPO, both robots, goal observed",
     ),
@@ -72,7 +73,7 @@ _LESSONS = (
     Lesson(
         "**Reading and eyes**: this learner, which reads words that training never shows, has {}; {} where the rule "
         "that the built-in searches read by tells it X and Y, so reading is not what holds it; on pictures {} by "
-        "our detector, and {} by ResNet-18.",
+        "our detector with words tied to what it finds, and {} by ResNet-18, which nothing can be tied to.",
         (
             ("scene-graph", "Imitation of belief, generated homes", HEADLINE),
             ("scene-graph", "Imitation of belief, generated homes, words parsed", HEADLINE),
@@ -157,9 +158,9 @@ def _over_blind(own_runs: Sequence[Record], table: str, records: Records) -> str
     between = f" ({text})" if own and (text := interval_text(own)) else ""
     score = f"**{points(own.mean if own else None)}**{between} points"
     return (
-        f"Gain over the best blind policy {blind}: {score}; {len(ahead)} of the {len(rows)} rows of learners that are "
-        f"told no more gain anything, {surely} of them with the interval over tasks above it, in the mean of their "
-        "trainings."
+        f"Gain over the best blind policy {blind}: {score}. {len(rows)} rows of learners are told no more than it; "
+        f"{len(ahead)} of them score above it, {surely} so that the interval over tasks, too, lies above it (its lower "
+        "end, in the mean of the trainings)."
     )
 
 

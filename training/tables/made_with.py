@@ -58,7 +58,8 @@ def _beside(config: dict[str, Any]) -> list[str]:
 def minutes(same: Sequence[Record]) -> str:
     """Return how long trainings took by the clock, e.g. "16 to 19 min"."""
     known = sorted({round(record["seconds"]["train"] / 60) for record in same if "train" in record.get("seconds", {})})
-    return f"{' to '.join(str(known[end]) for end in (0, -1)[: len(known)])} min" if known else ""
+    begun = " (after that of the weights it begins with)" * ("--start" in same[0].get("commands", {}).get("train", ""))
+    return f"{' to '.join(str(known[end]) for end in (0, -1)[: len(known)])} min{begun}" if known else ""
 
 
 def seeds(row: Row, same: Sequence[Record]) -> str:

@@ -57,8 +57,11 @@ with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told t
 their rows say; what searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
 *Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
 alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
-teacher, the length of the training, its minutes by the clock, mostly beside another training (a shared machine, which
-was at times three times slower than at others), and whether there was feedback at test. The teachers of our own rows,
+teacher, the length of the training, its minutes by the clock, mostly beside another training (on shared machines, whose
+other load made some runs many times slower than others of the same row: compare no minutes), and whether there was
+feedback at test. *Grounded* in a row's name is its encoder, which ties words to things, and not the grounded track.
+*(ours)*: the paper has no such row; X is the object that is asked for, Y the kind of furniture that it belongs on, and
+PLW is success weighted by the fewest steps over the steps taken. The teachers of our own rows,
 *search* and *belief*, are told the true classes in view while they teach on pictures; *planner* knows the whole world.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
@@ -88,7 +91,7 @@ stand about, the robots have words of their own, nobody corrects them, and homes
 is played; the weights are those with the best PLW on every tenth task of generated-val. Nothing here has a counterpart
 in the paper. What policies score that learn nothing: [benchmark.md](benchmark.md#the-grounded-track). *Picks*: in how
 many of the steps with X in view, *places*: in how many with X held and Y in view. What learners
-from scratch come to, and which of them is to be run again: [training.md](training.md#the-grounded-track).
+from scratch come to: [training.md](training.md#the-grounded-track).
 """
 
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
@@ -242,12 +245,15 @@ def _runs(records: Records) -> list[str]:
         return []
     hours = sum(sum(record["seconds"].values()) for same in records.values() for record in same) / 3600
     text = (
-        f"{hours:.0f} hours by the clock in all, mostly two runs side by side on a shared machine of two cores, at "
-        "times three times slower than at others. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
+        f"{hours:.0f} hours by the clock in all, mostly two runs side by side on shared machines of two cores, which "
+        "others slowed down, some runs many times. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
         "after*: where its best weights are from; *train, score*: minutes; *source*: sha256 of the code of `chmarl_pb` "
         "and, in later runs, of `training`, that the run was scored with; seeds of a row may come from different "
-        "versions. The commands, all settings and all hashes are in `results/TABLE/ROW-seedK.json`, in later runs also "
-        "those of every version of `training` that trained it (`trained_by`)."
+        "versions (`python -m tools.sources HASH` names the commit). The commands, all settings and all hashes are in "
+        "`results/TABLE/ROW-seedK.json`, in later runs also those of every version of `training` that trained it "
+        "(`trained_by`). A command of an older version may mean something else today: `python -m training.table "
+        "--rows ROW` trains a row as it is now. `python -m training.table --show --csv FILE` writes the scores of each "
+        "seed on each split."
     )
     return ["## The runs", text, "\n".join(lines)]
 
