@@ -138,10 +138,26 @@ def gain_share(plw: float, alone: float) -> float | None:
     return (plw - alone) / (1 - alone) if alone < 1 else None
 
 
+def path_weighted_lengths(reference: Reference, policy: str, max_steps: int) -> dict[AnyTask, float]:
+    """Return task -> PLW of a built-in policy, 0 to 1.
+
+    Args:
+        reference: what the built-in policies reach.
+        policy: one of them, which has played all tasks.
+        max_steps: joint steps after which an episode is cut.
+    """
+    return {task: _score(task, _cut(lengths[policy], max_steps)) for task, lengths in reference.lengths.items()}
+
+
 @cache
-def read_reference(split: str) -> Reference | None:
-    """Return the reference lengths of a split, or None if they are missing or of other tasks or homes."""
-    path = FOLDER / f"{split}.json"
+def read_reference(split: str, folder: Path | None = None) -> Reference | None:
+    """Return the reference lengths of a split, or None if they are missing or of other tasks or homes.
+
+    Args:
+        split: the split.
+        folder: of the file; None: those that come with the package.
+    """
+    path = (folder or FOLDER) / f"{split}.json"
     if not path.is_file():
         return None
     data = json.loads(path.read_text(encoding="utf-8"))

@@ -1,18 +1,22 @@
 """Sections of the page of results that are made of rows of several tables, or of other results."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.cooperation import read_reference
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import sealed
 from chmarl_pb.policies.weights import read_manifest, weights_folder
+from chmarl_pb.tasks.splits import load_tasks
 from training.tables.attribution import PARTS, attribution
 from training.tables.cells import NOT_RUN, Records
 from training.tables.goals import GOALS, goals
+from training.tables.hundred_homes import BUILT_IN, hundred_homes
 from training.tables.page import write_page
 from training.tables.row import LIMITED, LIMITED_SPLITS, Row
 from training.tables.rows import TABLES
@@ -84,6 +88,35 @@ def test_weights_without_feedback_stand_beside_what_they_have_with_it(tmp_path: 
         path.write_text(sealed(changed))
         with pytest.raises(ResultError, match=words):
             without_feedback(tmp_path)
+
+
+def test_published_weights_in_a_hundred_homes_stand_beside_policies_that_learn_nothing(tmp_path: Path) -> None:
+    assert hundred_homes(tmp_path) == []
+    tasks = load_tasks("generated-test")
+    figure = {"mean": 0.75, "low": 0.7, "high": 0.8}
+    found = {
+        "summary": {"success_rate": figure, "plw": figure},
+        "plw_of_tasks": {task.id: 0.5 + number % 2 / 2 for number, task in enumerate(tasks)},
+    }
+    kept: dict[str, Any] = {
+        "checkpoint": {"sha256": read_manifest(weights_folder())["ours-graphs"].sha256},
+        "evaluation": {"options": {"messages": True, "feedback": True}, "splits": {"generated-test": found}},
+    }
+    path = tmp_path / "generated-test" / "ours-graphs.json"
+    path.parent.mkdir()
+    path.write_text(sealed(kept))
+    assert hundred_homes(tmp_path) == [], "the built-in policies are missing"
+    shutil.copy(Path(__file__).parents[2] / "results" / "generated-test.json", tmp_path)
+    read_reference.cache_clear()
+    _, table = hundred_homes(tmp_path)
+    _, _, ours, *others = table.splitlines()
+    blind = float(others[0].split(" | ")[2].split()[0])
+    assert ours.startswith("| ours-graphs | 75.0 [70.0 to 80.0] | 75.0 [70.0 to 80.0] | ")
+    assert float(ours.split(" | ")[3].split()[0]) == pytest.approx(75 - blind, abs=0.11)
+    assert [line.split(" | ")[0].strip("| ") for line in others] == [f"*{name}*" for name in BUILT_IN]
+    path.write_text(sealed(kept | {"evaluation": kept["evaluation"] | {"splits": {}}}))
+    with pytest.raises(ResultError, match="it is not of generated-test"):
+        hundred_homes(tmp_path)
 
 
 def test_limited_layouts_stand_beside_the_benchmarks(tmp_path: Path) -> None:

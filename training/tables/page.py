@@ -18,6 +18,7 @@ from training.tables.attribution import attribution
 from training.tables.cells import HEADLINE, METRICS, Records, built_in, cell, gained, runs_of, shown_name, values
 from training.tables.curves import draw_curves
 from training.tables.goals import goals
+from training.tables.hundred_homes import hundred_homes
 from training.tables.lessons import lessons
 from training.tables.made_with import budget, encoder_of, made_with, seeds
 from training.tables.row import LIMITED, Row
@@ -117,7 +118,7 @@ def write_page(results: Path, page: Path) -> None:
 def _write_page(results: Path, page: Path) -> None:
     records = read_records(results, TABLES)
     parts = [TITLE, *lessons(records, page.parent), goals(records, results), READING, attribution(records)]
-    parts += without_feedback(results)
+    parts += [*without_feedback(results), *hundred_homes(results)]
     for table, rows in TABLES.items():
         if table == LIMITED:
             parts += [f"## {limited.TITLE}", limited.NOTE, f"```\n{_command(table)}\n```", limited.table(rows, records)]

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.paper import SPLITS
-from chmarl_pb.files import unsealed_or_plain
 from chmarl_pb.policies.weights import read_manifest, weights_folder
+from training.tables.published import read_published
 
 FOLDER = "without-feedback"  # in that of the results: NAME.json, as training.score writes it
 _METRICS = ("success_rate", "plw")
@@ -48,18 +47,14 @@ def played_without(results: Path) -> dict[str, Scores]:
     Raises:
         ResultError: a file is damaged, or of other weights than the published ones of its name.
     """
-    published, scores = read_manifest(weights_folder()), {}
-    for path in sorted((results / FOLDER).glob("*.json")):
-        try:
-            content = unsealed_or_plain(path.read_text(encoding="utf-8"))
-            if content["checkpoint"]["sha256"] != published[path.stem].sha256:
-                raise ValueError("its weights are not the published ones")
-            if content["evaluation"]["options"]["feedback"]:
-                raise ValueError("it was played with feedback")
-            scores[path.stem] = _means(content["evaluation"]["splits"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise ResultError(f"{path}: not a result without feedback: {error!r}; play it again") from error
-    return scores
+    return {name: _means(splits) for name, splits in read_published(results / FOLDER, _fault).items()}
+
+
+def _fault(evaluation: dict[str, Any]) -> str:
+    if evaluation["options"]["feedback"]:
+        return "it was played with feedback"
+    missing = set(SPLITS) - evaluation["splits"].keys()
+    return f"it lacks {min(missing)}" if missing else ""
 
 
 def _means(splits: dict[str, Any]) -> Scores:
