@@ -46,11 +46,11 @@ def hundred_homes(results: Path) -> list[str]:
         return []
     blind = path_weighted_lengths(reference, BLIND, MAX_STEPS)
     lines = ["| | success % | PLW % | gain |", "|---|--:|--:|--:|"]
-    for name, splits in sorted(played.items(), key=lambda item: -item[1][SPLIT]["summary"]["plw"]["mean"]):
-        found = splits[SPLIT]
+    for name, one in sorted(played.items(), key=lambda item: -item[1]["splits"][SPLIT]["summary"]["plw"]["mean"]):
+        found, more = one["splits"][SPLIT], one["options"].get("goal")  # who is told more gains nothing by seeing
         shares = [_with_interval(found["summary"][metric]) for metric in ("success_rate", "plw")]
-        own = {task: found["plw_of_tasks"][task.id] for task in blind}
-        lines.append(f"| {name} | {' | '.join(shares)} | {_gain(own, blind)} |")
+        gained = "" if more else _gain({task: found["plw_of_tasks"][task.id] for task in blind}, blind)
+        lines.append(f"| {name}{', told the goal' if more else ''} | {' | '.join(shares)} | {gained} |")
     lines += [_built_in(name, reference, blind) for name in BUILT_IN]
     return [NOTE.strip(), "\n".join(lines)]
 

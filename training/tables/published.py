@@ -8,11 +8,11 @@ from chmarl_pb.errors import ResultError
 from chmarl_pb.files import unsealed_or_plain
 from chmarl_pb.policies.weights import read_manifest, weights_folder
 
-Splits = dict[str, dict[str, Any]]  # split -> what was found there
+Evaluation = dict[str, Any]  # its options, and what was found on each split
 
 
-def read_published(folder: Path, fault: Callable[[dict[str, Any]], str]) -> dict[str, Splits]:
-    """Return name of the weights -> what they did on each split.
+def read_published(folder: Path, fault: Callable[[Evaluation], str]) -> dict[str, Evaluation]:
+    """Return name of the weights -> their evaluation.
 
     Args:
         folder: of the files.
@@ -29,7 +29,7 @@ def read_published(folder: Path, fault: Callable[[dict[str, Any]], str]) -> dict
                 raise ValueError("its weights are not the published ones")
             if why := fault(content["evaluation"]):
                 raise ValueError(why)
-            found[path.stem] = content["evaluation"]["splits"]
+            found[path.stem] = content["evaluation"]
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{path}: no result of {folder.name}: {error!r}; play it again") from error
     return found

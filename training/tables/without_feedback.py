@@ -47,7 +47,7 @@ def played_without(results: Path) -> dict[str, Scores]:
     Raises:
         ResultError: a file is damaged, or of other weights than the published ones of its name.
     """
-    return {name: _means(splits) for name, splits in read_published(results / FOLDER, _fault).items()}
+    return {name: _means(one["splits"]) for name, one in read_published(results / FOLDER, _fault).items()}
 
 
 def _fault(evaluation: dict[str, Any]) -> str:
