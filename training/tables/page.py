@@ -42,8 +42,8 @@ READING = f"""## How to read the tables
 
 All numbers are per cent. *Paper*: Sharma, Goyal et al. 2022, in VirtualHome; the homes, tasks and pictures there are
 others, so the columns tell which way things go and not which program is better. *Ours*: mean ± sample standard
-deviation over training seeds, whose number is in the column *seeds* ("1 of 3": two are still to be run); every task of a split
-is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
+deviation over training seeds, whose number is in the column *seeds* ("1 of 3": two are still to be run); every task
+of a split is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
 weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
 are a little too good (trainings in generated homes choose on tasks of generated-val); nothing was chosen on a test
 split, but for the {MAX_STEPS} steps of an episode, which keep the random policy below 3 % of test-unseen. The headline
