@@ -40,30 +40,36 @@ Written by `python -m training.table --show` from the files in `results/`; do no
 
 READING = f"""## How to read the tables
 
-All numbers are per cent. *Paper*: Sharma, Goyal et al. 2022, in VirtualHome; the homes, tasks and pictures there are
-others, so the columns tell which way things go and not which program is better. *Ours*: mean ± sample standard
-deviation over training seeds, whose number is in the column *seeds* ("1 of 3": two are still to be run); every task
-of a split is played once, greedily, for at most {MAX_STEPS} steps (policies that draw their actions play it three times). The
-weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two splits
-are a little too good (trainings in generated homes choose on tasks of generated-val); nothing was chosen on a test
-split, but for the {MAX_STEPS} steps of an episode, which keep the random policy below 3 % of test-unseen. The headline
-number is PLW on test-unseen. Its {TASKS[SPLITS[-1]]} tasks are a small sample: ± is the spread of trainings on the same
-tasks, and the intervals of the headlines (95 %, bootstrap over
-tasks, one for each seed) tell how far other tasks might lie. Budgets differ, see [the runs](#the-runs). Rows in
-*italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network drives both
-robots, or the humanoid beside a drone that follows *search* or *belief* (column *made with*). At the end stand
-built-in policies that learn nothing ([benchmark.md](benchmark.md#what-the-score-measures)): {", ".join(SHORTCUTS)}
-do without most of what a robot is given, *search* looks for X and Y by rule. Their scores are the same with graphs and
-with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told the true classes in view there, too, as
-their rows say; what searches score on what a detector sees: [benchmark.md](benchmark.md#searches-that-see-pictures).
-*Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
-alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
-teacher, the length of the training, its minutes by the clock, mostly beside another training (on shared machines, whose
-other load made some runs many times slower than others of the same row: compare no minutes), and whether there was
-feedback at test. *Grounded* in a row's name is its encoder, which ties words to things, and not the grounded track.
-*(ours)*: the paper has no such row; X is the object that is asked for, Y the kind of furniture that it belongs on, and
-PLW is success weighted by the fewest steps over the steps taken. The teachers of our own rows,
-*search* and *belief*, are told the true classes in view while they teach on pictures; *planner* knows the whole world.
+All numbers are per cent.
+
+- *Paper*: Sharma, Goyal et al. 2022, in VirtualHome; the homes, tasks and pictures there are others, so the columns
+  tell which way things go and not which program is better.
+- *Ours*: mean ± sample standard deviation over training seeds, whose number is in the column *seeds* ("1 of 3": two
+  are still to be run); every task of a split is played once, greedily, for at most {MAX_STEPS} steps (policies that
+  draw their actions play it three times).
+- The weights of a run are those with the best PLW on 50 tasks each of val-seen and val-unseen, so ours on these two
+  splits are a little too good (trainings in generated homes choose on tasks of generated-val); nothing was chosen on
+  a test split, but for the {MAX_STEPS} steps of an episode, which keep the random policy below 3 % of test-unseen.
+- The headline number is PLW on test-unseen. Its {TASKS[SPLITS[-1]]} tasks are a small sample: ± is the spread of
+  trainings on the same tasks, and the intervals of the headlines (95 %, bootstrap over tasks, one for each seed) tell
+  how far other tasks might lie. Budgets differ, see [the runs](#the-runs).
+- Rows in *italics* are not in the paper: our own learner, and baselines of Stable-Baselines3, whose one network
+  drives both robots, or the humanoid beside a drone that follows *search* or *belief* (column *made with*).
+- At the end stand built-in policies that learn nothing ([benchmark.md](benchmark.md#what-the-score-measures)):
+  {", ".join(SHORTCUTS)} do without most of what a robot is given, *search* looks for X and Y by rule. Their scores are
+  the same with graphs and with pictures: *reactive*, *instruction-blind*, *search* and *belief* are told the true
+  classes in view there, too, as their rows say; what searches score on what a detector sees:
+  [benchmark.md](benchmark.md#searches-that-see-pictures).
+- *Made with*: what encodes the observations (*detector*: a network trained on the simulator's segmentation; *numbers
+  alone*: messages, own state and whether X and Y are in view), what drives a drone that does not learn, who was the
+  teacher, the length of the training, its minutes by the clock, mostly beside another training (on shared machines,
+  whose other load made some runs many times slower than others of the same row: compare no minutes), and whether
+  there was feedback at test.
+- *Grounded* in a row's name is its encoder, which ties words to things, and not the grounded track. *(ours)*: the
+  paper has no such row; X is the object that is asked for, Y the kind of furniture that it belongs on, and PLW is
+  success weighted by the fewest steps over the steps taken.
+- The teachers of our own rows, *search* and *belief*, are told the true classes in view while they teach on pictures;
+  *planner* knows the whole world.
 
 **What the score measures**: mostly obedience to the message board. The environment fills it with the truth, also where
 robots get pictures; Pick and Place take no argument and drive by themselves; X's class stands in the scene but
