@@ -39,7 +39,7 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
             "--validation-interval", "1000", *pointing,
         ),
     }  # fmt: skip
-    seeds = {"Imitation of belief": 2} if graphs else {}
+    seeds = {"Imitation of belief": 3, "Imitation of belief, then MAPPO": 3} if graphs else {"Imitation of belief": 2}
     learners = tuple(
         Row(
             name, observation, options, messages=True, feedback=False, seeds=seeds.get(name, 1), track=GROUNDED,
