@@ -47,11 +47,23 @@ class Interface:
             for name, space in self.observations.items()
         }
 
+    @cached_property
+    def _ranges(self) -> dict[str, dict[str, tuple[Any, Any]]]:
+        """Agent -> key of each part that is a choice -> its least and its greatest numbers."""
+        return {
+            name: {
+                key: (part.start, part.start + (part.n if isinstance(part, spaces.Discrete) else part.nvec) - 1)
+                for key, part in _parts(space).items()
+                if isinstance(part, spaces.Discrete | spaces.MultiDiscrete)
+            }
+            for name, space in self.observations.items()
+        }
+
     def observed(self, name: str, observation: Tree) -> Tree:
         """Return an agent's observation in arrays of its own, as environments may use theirs again.
 
         Raises:
-            ValueError: it has not the keys and shapes of its space.
+            ValueError: it has not the keys and shapes of its space, or a choice that this does not have.
         """
         arrays = tree_map(np.array, observation)
         parts = arrays if isinstance(arrays, dict) else {"": arrays}
@@ -63,16 +75,24 @@ class Interface:
                     f"{_where(name, key)} has the shape {shape} in its observation_space, but {what} in what the "
                     "environment returns; let both say the same"
                 )
+        for key, (least, most) in self._ranges[name].items():
+            if (parts[key] < least).any() or (parts[key] > most).any():
+                raise ValueError(
+                    f"{_where(name, key)} is {parts[key].tolist()}, and its observation_space goes from "
+                    f"{np.min(least)} to {np.max(most)}; let both say the same"
+                )
         return arrays
 
     def state(self, env: Any, observations: Mapping[str, Tree]) -> np.ndarray:
         """Return the global state (S), float32; agents that are gone count as zeros.
 
         Raises:
-            ValueError: ``state()`` gives no numbers, or not as many as after the first reset.
+            ValueError: ``state()`` gives no finite numbers, or not as many as after the first reset.
         """
         if self.has_state:
             state: np.ndarray = _numbers(env.state())
+            if not np.isfinite(state).all():
+                raise ValueError("state() has infinite values, or what is no number; return finite numbers")
             if self.state_size and len(state) != self.state_size:
                 raise ValueError(
                     f"state() has {len(state)} numbers, and {self.state_size} after the first reset; give it one "
@@ -94,7 +114,7 @@ def interface_of(env: Any) -> Interface:
         ValueError: its spaces are not of the kinds that can be learned from, or what it returns does not fit them.
     """
     observations, actions = spaces_of(env)
-    seen, _ = env.reset(seed=0)
+    seen = _first_of(env.reset(seed=0))
     interface = Interface(observations, actions, 0, _has_state(env))
     first = {name: interface.observed(name, seen[name]) for name in observations if name in seen}
     if not first:
@@ -105,6 +125,21 @@ def interface_of(env: Any) -> Interface:
     if not size:
         raise ValueError("state() is empty; return numbers, or leave it out: all observations then take its place")
     return replace(interface, state_size=size)
+
+
+def _first_of(start: Any) -> Mapping[str, Tree]:
+    """Return the observations of what a reset has returned.
+
+    Raises:
+        ValueError: it is no pair of dicts.
+    """
+    if not (isinstance(start, tuple) and len(start) == 2 and all(isinstance(one, Mapping) for one in start)):
+        raise ValueError(
+            f"reset() returns {type(start).__name__}; return two dicts, observations and infos, as PettingZoo's "
+            "ParallelEnv does (pettingzoo.utils.conversions.aec_to_parallel makes one of an AECEnv)"
+        )
+    observations: Mapping[str, Tree] = start[0]
+    return observations
 
 
 def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]]:
@@ -187,6 +222,8 @@ def _where(name: str, key: str) -> str:
 
 
 def _has_state(env: Any) -> bool:
+    if not callable(getattr(env, "state", None)):
+        return False
     try:
         env.state()
     except (NotImplementedError, AttributeError):

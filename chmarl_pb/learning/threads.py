@@ -5,16 +5,18 @@ from contextlib import contextmanager
 
 import torch
 
+_MOST = 1024  # with some thousands torch ends the process
+
 
 @contextmanager
 def threads(count: int = 1) -> Iterator[None]:
     """Let torch use so many threads as long as a block or a decorated function runs.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is no such number.
     """
-    if count < 1:
-        raise ValueError(f"threads={count}: use at least 1")
+    if not isinstance(count, int) or not 1 <= count <= _MOST:
+        raise ValueError(f"threads={count!r}: use a whole number from 1 to {_MOST}")
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

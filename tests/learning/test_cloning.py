@@ -15,6 +15,7 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import DatasetError
+from chmarl_pb.learning.algorithms.gradient import DivergedError
 from chmarl_pb.learning.cloning import bc as cloning
 from chmarl_pb.learning.cloning.bc import clone
 from chmarl_pb.learning.cloning.demonstrations import read_demonstrations
@@ -175,6 +176,12 @@ def test_silent_clones_do_not_hear(data: Path, tmp_path: Path) -> None:
         logits.append(torch.cat([part.flatten() for part in policy.batched._hidden]))
     env.close()
     assert torch.equal(*logits)
+
+
+def test_weights_that_are_no_numbers_are_not_kept(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(DivergedError, match="lower learning_rate"):
+        clone(replace(SMALL, learning_rate=1e30), tmp_path, data)
+    assert not (tmp_path / "best.pt").exists()
 
 
 def test_drawn_actions_follow_the_seed(data: Path, tmp_path: Path) -> None:

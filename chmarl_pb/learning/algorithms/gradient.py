@@ -22,6 +22,29 @@ def add_grounding(metrics: dict[str, Tensor], agents: nn.ModuleDict, batch: Batc
     return metrics | taught | {"loss": metrics["loss"] + sum(taught.values())}
 
 
+def check_finite(networks: nn.Module) -> None:
+    """Check weights after gradient steps, before they are kept.
+
+    Raises:
+        DivergedError: some are infinite or no numbers.
+    """
+    if not all(bool(torch.isfinite(weight).all()) for weight in networks.parameters()):
+        raise DivergedError("some weights are infinite or no numbers after a gradient step; lower learning_rate")
+
+
+def check_norms(loss: Tensor, norms: Iterable[Tensor]) -> None:
+    """Check the gradients of a loss, before the step that they make.
+
+    Raises:
+        DivergedError: a norm is infinite or no number.
+    """
+    if not all(math.isfinite(float(norm)) for norm in norms):
+        raise DivergedError(
+            f"the loss is {float(loss.detach())}, and its gradient is no number; lower learning_rate or "
+            "reward_scale, or see whether the environment returns what is no number"
+        )
+
+
 def descend(
     metrics: dict[str, Tensor], optimizer: torch.optim.Optimizer, max_norm: float, *parts: Iterable[Tensor]
 ) -> dict[str, float]:
@@ -40,10 +63,6 @@ def descend(
     loss: Any = metrics["loss"]
     loss.backward()
     norms = [nn.utils.clip_grad_norm_(part, max_norm) for part in parts]
-    if not all(math.isfinite(float(norm)) for norm in norms):
-        raise DivergedError(
-            f"the loss is {float(loss.detach())}, and its gradient is no number; lower learning_rate or "
-            "reward_scale, or see whether the environment returns what is no number"
-        )
+    check_norms(loss, norms)
     optimizer.step()
     return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norms[0])}

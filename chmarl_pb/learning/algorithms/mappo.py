@@ -167,7 +167,7 @@ class Mappo:
         self._anneal_learning_rate(before)
         batch = replay.sample(new, rng, newest=new)
         if self._states is not None:
-            self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
+            self._states.update(batch.states, batch.real.any(dim=-1, keepdim=True))
         learned = self.compute_gae(batch)
         learned = replace(learned, returns=self._normal(learned.returns, batch))
         actors = not self.config.start or before >= self.config.critic_starts

@@ -158,7 +158,7 @@ class ValueLearner:
     def loss(self, batch: Batch) -> dict[str, Tensor]:
         """Return the algorithm's loss of a batch, with what goes with it."""
         if self._states is not None:
-            self._states.update(batch.states[:, :-1], batch.acted.any(dim=-1, keepdim=True))
+            self._states.update(batch.states, batch.real.any(dim=-1, keepdim=True))
             batch = replace(batch, states=self._states.normalize(batch.states))
         if self._rewards is not None:
             batch = replace(batch, rewards=self._standardized(self._rewards, batch))

@@ -21,6 +21,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
+from chmarl_pb.learning.algorithms.gradient import check_finite, check_norms
 from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import CATALOG, FROZEN
 from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
@@ -161,14 +162,16 @@ class _Run:
                 batch = batch.to(self._device)
                 losses = loss_of(self.actors, self.config, batch, self.examiner.robots)
                 self.optimizer.zero_grad()
-                (losses.sum() + grounding_of(self.actors, self.config, batch)).backward()
-                nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)
+                loss = losses.sum() + grounding_of(self.actors, self.config, batch)
+                loss.backward()
+                check_norms(loss, [nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)])
                 self.optimizer.step()
                 self.schedule.step()
                 self._total += losses.detach().cpu() * batch.mask.sum().cpu()
                 self.batch += 1
                 if time.monotonic() > self._saved + interrupts.EVERY:
                     self.save()
+        check_finite(self.actors)
         return self._total / self.data.lengths.sum()
 
     def _save_best(self) -> None:

@@ -1,6 +1,6 @@
 """Play episodes side by side in one process, with agents that act in one batch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -110,9 +110,14 @@ class Collector:
             expert: makes an expert in each of them, if wanted.
             horizon: most steps of an episode; None: any number.
             check: called before every joint step; may raise an error to end the episodes.
+
+        Raises:
+            ValueError: ``env_fn`` returns one environment several times, or what no learner can learn from.
         """
         self._horizon, self._check = horizon, check
         self.envs = [env_fn() for _ in range(count)]
+        if len({id(getattr(env, "unwrapped", env)) for env in self.envs}) < count:
+            raise ValueError("env_fn returns the same environment again; let it make a new one each time")
         self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
         self.interface: Interface = interface_of(self.envs[0])
         core = getattr(self.envs[0], "unwrapped", self.envs[0])
@@ -198,7 +203,7 @@ class Explorer:
         self._check()
         if self._experts:
             asked = zip(episodes, observations, infos, strict=True)
-            self.labels = {number: self._experts[number].propose(seen, info) for number, seen, info in asked}
+            self.labels = {number: self._proposed(number, seen, info) for number, seen, info in asked}
         chosen: list[Actions] = [{} for _ in episodes]
         for name, counts in self._counts.items():
             rows = [row for row, seen in enumerate(observations) if name in seen]
@@ -207,7 +212,7 @@ class Explorer:
             index = torch.tensor([episodes[row] for row in rows])
             values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
             mask = torch.from_numpy(np.stack([mask_of(name, infos[row], counts) for row in rows]))
-            labels = self._labels_of(name, [episodes[row] for row in rows])
+            labels = self._labels_of(name, [episodes[row] for row in rows], mask.numpy())
             actions = self._choose(values, mask, labels, self._rng)
             self._player.remember(name, index, torch.from_numpy(actions))
             for row, action in zip(rows, actions, strict=True):
@@ -216,18 +221,52 @@ class Explorer:
             self._experts[number].note(actions_done)
         return chosen
 
-    def _labels_of(self, name: str, episodes: Sequence[int]) -> np.ndarray:
-        """Return what experts would do in an agent's place, (B, K), or ``NO_LABEL``."""
+    def _proposed(self, number: int, observations: Observations, infos: Infos) -> Actions:
+        """Return what an episode's expert would do.
+
+        Raises:
+            ValueError: it is no dict of agents.
+        """
+        proposed = self._experts[number].propose(observations, infos)
+        if not isinstance(proposed, Mapping) or not proposed.keys() <= self._counts.keys():
+            raise ValueError(
+                f"the expert proposes {proposed!r}; let it return a dict of actions by the names of agents: "
+                f"{', '.join(self._counts)}"
+            )
+        return dict(proposed)
+
+    def _labels_of(self, name: str, episodes: Sequence[int], mask: np.ndarray) -> np.ndarray:
+        """Return what experts would do in an agent's place, (B, K), or ``NO_LABEL``; a mask is (B, K, A).
+
+        Raises:
+            ValueError: the agent has no such action, or may not do it now.
+        """
         counts = self._counts[name]
         if not self._experts:
             return np.full((len(episodes), len(of_each(counts))), NO_LABEL)
         said = [self.labels.get(number, {}).get(name, NO_LABEL) for number in episodes]
-        return np.array([as_label(name, label, counts, NO_LABEL) for label in said])
+        labels = np.array([as_label(name, label, counts, NO_LABEL) for label in said])
+        allowed = np.take_along_axis(mask, labels.clip(min=0)[..., None], axis=-1)[..., 0] | (labels == NO_LABEL)
+        if not allowed.all():
+            row = int(np.argmin(allowed.all(axis=1)))
+            raise ValueError(
+                f"the expert would do {said[row]!r} in the place of {name!r}, which the action_mask forbids; let it "
+                f"name an action that is allowed, or {NO_LABEL}"
+            )
+        return labels
 
 
 def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
-    """Record the beginning of an episode: what an environment's reset has returned."""
+    """Record the beginning of an episode: what an environment's reset has returned.
+
+    Raises:
+        ValueError: nobody is there, or somebody who is observes nothing.
+    """
     _look(interface, episode, env, *start)
+    if not env.agents:
+        raise ValueError("an episode is over right after its reset, as env.agents is empty; let somebody act in it")
+    if blind := [name for name in env.agents if name not in start[0]]:
+        raise ValueError(f"reset() gives no observation of {blind[0]!r}, which is there; return one for each of agents")
 
 
 def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, step: tuple[Any, ...]) -> None:
@@ -253,7 +292,12 @@ def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, 
         raise ValueError(
             f"step() returns no reward of {unpaid[0]!r}, which has acted; return one, 0 where it gets none"
         )
-    episode.rewards.append(np.array([_number(name, rewards.get(name, 0.0)) for name in names], np.float32))
+    paid = [_number(name, rewards[name]) if name in actions else 0.0 for name in names]
+    if odd := [name for name, reward in zip(names, paid, strict=True) if not np.isfinite(reward)]:
+        raise ValueError(
+            f"the reward of {odd[0]!r} in step {len(episode)} of an episode is {rewards[odd[0]]!r}; return a number"
+        )
+    episode.rewards.append(np.array(paid, np.float32))
     episode.acted.append(_acting(names, episode, actions))
     episode.terminated.append(np.array([bool(terminated.get(name, False)) for name in names]))
     _look(interface, episode, env, observations, infos)

@@ -1,6 +1,7 @@
 """Training one network for each agent of an environment, from the first rollout or from the last checkpoint on."""
 
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,6 +10,7 @@ from typing import Any
 
 from torch import nn
 
+from chmarl_pb.errors import WorkerError
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import Algorithm, check_first_weights, find_algorithm
@@ -47,6 +49,8 @@ def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> N
     env_fn, config, expert, setting = (given[name] for name in ("env_fn", "config", "expert", "setting"))
     if not callable(env_fn):
         raise ValueError(f"env_fn={env_fn!r}: give what makes an environment, e.g. chmarl_pb.parallel_env")
+    if given["validate"] is not None and not callable(given["validate"]):
+        raise ValueError(f"validate={given['validate']!r}: give what is called with a collector and the networks")
     if not isinstance(config, row.config):
         raise ValueError(f"config={config!r}: {algorithm} takes settings of the class {row.config.__name__}")
     if expert is not None and not callable(expert):
@@ -121,13 +125,15 @@ def train(
 
     Raises:
         Interrupted: a signal asked the run to end.
+        WorkerError: another process has died.
         ValueError: an argument or the environment is of another kind, there is nobody to imitate, or no such device.
         CheckpointError: the folder's checkpoint is damaged, of other settings, or gone while its best weights are
             there, another process trains there, or the run is over and its best weights are gone.
     """
     row, folder = find_algorithm(algorithm), None if folder is None else Path(folder)
     config = row.config() if config is None else config
-    _check_arguments(algorithm, row, {"env_fn": env_fn, "config": config, "expert": expert, "setting": setting})
+    given = {"env_fn": env_fn, "config": config, "expert": expert, "setting": setting, "validate": validate}
+    _check_arguments(algorithm, row, given)
     if isinstance(config, DAggerConfig) and expert is not None:
         config = replace(config, expert=expert_name(expert))
     imitated = expert if row.imitates else None
@@ -155,6 +161,12 @@ def train(
             except StopRequested:
                 run.save()
                 raise signals.interrupted(f"{run.episodes} episodes", last) from None
+            except BrokenProcessPool as error:
+                run.save()
+                kept = f"the same command goes on from {last}; fewer workers need another folder" if last else ""
+                raise WorkerError(
+                    f"a process died after {run.episodes} episodes (out of memory?); {kept or 'nothing is kept'}"
+                ) from error
         if folder is not None:
             check_kept(folder / BEST)
         return Result(run.learner, run.learner.agents, run.best_score)

@@ -4,6 +4,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import torch
 
 from chmarl_pb.files import file_hash
+from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import TRAINED_IN, RunConfig
 from chmarl_pb.learning.rollouts.batch import Batch
@@ -23,7 +25,7 @@ from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.validation import Validate
 from chmarl_pb.learning.spaces import Interface
-from chmarl_pb.learning.storage.checkpoint import check_same, load, save
+from chmarl_pb.learning.storage.checkpoint import check_same, is_whole, load, save
 
 LAST, BEST = "last.pt", "best.pt"
 
@@ -157,8 +159,8 @@ class Run:
         for name, stream in self._streams.items():
             stream.bit_generator.state = json.loads(state["streams"][name])
         self.episodes, self.rows, self.best_score = state["episodes"], state["rows"], state["best_score"]
-        if self.folder is not None and not (self.folder / BEST).is_file():
-            self.best_score = -np.inf  # the best weights are gone, so the next ones are the best that there are
+        if self.folder is not None and not is_whole(self.folder / BEST):
+            self.best_score = -np.inf  # the best weights are lost, so the next ones are the best that there are
         self._window = defaultdict(list, state["window"])
         self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
 
@@ -169,7 +171,7 @@ class Run:
         choose = self.learner.choose(self.episodes)
         try:
             played = self._play_rollout(self.learner.agents, choose, self._streams["actions"], seeds)
-        except StopRequested:
+        except (StopRequested, BrokenProcessPool):
             for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
             raise
@@ -199,6 +201,7 @@ class Run:
                 self._window[name].append(value)
             self._clock["transitions"] += int(batch.acted.any(dim=-1).sum())
             self._clock["gradients"] += 1
+        check_finite(self.learner.agents)
         self._clock["updates"] += time.perf_counter() - start
 
     def _gradient_steps(self) -> Iterator[tuple[Batch, dict[str, float]]]:

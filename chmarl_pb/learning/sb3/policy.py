@@ -1,6 +1,7 @@
 """Models of Stable-Baselines3 as policies of the benchmark."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -88,8 +89,32 @@ class ModelPolicies:
         given = parts[first_grasper(env.action_names)] | joined(parts)
         if missing := [key for key in _keys_of(self._network) if key not in given]:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
+        self._check_spaces(env, given)
         self._network.set_training_mode(False)
         return BatchOfOne(Sb3Policy(self._network, env, not self.deterministic, partner=self._partner))
+
+    def _check_spaces(self, env: HouseholdEnv, given: Mapping[str, spaces.Space[Any]]) -> None:
+        """Refuse an environment in which the model's numbers would mean something else.
+
+        Raises:
+            OptionError: its observations have other sizes, or its actions are others.
+        """
+        own = self._network.observation_space
+        assert isinstance(own, spaces.Dict)
+        for key, space in own.items():
+            if sorted(space.shape or ()) != sorted(given[key].shape or ()):  # SB3 turns pictures
+                raise OptionError(
+                    f"the model observes {key} of shape {space.shape}, and here it has {given[key].shape}; give the "
+                    "options that it was trained with"
+                )
+        robots = env.possible_agents if self.centralized else [first_grasper(env.action_names)]
+        counts = [count for robot in robots for count in flat_counts(env.action_space(robot))]
+        actions = flat_counts(self._network.action_space)
+        if actions not in (counts, [math.prod(counts)]):
+            raise OptionError(
+                f"the model chooses among {actions} actions, and here there are {counts}; give the options that it "
+                "was trained with"
+            )
 
 
 class Sb3Policy:

@@ -23,6 +23,7 @@ from chmarl_pb.learning.storage.seal import fault, seal
 FORMAT = "chmarl_pb checkpoint 1"
 
 #: Kinds of what a checkpoint holds, beside lists, tuples, sets and dicts of these.
+_LONGEST = 300  # letters of what torch says of weights that do not fit
 _KEPT = (
     str, int, float, complex, bool, bytes, bytearray, torch.Tensor, nn.Parameter, torch.Size, torch.dtype, torch.device,
     torch.layout,
@@ -148,13 +149,14 @@ def check_kept(best: Path) -> None:
     """Check that the best weights of a run that is over are there.
 
     Raises:
-        CheckpointError: they are not, and no validation will write them again.
+        CheckpointError: they are not, or damaged, and no validation will write them again.
     """
     if not best.is_file():
         raise CheckpointError(
             f"{best}: the best weights are gone, and the run is over; put the file back, or train again in another "
             "folder"
         )
+    check_whole(best)
 
 
 def check_whole(path: Path) -> None:
@@ -169,6 +171,15 @@ def check_whole(path: Path) -> None:
         reason = error.strerror or type(error).__name__
     if reason:
         raise CheckpointError(f"{path}: not a whole checkpoint: {reason}; copy or train it again")
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a file is there, and as it was written."""
+    try:
+        check_whole(path)
+    except CheckpointError:
+        return False
+    return True
 
 
 def tensors_of(source: Path | IO[bytes], path: Path) -> Any:
@@ -257,6 +268,7 @@ def fill(module: nn.Module, weights: dict[str, torch.Tensor], path: Path) -> Non
     except (RuntimeError, AttributeError, TypeError) as error:
         lines = [line.strip() for line in str(error).splitlines()]
         reason = " ".join(lines[:2])
+        reason = reason if len(reason) <= _LONGEST else f"{reason[:_LONGEST]} ..."
         raise CheckpointError(
             f"{path}: its weights do not fit this network: {reason} Use the configuration, observation and version "
             "that it was trained with"
