@@ -251,9 +251,9 @@ def test_models_are_policies(name: str, env_id: str, options: dict[str, Any], tm
     assert policies.fingerprint != policy_of(loaded, "search").fingerprint
     with pytest.raises(OptionError, match="goal=True"):
         chmarl_pb.evaluate(policies, **given)
-    with pytest.raises(OptionError, match="the model chooses among .* actions, and here there are"):
+    with pytest.raises(OptionError, match=r"the model chooses among .* actions, and here there are"):
         chmarl_pb.evaluate(policies, goal=True, pointing=True, **given)
-    with pytest.raises(OptionError, match="the model observes .* of shape"):
+    with pytest.raises(OptionError, match=r"the model observes .* of shape"):
         chmarl_pb.evaluate(policies, goal=True, lookalikes=True, **given)
     env.close()
 
