@@ -21,21 +21,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Play, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("checkpoint", type=Path)
-    parser.add_argument("--task", default="val-unseen-000")
+    parser.add_argument("--task", help="default: the first on which weights are chosen")
     parser.add_argument("--observation", default="scene_graph", help="as the checkpoint was trained")
     parser.add_argument("--out", type=Path, default=Path("out/episode.gif"))
     options = parser.parse_args(arguments)
 
-    env = chmarl_pb.parallel_env(options.observation, render_mode="rgb_array")
-    policy = load_policy(options.checkpoint)(env)
-    observations, infos = env.reset(seed=0, options={"task": options.task})
+    policies = load_policy(options.checkpoint)
+    rules = getattr(policies, "rules", {})  # that it was trained by; clones have those of their data
+    env = chmarl_pb.parallel_env(options.observation, render_mode="rgb_array", **rules)
+    policy = policies(env)
+    task = options.task or ("generated-val-000" if "track" in rules else "val-unseen-000")
+    observations, infos = env.reset(seed=0, options={"task": task})
     policy.reset(0)
     print(env.instruction)
     frames = [Image.fromarray(np.asarray(env.render()))]
     while env.agents:
         actions = policy.act(observations, infos)
         observations, _, _, _, infos = env.step(actions)
-        names = "".join(f"{env.action_names[robot][action]:17}" for robot, action in actions.items())
+        moves = {robot: int(np.ravel(action)[0]) for robot, action in actions.items()}  # own words come behind
+        names = "".join(f"{env.action_names[robot][move]:17}" for robot, move in moves.items())
         print(f"{env.steps:2}  {names}phi {env.outcome.potential:g}")
         frames.append(Image.fromarray(np.asarray(env.render())))
     print(

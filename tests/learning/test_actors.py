@@ -223,8 +223,11 @@ def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path:
     interface = interface_of(UnevenEnv())
     train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
     imitated, first_batch = str(tmp_path / BEST), MAPPO.buffer_size
-    for start, critic_starts, waits in ((imitated, first_batch, True), (imitated, 1, True), ("", first_batch, False)):
-        config = replace(MAPPO, episodes=8, critic_starts=critic_starts, start=start)
+    for start, critic_starts, episodes, waits in (
+        (imitated, first_batch, 8, True), (imitated, 1, 8, True), ("", first_batch, 8, False),
+        (imitated, 512, 16, False),  # half of a short run
+    ):  # fmt: skip
+        config = replace(MAPPO, episodes=episodes, critic_starts=critic_starts, start=start)
         before = make_learner("mappo", interface, config).agents.state_dict()
         after = train(UnevenEnv, "mappo", config).agents.state_dict()
         assert all(torch.equal(value, after[name]) for name, value in before.items()) == waits

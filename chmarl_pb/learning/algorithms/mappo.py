@@ -48,7 +48,7 @@ class MappoConfig(RunConfig):
         memory_gib: bound of their memory; too little is an error.
         start: file of weights of agents to begin with (``best.pt``); "" for random ones.
         critic_starts: episodes that only the critic learns from at first, at least, beside actors that begin with
-            ``start``.
+            ``start``; half of all in a shorter run.
         n_epochs: passes over the episodes that are learned from at once.
         gamma: discount of one step.
         gae_lambda: of generalised advantage estimation.
@@ -170,7 +170,8 @@ class Mappo:
             self._states.update(batch.states, batch.real.any(dim=-1, keepdim=True))
         learned = self.compute_gae(batch)
         learned = replace(learned, returns=self._normal(learned.returns, batch))
-        actors = not self.config.start or before >= self.config.critic_starts
+        alone = min(self.config.critic_starts, self.config.episodes // 2) if self.config.start else 0
+        actors = before >= alone
         for rows in minibatches(self.config, len(batch.states), rng):
             part = batch.rows(rows)
             chosen = Advantages(learned.log_probabilities[rows], learned.advantages[rows], learned.returns[rows])
