@@ -21,6 +21,9 @@ from chmarl_pb.limits import whole_number
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
+#: What results of other processes end with where one has died; a block of :func:`pools` makes a sentence of it.
+ProcessDiedError = BrokenProcessPool
+
 _AHEAD = 4  # jobs under way for each process
 _MOST_WORKERS = 4_096
 _PATIENCE = 2.0  # seconds that processes get to finish what they are at, when nobody waits for it any more

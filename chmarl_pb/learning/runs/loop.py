@@ -1,7 +1,6 @@
 """Training one network for each agent of an environment, from the first rollout or from the last checkpoint on."""
 
 from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,6 +28,7 @@ from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.policies.expert import Expert
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_expert, make_policy
+from chmarl_pb.processes import ProcessDiedError
 
 
 def expert_name(expert: Callable[[Any], Expert | Policy]) -> str:
@@ -161,7 +161,7 @@ def train(
             except StopRequested:
                 run.save()
                 raise signals.interrupted(f"{run.episodes} episodes", last) from None
-            except BrokenProcessPool as error:
+            except ProcessDiedError as error:
                 run.save()
                 kept = f"the same command goes on from {last}; fewer workers need another folder" if last else ""
                 raise WorkerError(

@@ -4,7 +4,6 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.validation import Validate
 from chmarl_pb.learning.spaces import Interface
 from chmarl_pb.learning.storage.checkpoint import check_same, is_whole, load, save
+from chmarl_pb.processes import ProcessDiedError
 
 LAST, BEST = "last.pt", "best.pt"
 
@@ -171,7 +171,7 @@ class Run:
         choose = self.learner.choose(self.episodes)
         try:
             played = self._play_rollout(self.learner.agents, choose, self._streams["actions"], seeds)
-        except (StopRequested, BrokenProcessPool):
+        except (StopRequested, ProcessDiedError):
             for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
             raise
