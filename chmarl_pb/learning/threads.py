@@ -5,6 +5,8 @@ from contextlib import contextmanager
 
 import torch
 
+from chmarl_pb.limits import whole_number
+
 _MOST = 1024  # with some thousands torch ends the process
 
 
@@ -13,12 +15,11 @@ def threads(count: int = 1) -> Iterator[None]:
     """Let torch use so many threads as long as a block or a decorated function runs.
 
     Raises:
-        ValueError: it is no such number.
+        OptionError: it is no such number.
     """
-    if not isinstance(count, int) or not 1 <= count <= _MOST:
-        raise ValueError(f"threads={count!r}: use a whole number from 1 to {_MOST}")
+    wanted = whole_number("threads", count, 1, _MOST)
     before = torch.get_num_threads()
-    torch.set_num_threads(count)
+    torch.set_num_threads(wanted)
     try:
         yield
     finally:

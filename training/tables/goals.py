@@ -26,7 +26,7 @@ _EYES = (
     "([measured](training_encoders.md#the-detector) on `ours-pictures`)"
 )
 _SILENT = "its teacher; feedback changes nothing"
-_SILENT_READING = "its teacher; without feedback it loses 0 to 2 points ([above](#without-feedback-at-test))"
+_SILENT_READING = "its teacher; without feedback it loses 0 to 2 points ([below](#without-feedback-at-test))"
 _SILENT_PICTURES = (
     "objects that the detector misses, which feedback points out "
     "([measured](training.md#our-own-row-imitation-of-a-search-then-mappo) on `ours-pictures`)"
