@@ -1,10 +1,14 @@
 """The rows of the grounded track."""
 
 from chmarl_pb.envs.tracks import GROUNDED
-from training.tables.row import GROUNDED_ENCODER, Row
+from training.tables.row import GROUNDED_ENCODER, PARSED_ENCODER, Row
 
 #: Published weights of the imitators of the grounded track.
 _IMITATORS = {"scene_graph": "ours-grounded", "visual": "ours-grounded-pictures"}
+
+
+def _imitation(*episodes: str) -> tuple[str, ...]:
+    return ("--algo", "imitation", "--expert", "belief", *episodes, "--gradient-steps", "12", "--anneal", "0.5")
 
 
 def grounded_rows(observation: str) -> tuple[Row, ...]:
@@ -21,7 +25,8 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
         return "--episodes", str(of_graphs if graphs else 4000)
 
     seeing = () if graphs else ("--image-encoder", "detector")
-    pointing = ("--cells-past", "--history-past", *GROUNDED_ENCODER, *seeing)
+    past = ("--cells-past", "--history-past")
+    pointing = (*past, *GROUNDED_ENCODER, *seeing)
     env = f"CHMARL/Grounded{'SceneGraph' if graphs else 'Visual'}Humanoid-v0"
     ppo = ("--algo", "ppo", "--env", env, "--preset", "encoder", "--workers", "1")
     ppo += ("--steps", "150000" if graphs else "100000", *seeing)
@@ -29,10 +34,8 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
     rows = {
         "QMIX": ("--algo", "qmix", *episodes(12000), *seeing),
         "MAPPO": ("--algo", "mappo", *episodes(6000), *GROUNDED_ENCODER, *seeing),
-        "Imitation of belief": (
-            "--algo", "imitation", "--expert", "belief", *episodes(6000), "--gradient-steps", "12",
-            "--anneal", "0.5", *pointing
-        ),
+        "Imitation of belief": (*_imitation(*episodes(6000)), *pointing),
+        "Imitation of belief, words parsed": (*_imitation("--episodes", "6000"), *past, *PARSED_ENCODER, *seeing),
         "Imitation of belief, then MAPPO": (
             "--algo", "mappo", "--start", start, *episodes(8000), "--envs", "16", "--buffer-size", "512",
             "--learning-rate", "1e-4", "--ent-coef", "0.001", "--home-rollouts", "20",

@@ -111,3 +111,5 @@ SEEDS = {"scene_graph": 3, "visual": 2}
 
 #: Options of the encoder that ties words to things; none does by itself (docs/training_encoders.md).
 GROUNDED_ENCODER = ("--graph-pool", "grounded", "--word-vectors", "--grounding-coef", "1", "--numbers-past")
+#: The same, but instructions are read by the rule that the belief search, too, reads them by.
+PARSED_ENCODER = ("--graph-pool", "parsed", "--word-vectors", "--numbers-past")

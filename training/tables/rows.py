@@ -3,7 +3,7 @@
 from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.evaluation import paper
 from training.tables.grounded_rows import grounded_rows
-from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, SEEDS, Row
+from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, PARSED_ENCODER, SEEDS, Row
 from training.tables.sb3_rows import BASELINES
 
 #: Rows of the paper's ablation of feedback, which have three trainings on pictures, too.
@@ -40,10 +40,6 @@ def _isolated(observation: str) -> tuple[Row, ...]:
 _READING = ("--word-vectors", "--numbers-past")
 
 
-#: The same, but instructions are read by the rule that the belief search, too, reads them by.
-_PARSED = ("--graph-pool", "parsed", "--word-vectors", "--numbers-past")
-
-
 def _ours(expert: str, observation: str, *options: str) -> Row:
     """Return our learner, which sees pictures by the detector, after an expert."""
     given = ("--algo", "dagger-mappo", "--imitation.expert", expert, *options)
@@ -75,7 +71,7 @@ def _in_generated_homes(observation: str, feedback: bool = True) -> Row:
 
 def _told(observation: str) -> Row:
     """Return the same learner where it need not learn to read."""
-    return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=_PARSED)
+    return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=PARSED_ENCODER)
 
 
 #: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
