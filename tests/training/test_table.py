@@ -617,9 +617,10 @@ def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monke
 
 def test_rows_of_the_grounded_track_are_trained_by_its_rules_and_scored_on_its_split(tmp_path: Path) -> None:
     rows = TABLES[GROUNDED]
-    assert len(rows) == 10 and {(row.table, row.splits) for row in rows} == {(GROUNDED, ("generated-test",))}
+    assert len(rows) == 12 and {(row.table, row.splits) for row in rows} == {(GROUNDED, ("generated-test",))}
     assert {row.slug: row.seeds for row in rows if row.seeds != 1} == {
         "graphs-imitation-of-belief": 3, "graphs-imitation-of-belief-then-mappo": 3, "pictures-imitation-of-belief": 2,
+        "graphs-imitation-of-belief-words-parsed": 3, "pictures-imitation-of-belief-words-parsed": 2,
     }  # fmt: skip
     assert {row.slug.split("-")[0] for row in rows} == {"graphs", "pictures"}
     for row in rows:

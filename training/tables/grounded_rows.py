@@ -1,7 +1,7 @@
 """The rows of the grounded track."""
 
 from chmarl_pb.envs.tracks import GROUNDED
-from training.tables.row import GROUNDED_ENCODER, PARSED_ENCODER, Row
+from training.tables.row import GROUNDED_ENCODER, PARSED_ENCODER, SEEDS, Row
 
 #: Published weights of the imitators of the grounded track.
 _IMITATORS = {"scene_graph": "ours-grounded", "visual": "ours-grounded-pictures"}
@@ -42,7 +42,8 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
             "--validation-interval", "1000", *pointing,
         ),
     }  # fmt: skip
-    seeds = {"Imitation of belief": 3, "Imitation of belief, then MAPPO": 3} if graphs else {"Imitation of belief": 2}
+    imitators = ("Imitation of belief", "Imitation of belief, words parsed")
+    seeds = {**dict.fromkeys(imitators, SEEDS[observation]), "Imitation of belief, then MAPPO": 3 if graphs else 1}
     learners = tuple(
         Row(
             name, observation, options, messages=True, feedback=False, seeds=seeds.get(name, 1), track=GROUNDED,
