@@ -27,7 +27,8 @@ _SB3_STYLES = {(False, False): "-", (True, False): ":", (False, True): "--", (Tr
 #: Rows that share an algorithm with others and differ in what they learn from, by name.
 _OURS = {
     "Imitation of belief, generated homes": "#d00000", "Imitation of belief, generated homes, longer": "#d00000",
-    "Imitation of belief, generated homes, words parsed": "#0050c8", "Imitation of belief": "#000000",
+    "Imitation of belief, generated homes, words parsed": "#0050c8", "Imitation of belief, words parsed": "#0050c8",
+    "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
     "Imitation of search": "#a65628", "Imitation of planner": "#9ecae1",
     "Imitation of belief, generated homes, ResNet-18": "#ff9da7",
