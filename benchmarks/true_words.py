@@ -55,7 +55,8 @@ class Reading(nn.Module):
             return
         self.heard.add(tokens.tobytes())
         pairs = zip(named_by(tokens)[0].tolist(), classes.argmax(dim=1).tolist(), strict=True)
-        other = [(BENCHMARK.rows[named - 1].name, BENCHMARK.rows[own - 1].name) for named, own in pairs if named != own]
+        names = BENCHMARK.rows
+        other = [(names[named - 1].name, names[own - 1].name) for named, own in pairs if 0 < named != own]
         self.misread.update(other)
         self.wrong += bool(other)
 

@@ -36,7 +36,7 @@ _POINTING = (
     "([measured](training.md#the-grounded-track))"
 )
 _POINTING_PICTURES = (
-    "its eyes: with the same detector the search that it imitates has no better PLW "
+    "its eyes: with the same detector the search that it imitates has hardly more PLW "
     "([measured](training.md#the-grounded-track))"
 )
 

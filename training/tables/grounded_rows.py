@@ -16,8 +16,8 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 150 without, and an episode has
     up to 28; so 12,000 episodes are some 40 minutes of playing alone. On pictures, which all rows see by the same
-    detector, each has 4,000 episodes, or as many steps. MAPPO goes on from the published weights of the imitator, those
-    of the row above with seed 0.
+    detector, each has 4,000 episodes, or as many steps; where words are parsed, all have 6,000. MAPPO goes on from the
+    published weights of the imitator that learns to read, those of its row with seed 0.
     """
     graphs = observation == "scene_graph"
 

@@ -22,8 +22,8 @@ from chmarl_pb.learning.storage.seal import fault, seal
 
 FORMAT = "chmarl_pb checkpoint 1"
 
-#: Kinds of what a checkpoint holds, beside lists, tuples, sets and dicts of these.
 _LONGEST = 300  # letters of what torch says of weights that do not fit
+#: Kinds of what a checkpoint holds, beside lists, tuples, sets and dicts of these.
 _KEPT = (
     str, int, float, complex, bool, bytes, bytearray, torch.Tensor, nn.Parameter, torch.Size, torch.dtype, torch.device,
     torch.layout,
