@@ -17,8 +17,10 @@ from chmarl_pb.files import file_hash, write_atomically
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.limits import whole_number
+from chmarl_pb.tasks.task import Task
 
 SPLITS = ("generated-val", "val-seen", "val-unseen")  # on a test split nothing is tried
+_THIN = "play every Nth task only, from N/2 on, so that none of generated-val has chosen weights if N is 5 or 10"
 
 
 def parser_of(module: str, text: str | None, **fixed: object) -> argparse.ArgumentParser:
@@ -35,7 +37,7 @@ def parser_of(module: str, text: str | None, **fixed: object) -> argparse.Argume
     if "observation" not in fixed:
         parser.add_argument("--observation", default="scene_graph", choices=("scene_graph", "visual"))
     parser.add_argument("--split", action="append", choices=SPLITS, help=f"(default: {SPLITS[0]})")
-    parser.add_argument("--thin", type=int, default=5, metavar="N", help="play every Nth task only (default: 5)")
+    parser.add_argument("--thin", type=int, default=5, metavar="N", help=f"{_THIN} (default: 5)")
     parser.add_argument("--no-feedback", action="store_true", help="give no language feedback")
     if "workers" not in fixed:
         parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
@@ -73,7 +75,7 @@ class Scores:
         if chosen.no_feedback:
             self.rules["feedback"] = False
         self.splits: Sequence[str] = chosen.split or SPLITS[:1]
-        self._chosen, self._rows = chosen, list[dict[str, Any]]()
+        self._chosen, self._rows, self._counted = chosen, list[dict[str, Any]](), dict[str, list[dict[str, Any]]]()
         head = ("split", "tasks", "success %", "PLW %", "picks %", "places %")
         print(f"| {first} | {' | '.join(head)} |", f"|---|---|{'--:|' * 5}", sep="\n", flush=True)
 
@@ -85,7 +87,7 @@ class Scores:
             policies: as ``evaluate`` takes them.
             split: whose tasks are played.
         """
-        chosen, tasks = self._chosen, evaluated_tasks(split)[:: self._chosen.thin]
+        chosen, tasks = self._chosen, thinned(evaluated_tasks(split), self._chosen.thin)
         with progress_bar() as bar:
             row = bar.add_task(f"{name}, {split}", total=None)
             report = evaluate(
@@ -98,15 +100,36 @@ class Scores:
         print(f"| {name} | {split} | {len(tasks)} | {' | '.join(cells)} |", flush=True)
         means = {"success_rate": summary.success_rate.mean, "plw": summary.plw.mean}
         self._rows.append({"row": name, "split": split, "tasks": len(tasks), **means, **shares})
-        if chosen.json:
-            self._keep(chosen.json)
+        self._keep()
 
-    def _keep(self, path: Path) -> None:
-        chosen = self._chosen
+    def count(self, name: str, rows: list[dict[str, Any]]) -> None:
+        """Print a second table, of what was counted while policies played, and keep it.
+
+        Args:
+            name: of the table in the file.
+            rows: head -> cell of each, all with the same heads; shares are numbers from 0 to 1.
+        """
+        heads = list(rows[0]) if rows else []
+        print("", f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}", sep="\n")
+        for row in rows:
+            cells = [f"{100 * cell:.1f} %" if isinstance(cell, float) else str(cell) for cell in row.values()]
+            print(f"| {' | '.join(cells)} |", flush=True)
+        self._counted[name] = rows
+        self._keep()
+
+    def _keep(self) -> None:
+        chosen, path = self._chosen, self._chosen.json
+        if path is None:
+            return
         content = {
             "weights": chosen.weights.stem, "weights_sha256": file_hash(chosen.weights),
             "observation": chosen.observation, "rules": self.rules, "source_sha256": source_hash(),
-            "rows": self._rows,
+            "rows": self._rows, **self._counted,
         }  # fmt: skip
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, json.dumps(content, indent=1) + "\n")
+
+
+def thinned(tasks: Sequence[Task], every: int) -> list[Task]:
+    """Return every so many tasks, from the middle of the first ones on, and one at least."""
+    return list(tasks[min(every // 2, len(tasks) - 1) :: every])

@@ -1,8 +1,9 @@
 """What a learner that imitates an expert has not learned: ``python -m benchmarks.teacher_parts WEIGHTS``.
 
 Plays its weights on validation tasks by the rules that they were trained by, while the expert does parts of the
-actions: the words of a robot, its movements, all. What is gained is what the learner lacks in that part. Also prints
-how often the learner does what the expert would in the states that the learner itself comes to; on no test split.
+actions: the words of a robot; its actions without the words, which are its moves and, of a humanoid, Pick and Place;
+all. What is gained is what the learner lacks in that part. Also prints and keeps how often the learner does what the
+expert would in the states that the learner itself comes to; on no test split.
 """
 
 import argparse
@@ -115,21 +116,27 @@ class Helper:
 
 def parts_by_name(components: Mapping[str, int]) -> dict[str, tuple[Part, ...]]:
     """Return the parts that the expert does in each row of the table, from the components of each robot's actions."""
-    moves = {f"the {name}'s movements": ((name, 0),) for name in components}
+    moves = {f"the {name}'s actions": ((name, 0),) for name in components}  # its words are another component
     words = {f"the {name}'s words": ((name, 1),) for name, count in components.items() if count > 1}
     every = tuple((name, number) for name, count in components.items() for number in range(count))
     together = {"all words": tuple(part for part in every if part[1])} if words else {}
     return {"nothing": (), **moves, **words, **together, "all": every}
 
 
-def print_agreement(counts: Counts) -> None:
-    """Print how often what the expert proposes is done, for each robot and kind of proposal."""
-    print("", "| robot | the expert's proposal | steps | the same is done % |", "|---|---|--:|--:|", sep="\n")
+def agreement(counts: Counts) -> list[dict[str, Any]]:
+    """Return how often what the expert proposes is done, for each robot and kind of proposal."""
     kinds = Counter[tuple[str, str]]()
     for (name, kind, _), steps in counts.items():
         kinds[name, kind] += steps
-    for (name, kind), steps in sorted(kinds.items(), key=lambda item: (item[0][0], -item[1])):
-        print(f"| {name} | {kind} | {steps} | {100 * counts[name, kind, True] / steps:.0f} |")
+    return [
+        {
+            "robot": name,
+            "the expert's proposal": kind,
+            "steps": steps,
+            "the same is done": counts[name, kind, True] / steps,
+        }
+        for (name, kind), steps in sorted(kinds.items(), key=lambda item: (item[0][0], -item[1]))
+    ]
 
 
 def main() -> int:
@@ -150,7 +157,7 @@ def _play(chosen: argparse.Namespace) -> None:
             scores.play(name, helper, split)
             if not told:
                 alone.update(sum((made.counts for made in helper.made), Counts()))
-    print_agreement(alone)
+    scores.count("agreement", agreement(alone))
 
 
 if __name__ == "__main__":

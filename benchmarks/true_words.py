@@ -96,14 +96,13 @@ class Readers:
         return policy  # type: ignore[no-any-return]
 
 
-def print_misread(readings: list[Reading]) -> None:
-    """Print which classes are misread, by all agents, in per cent of the instructions that each of them has heard."""
+def misread(readings: list[Reading]) -> list[dict[str, Any]]:
+    """Return which classes are misread, by all agents, as shares of the instructions that each of them has heard."""
     heard = sum(len(reading.heard) for reading in readings)
-    print("", "| named | read | % of instructions |", "|---|---|--:|", sep="\n")
     total = sum((reading.misread for reading in readings), Misread())
-    for (named, own), count in total.most_common():
-        print(f"| {named} | {own} | {100 * count / heard:.1f} |")
-    print(f"| any of these | | {100 * sum(reading.wrong for reading in readings) / heard:.1f} |")
+    each = [(named, own, count) for (named, own), count in total.most_common()]
+    every = ("any of these", "", sum(reading.wrong for reading in readings))
+    return [{"named": named, "read": own, "of instructions": count / heard} for named, own, count in (*each, every)]
 
 
 def main() -> int:
@@ -117,7 +116,7 @@ def _play(chosen: argparse.Namespace) -> None:
         for name, told in (("as learned", False), ("by the rule", True)):
             readers = Readers(chosen.weights, told)
             scores.play(name, readers, split)
-        print_misread(readers.made)
+        scores.count(f"misread in {split}", misread(readers.made))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.scores import thinned
 from chmarl_pb.files import file_hash
+from chmarl_pb.learning.runs.validation import spread_tasks
 from chmarl_pb.policies.weights import weights_folder
+from chmarl_pb.tasks.splits import load_tasks
 
 WEIGHTS = weights_folder() / "ours-grounded.pt"
 
@@ -35,6 +38,19 @@ def test_scores_are_printed_and_kept(tmp_path: Path) -> None:
     printed = [line.split(" | ") for line in done.stdout.splitlines()[2:]]
     means = [f"{100 * row[metric]:.1f}" for row in content["rows"] for metric in ("success_rate", "plw")]
     assert [cell for line in printed for cell in line[3:5]] == means
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_tasks_by_which_weights_are_chosen_are_left_out(every: int) -> None:
+    tasks = load_tasks("generated-val")
+    played = thinned(tasks, every)
+    assert len(played) == len(tasks) // every
+    assert not {task.id for task in played} & {task.id for task in spread_tasks("generated-val", 50)}
+
+
+def test_of_few_tasks_one_is_played() -> None:
+    tasks = load_tasks("val-unseen")
+    assert thinned(tasks, 10**6) == [tasks[-1]] and thinned(tasks, 1) == list(tasks)
 
 
 @pytest.mark.parametrize(

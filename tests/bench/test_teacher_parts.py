@@ -41,10 +41,10 @@ def test_rows_of_the_table() -> None:
     parts = parts_by_name({"humanoid": 2, "drone": 1})
     assert parts == {
         "nothing": (),
-        "the humanoid's movements": (("humanoid", 0),),
-        "the drone's movements": (("drone", 0),),
+        "the humanoid's actions": (("humanoid", 0),),
+        "the drone's actions": (("drone", 0),),
         "the humanoid's words": (("humanoid", 1),),
         "all words": (("humanoid", 1),),
         "all": (("humanoid", 0), ("humanoid", 1), ("drone", 0)),
     }
-    assert list(parts_by_name({"humanoid": 1})) == ["nothing", "the humanoid's movements", "all"]
+    assert list(parts_by_name({"humanoid": 1})) == ["nothing", "the humanoid's actions", "all"]
