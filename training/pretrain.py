@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
+from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_file, read_weights, weights_file
@@ -169,7 +170,12 @@ class _Training:
                 yield loss.item()
 
     def save(self) -> None:
-        """Write the state, so that the same command goes on from it."""
+        """Write the state, so that the same command goes on from it.
+
+        Raises:
+            DivergedError: some weights are no numbers.
+        """
+        check_finite(self.model)
         state = {key: part.state_dict() for key, part in self._parts.items()}
         checkpoint.save(self.kept, KIND, {"facts": self.facts, "done": self.done, **state})
         self._saved = time.monotonic()

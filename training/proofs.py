@@ -156,12 +156,19 @@ def _main(options: argparse.Namespace) -> int:
             console.print(f"{game} / {algorithm}: largest difference from theory {proofs[-1].error}")
     console.print(_summary(proofs))
     if options.out:
-        about = {"command": "python -m training.proofs --out results/proofs.json", "config": asdict(CONFIG)}
+        about: dict[str, Any] = {"command": _command(options), "config": asdict(CONFIG)}
         about |= {"seed": options.seed, "torch": torch.__version__, "python": platform.python_version()}
         text = json.dumps({**about, "proofs": [asdict(proof) for proof in proofs]}, indent=1)
         write_atomically(options.out, text + "\n")
         shutil.rmtree(options.out.with_suffix(".unfinished"))
     return int(any(proof.error > TOLERANCE for proof in proofs))
+
+
+def _command(options: argparse.Namespace) -> str:
+    """Return the command that makes a file anew."""
+    given = [f"--{name} {value}" for name in ("game", "algo") for value in getattr(options, name) or ()]
+    seed = [f"--seed {options.seed}"] * bool(options.seed)
+    return " ".join(["python -m training.proofs", *given, *seed, f"--out {options.out}"])
 
 
 def _game(name: str) -> tuple[Any, dict[str, list[tuple[int, int]]], float]:

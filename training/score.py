@@ -29,7 +29,6 @@ from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
 
 SCORES = "scores.json"
-STAMP = "learners.sha256"  # of the code that the scores in a folder were played with
 LOADERS = {
     ".pt": "chmarl_pb.learning.policies.load",
     ".zip": "chmarl_pb.learning.sb3",
@@ -68,8 +67,6 @@ def score(
 def _score(
     checkpoint: Path, observation: str, folder: Path, splits: Sequence[str], rules: dict[str, Any]
 ) -> dict[str, Any]:
-    learners = source_hash(learning)
-    _forget_other_code(folder, learners, splits)
     goal = _observes_goal(checkpoint)
     reports = {
         split: chmarl_pb.evaluate(
@@ -78,7 +75,7 @@ def _score(
         )
         for split in splits
     }  # fmt: skip
-    facts = {"sha256": file_hash(checkpoint), "learners_sha256": learners, **_facts(checkpoint)}
+    facts = {"sha256": file_hash(checkpoint), "learners_sha256": source_hash(learning), **_facts(checkpoint)}
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
     write_atomically(folder / SCORES, sealed(kept))
     return kept
@@ -87,16 +84,6 @@ def _score(
 def _plays(split: str) -> Plays | None:
     """Return how a split is played: side by side, unless each environment would have to enter many homes by itself."""
     return None if split in GENERATED_HOMES else play_side_by_side
-
-
-def _forget_other_code(folder: Path, learners: str, splits: Sequence[str]) -> None:
-    """Remove what was played with other code of the learners, also episodes of an interrupted evaluation."""
-    stamp = folder / STAMP
-    if not stamp.is_file() or stamp.read_text(encoding="utf-8") != learners:
-        for split in splits:
-            for name in (f"{split}.json", f"{split}.json.partial"):
-                (folder / name).unlink(missing_ok=True)
-        write_atomically(stamp, learners)
 
 
 def _observes_goal(checkpoint: Path) -> bool:

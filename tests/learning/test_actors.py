@@ -17,8 +17,8 @@ import chmarl_pb
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig, draw, expert_mixture, imitation_loss
-from chmarl_pb.learning.algorithms.mappo import Mappo
-from chmarl_pb.learning.algorithms.registry import check_first_weights, make_learner
+from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
+from chmarl_pb.learning.algorithms.registry import Algorithm, check_first_weights, make_learner
 from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.benchmark_env import setting_of
 from chmarl_pb.learning.config import HOME, TRAINED_IN
@@ -37,6 +37,8 @@ from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
 
 torch.set_num_threads(1)  # these networks are too small for more
+#: An algorithm of somebody's own, which learns a policy.
+OWN = Algorithm(Mappo, MappoConfig, logits=True)
 
 
 def test_imitator_does_what_the_expert_does() -> None:
@@ -284,6 +286,15 @@ def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     train(UnevenEnv, "iql", SMALL, tmp_path / "values")
     with pytest.raises(CheckpointError, match="iql learns no policy"):
         make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / "values" / BEST)))
+
+
+def test_mappo_starts_from_a_policy_of_ones_own_algorithm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = f"{__name__}:OWN"
+    train(UnevenEnv, name, MAPPO, tmp_path)
+    monkeypatch.setenv("CHMARL_TRUSTED", name)
+    started = make_learner("mappo", interface_of(UnevenEnv()), replace(MAPPO, start=str(tmp_path / BEST)))
+    kept = load(tmp_path / BEST, "value")["agents"]
+    assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
 
 
 def test_weights_to_start_from_are_of_actions_that_mean_the_same(tmp_path: Path) -> None:

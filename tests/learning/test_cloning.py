@@ -115,8 +115,14 @@ def test_an_interrupted_run_ends_with_the_same_numbers(
         clone(config, cut, data)
 
 
+def test_data_sets_are_of_splits_to_learn_from() -> None:
+    with pytest.raises(ValueError, match="split='val-seen': data sets are of train or train-limited"):
+        CloningConfig(split="val-seen")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("damaged", [False, True])
 def test_best_weights_that_are_gone_are_written_again_or_missed(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    damaged: bool, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def examine(*_: Any) -> dict[str, float]:
         score = next(scores)
@@ -128,7 +134,10 @@ def test_best_weights_that_are_gone_are_written_again_or_missed(
     scores = iter([0.5, -1.0])
     with pytest.raises(KeyboardInterrupt):
         clone(SMALL, tmp_path, data)
-    (tmp_path / "best.pt").unlink()
+    if damaged:
+        (tmp_path / "best.pt").write_bytes((tmp_path / "best.pt").read_bytes()[:-9])
+    else:
+        (tmp_path / "best.pt").unlink()
     scores = iter([0.3])
     assert clone(SMALL, tmp_path, data)["score"] == load(tmp_path / "best.pt")["figures"]["score"] == 0.3
     (tmp_path / "best.pt").unlink()

@@ -242,25 +242,6 @@ def test_checkpoints_of_another_version_are_refused(
         load_policy(tmp_path / "x.pt")(env)
 
 
-def test_scores_of_other_code_are_forgotten(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-
-    def interrupted(*_: Any, **options: Any) -> None:
-        if (tmp_path / "val-seen.json").exists() or options["out"].name == "val-unseen.json":
-            raise KeyboardInterrupt
-        options["out"].write_text("new")
-
-    for split in ("val-seen", "val-unseen"):
-        for ending in ("json", "json.partial"):
-            (tmp_path / f"{split}.{ending}").write_text("old")
-    (tmp_path / "learners.sha256").write_text("other code")
-    monkeypatch.setattr(chmarl_pb, "evaluate", interrupted)
-    for _ in range(2):
-        with pytest.raises(KeyboardInterrupt):
-            score(folder / BEST, "scene_graph", tmp_path, ("val-seen", "val-unseen"))
-    assert (tmp_path / "val-seen.json").read_text() == "new"
-    assert not list(tmp_path.glob("*.partial")) and not (tmp_path / "val-unseen.json").exists()
-
-
 def test_scores_are_of_weights(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match=r"\.pt or \.zip"):
         score(tmp_path / "weights.bin", "scene_graph", tmp_path / "scores")

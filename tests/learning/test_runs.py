@@ -2,7 +2,7 @@
 
 import json
 import pickle
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,11 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete
 from chmarl_pb.errors import ResultError
 from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
-from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
+from chmarl_pb.learning.algorithms.registry import Algorithm
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.benchmark_env import benchmark
-from chmarl_pb.learning.config import TRAINED_IN
+from chmarl_pb.learning.config import TRAINED_IN, amount, count
 from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_after, epsilon_greedy
@@ -31,7 +32,7 @@ from chmarl_pb.learning.runs.validation import by_tasks
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
 from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.tasks.splits import SPLITS
-from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL, VALUE
+from tests.helpers.small_runs import CONFIGS, EXPERT, MAPPO, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
 
@@ -458,6 +459,25 @@ def test_runs_and_weights_of_earlier_versions_are_used(algorithm: str, tmp_path:
         UnevenEnv, algorithm, config, tmp_path, expert=EXPERT
     )  # goes on, which here means that it is finished
     assert again.learner.updates == first.learner.updates
+
+
+@dataclass(frozen=True)
+class OwnConfig(MappoConfig):
+    """Settings of somebody's own, with names that other algorithms had once."""
+
+    epochs: int = count(1)
+    clip: float = amount(0.2)
+
+
+OWN = Algorithm(Mappo, OwnConfig)
+
+
+def test_own_settings_keep_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name, config = f"{__name__}:OWN", OwnConfig(**asdict(MAPPO), epochs=3)
+    monkeypatch.setenv("CHMARL_TRUSTED", name)
+    first = train(UnevenEnv, name, config, tmp_path)
+    assert load(tmp_path / BEST)["config"]["epochs"] == 3
+    assert train(UnevenEnv, name, config, tmp_path).learner.updates == first.learner.updates
 
 
 @pytest.mark.parametrize("size", [None, 2**40], ids=["no file", "endless"])

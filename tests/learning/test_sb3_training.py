@@ -177,9 +177,12 @@ def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
     assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
     run(config, tmp_path, workers=0)
     register_loader(".zip", load_policy)
-    assert find_policy(str(tmp_path / BEST)).rules == {"track": "grounded", "max_steps": 4, "image_size": 32}, (
-        "nobody has to say so again"
-    )
+    assert find_policy(str(tmp_path / BEST)).rules == {
+        "track": "grounded",
+        "goal": True,
+        "max_steps": 4,
+        "image_size": 32,
+    }, "nobody has to say so again"
     options: dict[str, Any] = {"goal": True, "max_steps": 4}
     for plays in (None, play_side_by_side):
         tasks = load_tasks("generated-val")[:2]
@@ -275,8 +278,9 @@ def test_folders_are_named_after_homes_and_robots() -> None:
     assert len(folders) == 5 and "out/sb3/ppo-scenegraph-messages-feedback-goal-seed0" in folders
 
 
+@pytest.mark.parametrize("damaged", [False, True])
 def test_best_weights_that_are_gone_are_written_again_or_missed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    damaged: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = Config("recurrent-ppo", HUMANOID, steps=24, interval=8, **TINY)
     scores = iter([0.5, 0.3, 0.1])
@@ -290,7 +294,10 @@ def test_best_weights_that_are_gone_are_written_again_or_missed(
         patch.setattr(Bar, "say", killed_at_call(3))  # after the title and the first validation
         with pytest.raises(KeyboardInterrupt):
             run(config, tmp_path, workers=0)
-    (tmp_path / BEST).unlink()
+    if damaged:
+        (tmp_path / BEST).write_bytes((tmp_path / BEST).read_bytes()[:-9])
+    else:
+        (tmp_path / BEST).unlink()
     scores = iter([0.3, 0.1])
     run(config, tmp_path, workers=0)
     assert json.loads((tmp_path / RESULT).read_text())["best"]["plw"] == 0.3
@@ -609,5 +616,7 @@ def test_command_says_that_it_loads_pytorch(
 def test_unknown_presets_are_refused() -> None:
     with pytest.raises(ValueError, match="preset='best' is not known"):
         Config("ppo", HUMANOID, "best")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="algo='reinforce' is not known"):
+        Config("reinforce")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="'CHMARL/Garden-v0' is no id of the benchmark; use one of: CHMARL/"):
         Config("ppo", "CHMARL/Garden-v0")

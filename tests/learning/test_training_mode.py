@@ -76,7 +76,8 @@ def test_the_usual_validation_plays_in_several_homes_where_homes_are_drawn() -> 
         episode_return = 0.0
 
     class Envs:
-        envs = (type("Env", (), {"episodes_in_a_home": 100})(),)
+        envs = (object(),)  # a wrapper of one's own
+        episodes_in_a_home = 100
 
         def play(self, agents: Any, choose: Any, rng: Any, chosen: Any) -> Any:
             seeds.extend(chosen)

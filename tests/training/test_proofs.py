@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from chmarl_pb.learning.algorithms.value import Config
+from training import proofs
 from training.proofs import CONFIG, FITS, GAMES, TOLERANCE, prove
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -40,6 +41,15 @@ def test_class_that_cannot_hold_the_game_misses_the_optimum(
 def test_class_that_can_hold_the_game_finds_the_optimum(game: str, algorithm: str) -> None:
     proof = prove(game, algorithm)
     assert proof.error < TOLERANCE and proof.gain == proof.best
+
+
+def test_a_file_names_the_command_that_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proofs, "prove", lambda *_, **__: prove("or", "vdn", config=replace(CONFIG, episodes=16)))
+    (tmp_path / "own.unfinished").mkdir()
+    options = ["--game", "or", "--algo", "vdn", "--seed", "1", "--out", str(tmp_path / "own.json")]
+    proofs.main(options)
+    made = json.loads((tmp_path / "own.json").read_text())["command"]
+    assert made == f"python -m training.proofs {' '.join(options)}"
 
 
 def test_committed_tables_are_as_theory_says() -> None:

@@ -61,8 +61,9 @@ _LESSONS = (
     ),
     _lesson(
         "**From scratch**: QMIX as the paper has it, with messages, has {}; with an encoder that ties words to things, "
-        "twice the episodes, more gradient steps and a nearer horizon {}, and PQN with this encoder {}: learners "
-        "without a teacher, as good as one that imitates in these homes.",
+        "twice the episodes, more gradient steps and a nearer horizon {}, and PQN with this encoder {}, as much as "
+        "imitation of *belief* in these homes, which has a quarter of the episodes and is 9 to 12 points ahead on the "
+        "seen splits.",
         "QMIX + messages", "QMIX + messages, grounded", "PQN + messages",
     ),
     _lesson(

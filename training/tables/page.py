@@ -97,7 +97,8 @@ GROUNDED_NOTE = f"""Other rules ([environments.md](environments.md#tracks)): Pic
 stand about, the robots have words of their own, nobody corrects them, and homes are generated. All of {GROUNDED_SPLIT}
 is played; the weights are those with the best PLW on every tenth task of generated-val. Nothing here has a counterpart
 in the paper. What policies score that learn nothing: [benchmark.md](benchmark.md#the-grounded-track). *Picks*: in how
-many of the steps with X in view, *places*: in how many with X held and Y in view. What learners
+many of the steps with X in view, *places*: in how many with X held and Y in view. Trainings of MAPPO
+after imitation all begin with the weights of one imitator, so ± is theirs alone. What learners
 from scratch come to: [training.md](training.md#the-grounded-track).
 """
 

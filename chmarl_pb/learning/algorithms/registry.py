@@ -109,8 +109,8 @@ def _policies(path: Path) -> dict[str, Tensor]:
     """Return weights of networks whose values are logits."""
     with reading(path):
         content = load(path, "value")
-        known = [name for name, row in ALGORITHMS.items() if row.logits]
-        if content["algorithm"] not in known:
+        if not find_algorithm(content["algorithm"]).logits:
+            known = [name for name, row in ALGORITHMS.items() if row.logits]
             raise CheckpointError(f"{path}: {content['algorithm']} learns no policy; start from {' or '.join(known)}")
         weights: dict[str, Tensor] = content["agents"]
         return weights

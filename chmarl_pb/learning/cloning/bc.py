@@ -208,7 +208,8 @@ class _Run:
             checkpoint.fill(self.actors, content["actors"], path)
             self.optimizer.load_state_dict(content["optimizer"])
             self.schedule.load_state_dict(content["schedule"])
-            self.epoch, self.best = content["epoch"], content["best"] if (self.folder / BEST).is_file() else _NOTHING
+            self.epoch = content["epoch"]
+            self.best = content["best"] if checkpoint.is_whole(self.folder / BEST) else _NOTHING
             self._begin_epoch()
             if "batch" in content:  # older checkpoints were written between two epochs alone
                 self.batch, self._total = content["batch"], content["total"]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import torch
 from gymnasium import spaces
@@ -28,6 +28,7 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.robots.registry import TEAM
 
 KIND = "bc"  # of checkpoints
+DataSplit = Literal["train", "train-limited"]  # that data sets are made of
 IMAGE_SIZE = 128  # pixels of the pictures in data sets
 
 
@@ -69,7 +70,7 @@ class CloningConfig:
     centralized: bool = False
     messages: bool = True
     feedback: bool = True
-    split: Literal["train", "train-limited"] = "train"
+    split: DataSplit = "train"
     noise: float = share(0.0)
     seed: int = seed_number(0)
     epochs: int = count(10)
@@ -91,8 +92,10 @@ class CloningConfig:
     robots: str = ",".join(TEAM)
 
     def __post_init__(self) -> None:
-        """Refuse values outside the fields' limits; see :func:`chmarl_pb.learning.config.check`."""
+        """Refuse values outside the fields' limits, see :func:`chmarl_pb.learning.config.check`, and other splits."""
         check(self)
+        if self.split not in get_args(DataSplit):
+            raise ValueError(f"split={self.split!r}: data sets are of {' or '.join(get_args(DataSplit))}")
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -35,8 +35,7 @@ def by_return(episodes: int = 32) -> Validate:
     """
 
     def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
-        apart = getattr(collector.envs[0], "episodes_in_a_home", 1)
-        seeds = [SEEDS_FROM + number * apart for number in range(episodes)]
+        seeds = [SEEDS_FROM + number * collector.episodes_in_a_home for number in range(episodes)]
         played = play_greedily(collector, agents, seeds)
         return {"score": float(np.mean([episode.episode_return for episode in played]))}
 

@@ -183,6 +183,7 @@ class Config:
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, unknown names, and actions that an algorithm cannot choose."""
         check(self)
+        look_up("algo", self.algo, ALGORITHMS)
         options_of(self.env_id)
         if self.replays and self.track != PAPER:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")

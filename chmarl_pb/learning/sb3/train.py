@@ -33,7 +33,7 @@ from chmarl_pb.learning.sb3.journal import Journal
 from chmarl_pb.learning.sb3.run import Milestones, Validation, check_finite, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
-from chmarl_pb.learning.storage.checkpoint import check_kept
+from chmarl_pb.learning.storage.checkpoint import check_kept, is_whole
 from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.robots.registry import listed
 
@@ -135,8 +135,8 @@ def _learn(
         validation, folder / LAST, _settings(config), config.seed, config.interval, journal, own_log, signals.check
     )
     milestones.resume(model)
-    if not (folder / BEST).is_file():
-        validation.best_mean_reward = -np.inf  # if there were any, they are gone: the next are the best that there are
+    if not is_whole(folder / BEST):
+        validation.best_mean_reward = -np.inf  # if there were any, they are lost: the next are the best that there are
     first = model.num_timesteps
     rows = validation.rows()
     model.set_logger(make_logger(folder, first, int(rows[-1]["steps"]) if rows else 0))

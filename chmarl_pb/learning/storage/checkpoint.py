@@ -35,6 +35,8 @@ RENAMED = {
     "epsilon_end": "exploration_final_eps", "epsilon_start": "exploration_initial_eps",
     "gradient_clip": "max_grad_norm", "teacher_share": "beta", "updates": "gradient_steps",
 }  # fmt: skip
+#: Algorithms that had them; those of users' own may call their settings so today.
+RENAMED_IN = ("iql", "vdn", "qmix", "qtran", "imitation", "mappo")
 #: The same of the parts of a checkpoint.
 RENAMED_PARTS = {"minds": "actors", "pupil": "model"}
 #: Algorithm -> what it did before it had these settings.
@@ -122,9 +124,10 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
 def _with_present_names(content: dict[str, Any]) -> dict[str, Any]:
     """Return what an earlier version may have written, by the names of today."""
     content = {RENAMED_PARTS.get(name, name): part for name, part in content.items()}
-    if content["kind"] in ("value", "run") and isinstance(content.get("config"), dict):
+    algorithm = str(content.get("algorithm"))
+    if content["kind"] in ("value", "run") and algorithm in RENAMED_IN and isinstance(content.get("config"), dict):
         known = {RENAMED.get(name, name): value for name, value in content["config"].items()}
-        content["config"] = BEFORE.get(str(content.get("algorithm")), {}) | known
+        content["config"] = BEFORE.get(algorithm, {}) | known
     return content
 
 
