@@ -197,6 +197,8 @@ def main() -> None:
     parser.add_argument("--points", type=Path, default=POINTS, help="folder for the figures (default: results/dials)")
     parser.add_argument("--plot", type=Path, help="file for the drawing")
     options = parser.parse_args()
+    if options.thin > 1 and options.policy and options.points == POINTS:
+        parser.error("--thin: name another folder by --points; these points would replace those of all tasks")
     with progress_bar() as bar:
         for name, source in options.policy:
             for track in options.track or SAMPLES:

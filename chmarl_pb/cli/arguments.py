@@ -21,7 +21,8 @@ from chmarl_pb.tasks.language.templates import REVISIONS
 EXAMPLE = "example: "
 STDOUT = "-"
 GOAL = "observe the class ids of what the instruction asks for, and whether it is in view, as policies may need"
-_WORKERS = 2
+WORKERS = 2
+SEEDS = 3
 
 #: Options that name what is read, one thing or several, and those that name what is written.
 _INPUTS = ("home", "catalog", "policy", "env", "robots", "fill", "file", "layout", "results", "against")
@@ -83,11 +84,12 @@ def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str =
         ("--symbols", SYMBOLS, "no board; robots have own words (default of the track grounded)"),
     ):
         words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
-    parser.add_argument(
+    told = parser.add_mutually_exclusive_group()
+    told.add_argument(
         "--feedback", nargs="?", const=True, choices=("paper", "planner"), default=OF_TRACK,
         help="style of the language feedback; without a value: paper (default: paper; grounded: none)",
     )  # fmt: skip
-    parser.add_argument(
+    told.add_argument(
         "--no-feedback", dest="feedback", action="store_const", const=False, default=OF_TRACK,
         help="no language feedback",
     )  # fmt: skip
@@ -139,7 +141,7 @@ _MOST_SEEDS = 10_000
 
 def add_seeds(parser: argparse.ArgumentParser) -> None:
     """Add the option that says how often all tasks are played."""
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="seeds 0 to K - 1 (default: 3)")
+    parser.add_argument("--seeds", type=int, default=SEEDS, metavar="K", help="seeds 0 to K - 1 (default: %(default)s)")
 
 
 def seeds_of(options: argparse.Namespace) -> range:
@@ -153,7 +155,7 @@ def seeds_of(options: argparse.Namespace) -> range:
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add the options that say who does the work."""
-    parser.add_argument("--workers", type=int, default=_WORKERS, metavar="N", help="processes (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=WORKERS, metavar="N", help="processes (default: %(default)s)")
     parser.add_argument(
         "--ray", metavar="ADDRESS",
         help="do the work on a Ray cluster: HOST:PORT of its head, auto for the one on this machine, or local; "
@@ -172,7 +174,7 @@ def chosen_executor(options: argparse.Namespace) -> Iterator[Executor]:
     if options.ray is None:
         yield Local(options.workers)
         return
-    check_used(options, {"workers": _WORKERS}, "is for this machine alone, not for --ray")
+    check_used(options, {"workers": WORKERS}, "is for this machine alone, not for --ray")
     from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
 
     with RayExecutor(options.ray, own_files(vars(options))) as executor:

@@ -1,18 +1,27 @@
 """The command `chmarl-pb audit`: how much of the score needs neither eyes nor words nor the partner."""
 
 import argparse
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import STDOUT, OutputFile, add_played, add_rules, chosen_executor, given_rules, seeds_of
+from chmarl_pb.cli.arguments import (
+    SEEDS,
+    STDOUT,
+    OutputFile,
+    add_played,
+    add_rules,
+    chosen_executor,
+    given_rules,
+    seeds_of,
+)
 from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
+from chmarl_pb.fingerprint import sha256_of
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +33,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_json(parser, STDOUT)
     parser.add_argument(
         "--out", type=OutputFile(".json"), metavar="JSON",
-        help="write the audit here, and the results of its rows beside it (default: out/audit/TRACK-SPLIT.json)",
+        help="write the audit here, and the results of its rows beside it (default: out/audit/TRACK-SPLIT.json, "
+        "with what else is given in the name)",
     )  # fmt: skip
 
 
@@ -38,17 +48,26 @@ def run_audit(options: argparse.Namespace) -> int:
         TaskError: there is no such task.
     """
     split = HEADLINE_SPLITS[options.track] if options.split is OF_TRACK else options.split
-    out = options.out or Path("out/audit") / f"{options.track}-{split}.json"
+    out = options.out or Path("out/audit") / f"{'-'.join([options.track, split, *_differing(options)])}.json"
     with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
             split, seeds=seeds_of(options), executor=executor, out=out, progress=partial(_advance, bar, {}),
             observation=options.observation or "scene_graph", tasks=options.task, **given_rules(options),
         )  # fmt: skip
     tell(
-        options, lambda: {**found.settings, "rows": list(map(asdict, found.lines))},
+        options, lambda: found.facts,
         lambda: print("\n".join([*table_of(found), "", _best(found), str(out)])),
     )  # fmt: skip
     return 0
+
+
+def _differing(options: argparse.Namespace) -> list[str]:
+    """Return what tells an audit apart from that of the track: what is observed, rules, seeds and tasks, if given."""
+    rules = {name: value for name, value in given_rules(options).items() if name != "track"}
+    rules |= {"observation": options.observation} if options.observation else {}
+    rules |= {"seeds": options.seeds} if options.seeds != SEEDS else {}
+    tasks = [f"tasks={sha256_of([' '.join(options.task).encode()])[:8]}"] if options.task else []
+    return [f"{name}={value}" for name, value in rules.items()] + tasks
 
 
 def _advance(bar: Progress, tasks: dict[str, TaskID], row: str, finished: int, total: int) -> None:

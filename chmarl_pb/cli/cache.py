@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
-from chmarl_pb.cli.arguments import add_workers, check_used, chosen_executor
+from chmarl_pb.cli.arguments import WORKERS, add_workers, check_used, chosen_executor
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
@@ -39,7 +39,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.fill:
         with chosen_executor(options) as executor:
             return run_fill(options.fill, options.size, executor)
-    check_used(options, {"size": _SIZE, "ray": None}, "is for --fill")
+    check_used(options, {"size": _SIZE, "ray": None, "workers": WORKERS}, "is for --fill")
     return run_cache(options.clear)
 
 

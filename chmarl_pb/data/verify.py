@@ -13,6 +13,7 @@ from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import Arrays, replay
 from chmarl_pb.errors import DatasetError, OptionError
+from chmarl_pb.evaluation.json_file import WRONG
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
@@ -57,9 +58,9 @@ def verify(
     Raises:
         DatasetError: the file is damaged, the data set was made from other homes or tasks, or a replay differs.
     """
-    numbers = chosen(dataset.episodes, share)
     recipe = _recipe(dataset)
     dataset.check()
+    numbers = chosen(dataset.episodes, share)
     tasks = recipe.tasks
     jobs = ((number, tasks[number], *dataset.episode(number)) for number in numbers)
     for _ in executor_of(executor, workers).map(partial(_replay, dataset.main, recipe), jobs):
@@ -73,10 +74,13 @@ def _recipe(dataset: Dataset) -> Recipe:
     Raises:
         DatasetError: homes, tasks or format are not those that it was made with.
     """
-    options = {
-        name: value for name, value in dataset.recipe.items() if name in {field.name for field in fields(Recipe)}
-    }
-    recipe = Recipe(**options | {"robots": tuple(options.get("robots", TEAM))})
+    try:
+        options = {one.name: dataset.recipe[one.name] for one in fields(Recipe) if one.name in dataset.recipe}
+        recipe = Recipe(**options | {"robots": tuple(options.get("robots", TEAM))})
+    except WRONG as error:
+        raise DatasetError(
+            f"{dataset.folder}: its recipe is damaged: {repr(error)[:200]}; generate it again"
+        ) from error
     if other := recipe.differing(dataset.recipe):
         version = dataset.metadata.get("made_with", {}).get("chmarl-pb", "unknown")
         raise DatasetError(

@@ -162,7 +162,9 @@ class Options:
     def _sensor(self, name: str, known: Catalog) -> Sensor:
         if name in CAMERA_SENSORS:
             return CAMERA_SENSORS[name](self.image_size, known)
-        return TextSensor(self.lookalikes) if name == "text" else SceneGraphSensor(known)
+        if name == "text":
+            return TextSensor(self.lookalikes, not isinstance(self.messages, str | Symbols | Talk))
+        return SceneGraphSensor(known)
 
     @property
     def shows_graphs(self) -> bool:

@@ -380,6 +380,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self, feedback: dict[str, str], succeeded: dict[str, bool]
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Return the robots' observations and infos."""
+        if self.physics_follows:  # an adviser that plans has moved bodies
+            self.world.sync()
         outcome, observations, infos = self.outcome, {}, {}
         for name in self._models:
             advice = feedback.get(name, "")

@@ -79,12 +79,20 @@ class Audit:
         """The blind policy with the greatest PLW."""
         return max((line for line in self.lines if line.blind), key=lambda line: line.plw.mean or 0.0)
 
+    @property
+    def facts(self) -> dict[str, Any]:
+        """All of it, as plain data."""
+        return {
+            "format": FORMAT, "settings": self.settings, "best_blind": self.best_blind.name,
+            "rows": list(map(asdict, self.lines)), "blind_plw": self.blind_plw,
+        }  # fmt: skip
+
     def save(self, path: Path) -> None:
-        """Write the audit as JSON, whole or not at all."""
-        best = self.best_blind.name
-        data = {"format": FORMAT, "settings": self.settings, "best_blind": best, "rows": list(map(asdict, self.lines))}
-        text = json.dumps(data, indent=1)[: -len("\n}")]
-        write_atomically(path, f'{text},\n "blind_plw": {json.dumps(self.blind_plw)}\n}}\n')
+        """Write the audit as JSON, whole or not at all; what the blind policy has of each task is one line."""
+        facts = self.facts
+        tasks = json.dumps(facts.pop("blind_plw"))
+        text = json.dumps(facts, indent=1)[: -len("\n}")]
+        write_atomically(path, f'{text},\n "blind_plw": {tasks}\n}}\n')
 
 
 def load_audit(path: Path | str) -> Audit:

@@ -36,10 +36,15 @@ class Ledger:
         self.path = result.with_name(f"{result.name}.partial")
         self._head = json.dumps(settings, sort_keys=True)
         lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
+        if lines and lines[0] != self._head.encode():
+            kept = self.path.with_suffix(".old")
+            self.path.replace(kept)
+            warnings.warn(f"{self.path}: is of another evaluation; it is kept as {kept}", RuntimeWarning, stacklevel=2)
+            lines = []
         self.episodes = self._read(lines[1:], jobs)
         if dropped := max(len(lines) - 1, 0) - len(self.episodes):
             warnings.warn(
-                f"{self.path}: {dropped} of {len(lines) - 1} lines are damaged, repeated or of another evaluation; "
+                f"{self.path}: {dropped} of {len(lines) - 1} lines are damaged or repeated; "
                 "what is missing is played again",
                 RuntimeWarning,
                 stacklevel=2,

@@ -32,6 +32,7 @@ from chmarl_pb.files import Lock
 from chmarl_pb.fingerprint import fingerprint, name_of
 from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import Factory, Policy
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.tasks.kinds import named_task
 from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM
@@ -114,7 +115,8 @@ def evaluate(
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     chosen = _chosen(setup.options, tasks)
     setup = _at_home(setup, chosen)
-    seeds = _seeds(seeds)[: 1 if source.deterministic else None]
+    fixed = source.deterministic and isinstance(setup.options.messages, bool | str)  # a channel's object may draw
+    seeds = _seeds(seeds)[: 1 if fixed else None]
     executor = executor_of(executor, workers)
     file = None if out is None else Path(out)
     if file is not None and file.is_dir():
@@ -134,7 +136,7 @@ def evaluate(
             return kept
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
-        run = _run(label, executor.workers, time.perf_counter() - start, source.deterministic)
+        run = _run(label, executor.workers, time.perf_counter() - start, fixed)
         report = Report(settings, run, in_order(episodes, chosen))
         if file is not None and ledger is not None:
             report.save(file)
@@ -236,7 +238,9 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         changes = {**changes, "own_sha256": {name: _or_unknown(fingerprint(one)) for name, one in own.items()}}
     return {
         "policy": source.name,
-        "policy_sha256": source.sha256 if isinstance(setup.policy, str) else _or_unknown(source.sha256),
+        "policy_sha256": None
+        if isinstance(setup.policy, str) and setup.policy in BUILT_IN
+        else _or_unknown(source.sha256),
         "split": values.pop("split"),
         "observation": values.pop("observation"),
         "options": values,

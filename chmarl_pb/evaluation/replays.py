@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -95,7 +96,8 @@ def _file_name(report: Report, episode: Played) -> str:
     """Return a short name that no other episode has: one task may be played in many results of one policy."""
     settings = json.dumps(report.settings, sort_keys=True)
     mark = hashlib.sha256(f"{settings} {episode.actions}".encode()).hexdigest()[:8]
-    return f"{episode.task.id}-seed{episode.seed}-{mark}.json"
+    name = re.sub(r"[^\w.-]", "_", episode.task.id)  # of somebody's file: it names no folder
+    return f"{name}-seed{episode.seed}-{mark}.json"
 
 
 def _steps(env: HouseholdEnv, file: EpisodeFile) -> str:

@@ -101,10 +101,16 @@ def _order(report: Report) -> tuple[int, str, int, str]:
 
 
 def _scores(groups: Sequence[Group]) -> Iterator[str]:
-    known = {group.split: reference_scores(group.split, MAX_STEPS) for group in groups if group.split in SPLITS}
+    usual = {group.split for group in groups if all(map(_is_usual, group.reports))}
+    known = {split: reference_scores(split, MAX_STEPS) for split in usual if split in SPLITS}
     blind = {split: {_BLIND: scores[_BLIND].plw} for split, scores in known.items() if _BLIND in scores}
     for observation, same in _by_observation(groups).items():
         yield f"<h3>{_words(observation)}</h3><div class='wide plot'>{score_bars(same, blind)}</div>"
+
+
+def _is_usual(report: Report) -> bool:
+    """Return whether a result is by the rules that the references were played by."""
+    return not report.changed and bool(report.settings["options"]["max_steps"] == MAX_STEPS)
 
 
 def _curves(groups: Sequence[Group]) -> Iterator[str]:

@@ -3,11 +3,12 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
@@ -21,6 +22,7 @@ from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"
+_OPTIONS = {one.name for one in fields(Options)} - {"home", "split", "observation"}
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,14 @@ def load_result(path: Path | str) -> Report:
 
 def _check(report: Report) -> None:
     """Raise an error if parts that reports show are missing or of another kind."""
-    for name in ("policy", "split", "observation", "seeds", "tasks", "tasks_sha256", "source_sha256"):
+    for name in ("policy", "split", "observation", "tasks_sha256", "source_sha256"):
+        if not isinstance(report.settings[name], str):
+            raise TypeError(f"its {name} is no text")
+    if not all(isinstance(text, str) for pair in report.settings["homes_sha256"].items() for text in pair):
+        raise TypeError("its homes_sha256 are no texts")
+    if others := report.settings["options"].keys() - _OPTIONS:
+        raise ValueError(f"it has options that no environment takes: {', '.join(sorted(others))}")
+    for name in ("seeds", "tasks"):
         report.settings[name]
     for name in ("messages", "feedback", "max_steps"):
         report.settings["options"][name]

@@ -3,6 +3,7 @@
 from chmarl_pb import catalog
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.frames.recording import Moment, Recording
+from chmarl_pb.rendering.renderer import classes_of
 from chmarl_pb.robots.pointing import MIDDLE, cell_of, verb_of
 from chmarl_pb.tasks.symbols import SILENT
 
@@ -69,8 +70,8 @@ def thing_words(name: str, known: Catalog) -> str:
 
 def seen_words(recording: Recording, moment: Moment, robot: str) -> list[str]:
     """Return the nouns of what a robot sees, each once, in the order of the scene graph."""
-    known = recording.home.catalog
-    return list(dict.fromkeys(thing_words(name, known) for name in moment.visible[robot]))
+    known = recording.home.catalog.classes
+    return list(dict.fromkeys(known[kind].noun for kind in classes_of(moment.visible[robot], recording.models)))
 
 
 def reward_words(reward: float) -> str:

@@ -18,6 +18,7 @@ OF_A_CLASS = 4
 
 _OTHER_PARTS = 0.75  # share of the colour in parts of another material than the main one
 
+_FEWEST = 2  # colours of a class
 #: What a class has that does not have enough colours of its own.
 _USUAL = ("red", "blue", "yellow", "white", "green", "black")
 #: Colours that no two objects of a class have, as shades of the one look like the other.
@@ -41,6 +42,9 @@ def colours_of(row: ThingClass) -> tuple[str, ...]:
         clashes = colour in taken or any({colour, other} in (*_ALIKE, {colour}) for other in chosen)
         if colour in COLOURS and not clashes and len(chosen) < OF_A_CLASS:
             chosen.append(colour)
+    if len(chosen) < _FEWEST:  # its names hold most colours
+        others = (colour for colour in sorted(COLOURS, key=taken.__contains__) if colour not in chosen)
+        chosen = [*chosen, *others][:_FEWEST]
     return tuple(sorted(chosen, key=COLOURS.index))
 
 

@@ -173,6 +173,8 @@ def find_eyes(name: str) -> Eyes:
     if name not in installed and ":" not in name:
         raise OptionError(f"unknown eyes {name!r}; use one of: {', '.join(sorted(installed))}, or module:callable")
     eyes: Eyes = installed[name].load()() if name in installed else imported(name, "eyes")()
+    if not callable(eyes) or not isinstance(getattr(eyes, "fingerprint", None), str):
+        raise OptionError(f"{name}: makes no eyes; they are called with a picture and have a text `fingerprint`")
     return eyes
 
 

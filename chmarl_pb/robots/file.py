@@ -20,7 +20,7 @@ from chmarl_pb.robots.arm_model import ArmModel, JointList, arm_model
 from chmarl_pb.robots.chain import Joint, Tree, chain_to
 from chmarl_pb.robots.model import ALTITUDE, FOV, POSITION, SPEED, CameraMount, RobotModel, check_name
 from chmarl_pb.robots.motors import Configuration
-from chmarl_pb.robots.plain_robot import FOLDER
+from chmarl_pb.robots.plain_robot import FOLDER, robot_hash
 from chmarl_pb.robots.workspace import BEARING
 
 if sys.version_info >= (3, 11):
@@ -57,7 +57,7 @@ def find_model(robot: str | Path) -> RobotModel:
     try:
         content, path = read_regular(path, _MOST_BYTES), path.resolve()
         urdf = _urdf(path, _urdf_name(path, content))
-        return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]))
+        return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]), robot_hash(urdf))
     except ValueError as error:
         if isinstance(error, AssetError):
             raise
@@ -77,8 +77,8 @@ def _table(path: Path, content: bytes) -> "_Table":
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, content: bytes, _urdf_hash: str) -> RobotModel:
-    """Return what a robot file says; the same file and URDF give the same model."""
+def _read(path: Path, content: bytes, _urdf_hash: str, _mesh_hash: str | None) -> RobotModel:
+    """Return what a robot file says; the same file, URDF and meshes give the same model."""
     rows = _table(path, content)
     moves = rows.choice("moves", MOVES)
     make = _flying if moves == "flies" else _driving

@@ -24,9 +24,9 @@ class TextSensor:
     state; what messages say; feedback, and whether the last action failed; and the names of its actions.
     """
 
-    def __init__(self, colours: bool = False):
-        """Tell objects by their colours, or by their classes alone."""
-        self._colours = colours
+    def __init__(self, colours: bool = False, board: bool = True):
+        """Tell objects by their colours, or by their classes alone; messages of a board, or none, as of own words."""
+        self._colours, self._board = colours, board
 
     def spaces(self) -> dict[str, spaces.Box]:
         """Return the space of texts."""
@@ -34,12 +34,13 @@ class TextSensor:
 
     def observe(self, view: View) -> dict[str, NDArray[Any] | str]:
         """Return the sentences."""
-        return {"text": describe(view, self._colours)}
+        return {"text": describe(view, self._colours, self._board)}
 
 
-def describe(view: View, colours: bool = False) -> str:
-    """Return what a robot sees, its feedback and its messages, a line for each; with or without colours of objects."""
-    lines = [f"Task: {view.instruction}", _self(view, colours), *_seen(view, colours), *_messages(view)]
+def describe(view: View, colours: bool = False, board: bool = True) -> str:
+    """Return what a robot sees, its feedback and a board's messages; with or without colours of objects."""
+    heard = _messages(view) if board else ()
+    lines = [f"Task: {view.instruction}", _self(view, colours), *_seen(view, colours), *heard]
     if not view.succeeded:
         lines.append("Your last action could not be done.")
     if view.feedback:

@@ -93,12 +93,15 @@ class Detour:
     def __init__(self, simulation: Simulation, robot: str, goals: Goals):
         """Plan for a robot in an episode that begins in a simulation."""
         self._oracle, self._goals = simulation.oracles[robot], goals
+        self._helped = len(simulation.oracles) > 1
         self._plan = self._optimal()
         self._action = ""
 
     def before(self, action: str, outcome: Outcome) -> None:
-        """Remember the action."""
+        """Remember the action; where others have arms, too, they may have changed the plan since."""
         self._action = action
+        if self._helped:
+            self._plan = self._optimal()
 
     def after(self, succeeded: bool) -> str | None:
         """Return the planned action if the action that was taken did not shorten the plan."""

@@ -23,6 +23,7 @@ class Simulations:
         """
         self._load, self._most = load, most
         self._kept: OrderedDict[str, Simulation] = OrderedDict()
+        self._rooms: tuple[str, ...] = ()  # of all, also after they are closed
 
     def enter(self, home: str) -> Simulation:
         """Return the simulation of a home, loaded unless it is kept.
@@ -33,11 +34,11 @@ class Simulations:
         if home not in self._kept:
             with uncollected():
                 simulation = self._load(home)
-            first = next(iter(self._kept.values()), simulation)
-            if simulation.rooms != first.rooms:
+            self._rooms = self._rooms or simulation.rooms
+            if simulation.rooms != self._rooms:
                 simulation.close()
                 raise HomeError(
-                    f"{simulation.home.path}: its rooms {simulation.rooms} differ from {first.rooms}, so its actions "
+                    f"{simulation.home.path}: its rooms {simulation.rooms} differ from {self._rooms}, so its actions "
                     "would too; play it in an environment of its own with home=..."
                 )
             self._kept[home] = simulation

@@ -59,8 +59,8 @@ def load_tasks(split: str) -> list[Task]:
 
 def split_of(task_id: str) -> str | None:
     """Return the split that a task's id is of, or None for one that was drawn."""
-    split = task_id.rpartition("-")[0]
-    return split if split in SPLITS else None
+    split, _, number = task_id.rpartition("-")
+    return split if number.isdecimal() and int(number) < SPLIT_SIZES.get(split, 0) else None
 
 
 def find_task(task_id: str) -> Task:

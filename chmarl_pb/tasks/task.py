@@ -1,14 +1,28 @@
 """A task: which object, from where, to where, in which home; its seed fixes everything else."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from numbers import Integral
+from typing import Any
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import TaskError
 
 _NUMBERS = {"seed": Integral, "optimal_steps": Integral}
+
+
+def check_fields(task: Any, texts: Sequence[str]) -> None:
+    """Check the plain fields of a task: some texts, and its numbers.
+
+    Raises:
+        TaskError: one is of another kind, or the seed is negative.
+    """
+    for name, kind in {**dict.fromkeys(texts, str), **_NUMBERS}.items():
+        if not isinstance(getattr(task, name), kind):
+            raise TaskError(f"task {str(task.id)[:80]!r}: its {name} is {str(getattr(task, name))[:80]!r}")
+    if task.seed < 0:
+        raise TaskError(f"task {task.id!r}: the seed {task.seed} is negative; use 0 or more")
 
 
 @dataclass(frozen=True)
@@ -39,13 +53,9 @@ class Task:
         Raises:
             TaskError: a field is of another kind, the seed is negative, or the task would be solved at its start.
         """
-        for name, kind in {**dict.fromkeys(("id", "home", "graspable", "source", "target"), str), **_NUMBERS}.items():
-            if not isinstance(getattr(self, name), kind):
-                raise TaskError(f"task {str(self.id)[:80]!r}: its {name} is {str(getattr(self, name))[:80]!r}")
+        check_fields(self, ("id", "home", "graspable", "source", "target"))
         if self.source == self.target:
             raise TaskError(f"task {self.id!r}: source and target are both {self.source!r}; choose another target")
-        if self.seed < 0:
-            raise TaskError(f"task {self.id!r}: the seed {self.seed} is negative; use 0 or more")
 
     def check(self, known: Catalog) -> None:
         """Check that its classes are those of a catalogue.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from chmarl_pb.errors import TaskError
-from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.task import Task, check_fields
 
 FEWEST, MOST = 2, 5  # objects
 
@@ -32,8 +32,10 @@ class TidyTask:
         """Check the moves.
 
         Raises:
-            TaskError: there are too few or too many, an object or a target is named twice, or a home differs.
+            TaskError: there are too few or too many, an object or a target is named twice, a home differs, or a field
+                is of another kind.
         """
+        check_fields(self, ("id", "home"))
         if not FEWEST <= len(self.moves) <= MOST:
             raise TaskError(f"task {self.id!r}: {len(self.moves)} objects; use {FEWEST} to {MOST}")
         for role in ("graspable", "target"):

@@ -9,13 +9,14 @@ from pathlib import Path
 from chmarl_pb import __version__
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import WriteError
-from chmarl_pb.files import cache_folder, write_atomically
-from chmarl_pb.fingerprint import sha256_of
+from chmarl_pb.files import cache_folder, file_hash, write_atomically
+from chmarl_pb.fingerprint import name_of, sha256_of
 from chmarl_pb.homes.generate.store import is_generated
 from chmarl_pb.homes.home import Home, home_names
 from chmarl_pb.homes.problem import Problem, raise_first
 from chmarl_pb.navigation.check import HomeReport, check_home
 from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.plain_robot import robot_hash
 from chmarl_pb.robots.registry import TEAM, team_of
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.trial import try_home
@@ -74,8 +75,9 @@ def _trial(home: Home, models: Mapping[str, RobotModel]) -> tuple[Problem, ...]:
 
 def _facts(model: RobotModel) -> str:
     """Return what is known of a kind of robot, in words that are the same in every process."""
-    values = {field.name: getattr(model, field.name) for field in fields(model) if field.name != "make"}
-    return f"{values} {model.make is not None and model.make.__qualname__}"
+    values = {one.name: getattr(model, one.name) for one in fields(model) if one.name not in ("make", "copied_by")}
+    files = [file_hash(model.urdf), robot_hash(model.urdf)]
+    return f"{values} {files} {model.make is not None and name_of(model.make)}"
 
 
 _here: dict[str, tuple[Problem, ...]] = {}

@@ -118,7 +118,13 @@ def note(env: HouseholdEnv) -> Noted:
     graphs = {name: env.simulation.graphs.graph(outcome.state, seen, states) for name, seen in outcome.seen.items()}
     carriers = {item: support.receptacle for item, support in outcome.supports.items()}
     held = {grip.item: name for name, grip in outcome.state.grips.items()}
-    return Noted(motion, rest, board_of(env.messages, env.rooms, bool(env.options.messages)), graphs, carriers | held)
+    return Noted(
+        motion,
+        rest,
+        board_of(env.messages, env.rooms, bool(env.options.messages) and not env.symbols),
+        graphs,
+        carriers | held,
+    )
 
 
 def moment_of(

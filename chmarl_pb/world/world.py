@@ -24,7 +24,6 @@ class World(Uncopied):
     Attributes:
         home: the home.
         physics: what PyBullet holds.
-        client: PyBullet client id; its bodies are where they were at the last :meth:`sync`.
         state: where everything is; assign an earlier state to return to it.
     """
 
@@ -37,9 +36,13 @@ class World(Uncopied):
         """
         self.home = home
         self.physics = Physics(home)
-        self.client = self.physics.client
         self.state = WorldState()
         self._synced: WorldState | None = self.state  # what physics shows; None if bodies have moved by themselves
+
+    @property
+    def client(self) -> int:
+        """PyBullet client id; its bodies are where they were at the last :meth:`sync`. Below 0 once it is closed."""
+        return self.physics.client
 
     def close(self) -> None:
         """Disconnect from physics; closing twice is allowed."""

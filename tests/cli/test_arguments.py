@@ -56,6 +56,8 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
         (("cache", "--fill", "home_1", "--workers", "0"), "workers=0"),
         (("cache", "--fill", "home_0"), "home_0"),
         (("cache", "--size", "64"), "--size is for --fill"),
+        (("cache", "--workers", "1"), "--workers is for --fill"),
+        (("evaluate", "--policy", "random", "--feedback", "planner", "--no-feedback"), "not allowed with argument"),
         (("bench", "--runs", "0"), "runs=0"),
         (("bench", "--only", "nothing"), "nothing"),
         (("demo", "--task", "nothing"), "nothing"),

@@ -277,3 +277,35 @@ def test_closing_frees_the_clients() -> None:
 def test_a_home_with_other_rooms_is_refused_in_a_running_environment(env: HouseholdEnv, small_home: Path) -> None:
     with pytest.raises(HomeError, match="environment of its own"):
         env.reset(options={"task": Task("t", str(small_home), "mug", "desk", "sofa", 0)})
+
+
+def test_nor_after_it_was_closed(small_home: Path) -> None:
+    env = HouseholdEnv(split="val-unseen")
+    env.reset(seed=0)
+    env.close()
+    with pytest.raises(HomeError, match="environment of its own"):
+        env.reset(options={"task": Task("t", str(small_home), "mug", "desk", "sofa", 0)})
+    env.close()
+
+
+def test_a_closed_environment_answers_for_no_other() -> None:
+    closed = HouseholdEnv(split="val-unseen")
+    closed.reset(seed=0)
+    world = closed.world
+    closed.close()
+    other = HouseholdEnv(split="val-unseen")
+    other.reset(seed=0)
+    assert world.client < 0 <= other.world.client
+    other.close()
+
+
+def test_bodies_are_where_the_state_says_also_where_the_planner_advises() -> None:
+    env = HouseholdEnv(split="val-unseen", feedback="planner")
+    env.reset(seed=0)
+    env.action_space("humanoid").seed(0)
+    while env.agents:
+        for name, robot in env.world.physics.robots.items():
+            place, _ = pybullet.getBasePositionAndOrientation(robot.body, physicsClientId=env.world.client)
+            assert np.allclose(place[:2], env.world.state.robots[name].base[0][:2], atol=1e-3)
+        env.step({name: env.action_space(name).sample() for name in env.agents})
+    env.close()

@@ -30,6 +30,19 @@ def env() -> Any:
     env.close()
 
 
+def test_robots_of_ones_own_are_named_by_their_class() -> None:
+    robots = ("humanoid", "drone", "examples/scout/scout.toml")
+    env = chmarl_pb.parallel_env(robots=robots, render_mode="rgb_array", split="val-unseen", max_steps=28)
+    env.reset(seed=0)
+    env.action_space("drone").seed(0)
+    seen = False
+    while env.agents and not seen:
+        _, _, _, _, infos = env.step({name: env.action_space(name).sample() for name in env.agents})
+        seen = any("scout" in info["visible"] for info in infos.values())
+    assert seen and env.render() is not None
+    env.close()
+
+
 def frame_of(env: Any) -> np.ndarray:
     frame = env.render()
     assert frame is not None and frame.shape == SHAPE and frame.dtype == np.uint8

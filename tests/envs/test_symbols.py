@@ -362,3 +362,15 @@ def test_results_stand_apart() -> None:
     for messages in ("symbols", Symbols(loss=0.1)):
         report = chmarl_pb.evaluate("search", "val-unseen", tasks=TASKS[:2], seeds=[0], workers=1, messages=messages)
         assert report.changed and report.cooperation is None
+
+
+def test_own_words_are_no_board_in_texts() -> None:
+    """Three robots with four words have messages of the shape of a board of four rooms."""
+    env = chmarl_pb.parallel_env(
+        observation="text", split="val-unseen", messages=Symbols(vocabulary=4), robots=("humanoid", "drone", "drone")
+    )
+    env.reset(seed=0)
+    stay = {name: env.action_names[name].index("stay") for name in env.agents}
+    _, _, _, _, infos = env.step({name: (action, 3) for name, action in stay.items()})
+    assert not any("has been seen in" in info["text"] for info in infos.values())
+    env.close()

@@ -37,6 +37,7 @@ from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Optimum, Task
+from chmarl_pb.tasks.unreliable import NoisyBoard
 
 TASKS = load_tasks("test-unseen")[:3]
 MAX_STEPS = 12
@@ -355,8 +356,14 @@ def ledger_of(folder: Path, settings: str = "a") -> Ledger:
 def test_other_settings_start_anew(tmp_path: Path) -> None:
     ledger_of(tmp_path).add(played(0, 4, 4))
     assert len(ledger_of(tmp_path).episodes) == 1
-    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: 1 of 1 lines"):
+    with pytest.warns(RuntimeWarning, match=r"result\.json\.partial: is of another evaluation; it is kept as"):
         assert ledger_of(tmp_path, "b").episodes == []
+    (tmp_path / "result.json.old").replace(tmp_path / "result.json.partial")
+    assert len(ledger_of(tmp_path).episodes) == 1
+    (tmp_path / "result.json.partial").write_text("my notes\n")
+    with pytest.warns(RuntimeWarning, match="is of another evaluation"):
+        ledger_of(tmp_path)
+    assert (tmp_path / "result.json.old").read_text() == "my notes\n"
 
 
 def test_a_job_counts_once_whoever_wrote_it(tmp_path: Path) -> None:
@@ -642,6 +649,34 @@ def test_nothing_is_reused_where_nothing_tells_what_was_played(tmp_path: Path) -
     maker.fingerprint = "what it is"  # type: ignore[attr-defined]
     report = evaluate(maker, "test-unseen", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0])
     assert report.settings["policy_sha256"] == "what it is"
+
+
+def held() -> Standing:
+    """A policy of which nothing tells what it does."""
+    policy = Standing(1)
+    policy.lock = threading.Lock()  # type: ignore[attr-defined]
+    return policy
+
+
+HELD = partial(lambda policy, env: policy, held())
+
+
+def test_nor_where_it_is_named_by_its_module(tmp_path: Path) -> None:
+    dates = []
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="policy: holds what cannot be pickled"):
+            report = evaluate(
+                f"{__name__}:HELD", "test-unseen", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0],
+                out=tmp_path / "r.json", reuse=True,
+            )  # fmt: skip
+        dates.append(report.settings["policy_sha256"])
+    assert dates[0] != dates[1]
+
+
+def test_where_a_channel_draws_all_seeds_are_played() -> None:
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "max_steps": 2, "seeds": [0, 1]}
+    assert evaluate("belief", **given).settings["seeds"] == [0]
+    assert evaluate("belief", messages=NoisyBoard(0.3), **given).settings["seeds"] == [0, 1]
 
 
 class Errands(Rearrange):

@@ -15,6 +15,7 @@ from chmarl_pb.cli import main
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper, plots, tables
+from chmarl_pb.evaluation import report as pages
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
@@ -184,6 +185,27 @@ def test_each_replay_has_a_file_of_its_own(tmp_path: Path) -> None:
     assert messages == {True, False}
 
 
+def test_a_replay_stays_in_its_folder(tmp_path: Path) -> None:
+    report = evaluate("search", tasks=[replace(TASKS[0], id="../../mine")], seeds=(0,), workers=1)
+    (link,) = re.findall(r'href="([^"]+)"', replays([report], tmp_path / "sub" / "episodes"))
+    assert [path.parent.name for path in tmp_path.rglob("*.json")] == ["episodes"] and "mine" in link
+
+
+def test_scores_by_other_rules_have_no_line_of_the_papers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[Any] = []
+
+    def bars(groups: Any, blind: Any) -> str:
+        lines.append(list(blind))
+        return ""
+
+    monkeypatch.setattr(pages, "score_bars", bars)
+    others: tuple[dict[str, Any], ...] = ({"pointing": True}, {"max_steps": 8})
+    for number, options in enumerate(({}, *others)):
+        evaluate("random", tasks=TASKS, seeds=[0], workers=1, out=tmp_path / str(number) / "r.json", **options)
+        write_report([tmp_path / str(number)], tmp_path / "page.html")
+    assert lines == [["test-unseen"], [], []]
+
+
 def test_a_label_puts_a_result_beside_the_papers(results: Path) -> None:
     one = evaluate("planner", tasks=TASKS[:1], workers=1, label="qmix + messages")
     assert "1 chosen tasks" in title_of(one)
@@ -235,7 +257,16 @@ def test_damaged_results_are_refused(results: Path, tmp_path: Path, part: str) -
     else:
         damaged += [data | {part: {key: value for key, value in data[part].items() if key != name}}
                     for name in data[part]
-                    if name not in ("label", "homes_sha256", "policy_sha256", "deterministic")]  # fmt: skip
+                    if name not in ("label", "policy_sha256", "deterministic")]  # fmt: skip
+    if part == "settings":
+        kinds: tuple[dict[str, Any], ...] = (
+            {"observation": 3},
+            {"source_sha256": []},
+            {"homes_sha256": {"home_6": 1}},
+        )
+        own: list[dict[str, Any]] = [data[part] | other for other in kinds]
+        own += [data[part] | {"options": data[part]["options"] | {name: 1}} for name in ("home", "wings")]
+        damaged += [{key: value for key, value in data.items() if key != "sha256"} | {part: one} for one in own]
     for content in damaged:
         path.write_text(json.dumps(content))
         with pytest.raises(ResultError, match=r"damaged\.json: not a whole result"):

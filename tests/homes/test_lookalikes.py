@@ -1,8 +1,10 @@
 """Several objects of a class in a home, in colours that are clearly different."""
 
+from dataclasses import replace
+
 import pytest
 
-from chmarl_pb.catalog import BENCHMARK, COLOURS, ThingClass
+from chmarl_pb.catalog import BENCHMARK, COLOURS, Name, ThingClass
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.lookalikes import OF_A_CLASS, among_lookalikes, colours_of
 from chmarl_pb.homes.object_looks import RGB
@@ -15,6 +17,11 @@ def test_every_class_has_colours_that_no_name_of_it_holds(row: ThingClass) -> No
     assert len(set(colours)) == OF_A_CLASS and set(colours) <= set(COLOURS)
     assert list(colours) == sorted(colours, key=COLOURS.index)
     assert not set(colours) & {word for name in row.synonyms for word in words(name)}
+
+
+def test_a_class_whose_names_hold_most_colours_has_two_all_the_same() -> None:
+    names = tuple(Name(f"{colour} ball") for colour in ("red", "blue", "yellow", "white", "green"))
+    assert len(colours_of(replace(BENCHMARK.graspables["apple"], name="ball", names=names))) >= 2
 
 
 def test_colours_have_values() -> None:

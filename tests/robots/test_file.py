@@ -44,6 +44,15 @@ def test_defaults_and_identity(tmp_path: Path) -> None:
     assert find_model(path).camera.fov == 70
 
 
+def test_other_meshes_make_another_model(tmp_path: Path) -> None:
+    path = written(tmp_path, GOOD.replace("drone.urdf", "humanoid.urdf"))
+    model = find_model(path)
+    meshes = [*(tmp_path / "meshes").glob("*.obj")]
+    for mesh in meshes:
+        mesh.write_text(f"{mesh.read_text()}\n# changed\n")
+    assert meshes and find_model(path) is not model
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

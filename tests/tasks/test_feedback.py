@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import chmarl_pb
 from chmarl_pb import catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
@@ -15,6 +16,7 @@ from chmarl_pb.tasks.advisers import Detour, MissedChance
 from chmarl_pb.tasks.feedback import better_action, within_sight
 from chmarl_pb.tasks.language import templates
 from chmarl_pb.tasks.language.feedback import templates_for
+from chmarl_pb.tasks.order import plan_all
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import Grip, Objects, Support, WorldState
@@ -109,3 +111,21 @@ def test_unknown_styles_are_refused(value: Any) -> None:
 def test_styles(value: bool | str, critic: type | None) -> None:
     adviser = Options(feedback=value).adviser
     assert getattr(adviser, "critic", None) is critic
+
+
+def test_the_planner_knows_what_others_with_arms_have_done() -> None:
+    env = chmarl_pb.parallel_env(
+        split="val-unseen", feedback="planner", robots=("humanoid", "humanoid", "drone"), max_steps=60
+    )
+    env.reset(options={"task": "val-unseen-003"})
+    oracle, said = env.simulation.oracles["humanoid_0"], []
+    stay = {name: names.index("stay") for name, names in env.action_names.items()}
+    while env.agents:
+        plan = plan_all(oracle, env.setting.goals).actions
+        actions = stay | {"humanoid_0": env.action_names["humanoid_0"].index(plan[0])}
+        held = bool(env.world.state.grips)
+        _, _, _, _, infos = env.step(actions)
+        if held:
+            said.append(infos["humanoid_1"]["feedback"])
+    assert said and not any(said), "there is nothing left to do for who stands by"
+    env.close()

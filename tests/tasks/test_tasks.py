@@ -29,6 +29,7 @@ from chmarl_pb.tasks.splits import (
     homes_of,
     load_tasks,
     read_tasks,
+    split_of,
 )
 from chmarl_pb.tasks.task import Task
 from chmarl_pb.world import Pose, Support
@@ -246,3 +247,8 @@ def test_task_files_are_those_of_the_release() -> None:
     assert {split: len(load_tasks(split)) for split in SPLITS} == SPLIT_SIZES | {STREAM: 0}
     named = {line.split()[1] for line in (FOLDER / "SHA256SUMS").read_text().splitlines()}
     assert named == {path.name for path in FOLDER.iterdir()} - {"SHA256SUMS"}
+
+
+def test_a_drawn_task_is_of_no_split_whatever_its_home_is_called() -> None:
+    assert split_of("test-seen-017") == "test-seen" and split_of("train-5499") == "train"
+    assert split_of("test-seen-1234567") is split_of("train-limited-x") is split_of("cabin-3") is None

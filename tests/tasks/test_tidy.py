@@ -33,6 +33,19 @@ from chmarl_pb.world import Grip, Objects, RobotState, Support, WorldState
 SMALL = Tidy(2, 3)
 
 
+BAD: tuple[dict[str, Any], ...] = (
+    {"id": 5}, {"home": None}, {"seed": -1}, {"seed": "x"}, {"seed": 1.5}, {"optimal_steps": "x"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("change", BAD, ids=str)
+def test_fields_of_another_kind_are_refused(change: dict[str, Any]) -> None:
+    pairs = (("apple", "desk"), ("mug", "bookshelf"))
+    task = TidyTask("t", "home_1", tuple(Task("t", "home_1", item, "sofa", target, 0) for item, target in pairs), 0)
+    with pytest.raises(TaskError, match="task "):
+        replace(task, **change)
+
+
 @pytest.fixture(scope="module")
 def env() -> Iterator[HouseholdEnv]:
     env = chmarl_pb.parallel_env(task=SMALL, split="val-unseen", max_steps=60)

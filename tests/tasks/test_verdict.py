@@ -1,7 +1,12 @@
 """A home is good if it can be played, and the check and every environment say the same of it."""
 
 import json
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +18,14 @@ from chmarl_pb.errors import HomeError
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.navigation.check import check_home
 from chmarl_pb.navigation.free_space import space_of
+from chmarl_pb.robots.file import find_model
 from chmarl_pb.tasks import planner, verdict
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.verdict import judge
 from tests.helpers.small_homes import SMALL_HOME, Boxes, home_text
 
 Write = Callable[..., Path]
+EXAMPLES = Path(__file__).parents[2] / "examples"
 ROOM = {"livingroom/floor_1": ((6, 6, 0.1), (0, 0, -0.05)), "livingroom/sofa_1": ((1.8, 0.8, 0.45), (0, -1.5, 0.225))}
 CEILING = {"livingroom/ceiling_1": ((4, 4, 0.1), (0, 0, 2.6))}
 TINY = {
@@ -206,6 +213,22 @@ def test_a_trial_is_kept_by_the_content_of_the_files(
     monkeypatch.setattr(verdict, "_here", {})
     monkeypatch.setattr(verdict, "Simulation", Simulation)
     assert judge(write_home(home_text({**SMALL_HOME, **CEILING}))).errors
+
+
+def test_what_is_known_of_robots_is_the_same_in_every_process(tmp_path: Path) -> None:
+    code = "from chmarl_pb.robots.file import find_model; from chmarl_pb.tasks.verdict import _facts; "
+    code += "print(_facts(find_model({!r})))"
+    for file in ("scout.toml", "scout.urdf"):
+        shutil.copy(EXAMPLES / "scout" / file, tmp_path)
+    robot = tmp_path / "scout.toml"
+    commands = [[sys.executable, "-c", code.format(name)] for name in ("drone", "drone", str(robot), str(robot))]
+    texts = [subprocess.run(one, capture_output=True, text=True, check=True).stdout for one in commands]
+    assert texts[0] == texts[1] and texts[2] == texts[3] and " at 0x" not in "".join(texts)
+    urdf = tmp_path / "scout.urdf"
+    urdf.write_text(f"{urdf.read_text()}\n<!-- changed -->\n")
+    assert f"{verdict._facts(find_model(robot))}\n" != texts[2]
+    made = replace(find_model(robot), make=partial(print, "made"))
+    assert "partial" in verdict._facts(made)
 
 
 def test_a_benchmark_home_passes_its_trial() -> None:
