@@ -103,10 +103,10 @@ class JointEnv(gymnasium.Env):
             ActionError: the action does not lie in the action space.
             NotResetError: there is no episode to go on with.
         """
-        observations, rewards, terminated, truncated, infos = self.parallel.step(self._split(action))
+        results = self.parallel.advance(self._split(action), _is_cut_here(self))
+        observations, rewards, terminated, truncated, infos = results
         robot = self._robots[0]
-        cut = _truncated(self, truncated[robot])
-        return joined(observations), rewards[robot], terminated[robot], cut, _info(infos)
+        return joined(observations), rewards[robot], terminated[robot], truncated[robot], _info(infos)
 
     def _split(self, action: Any) -> dict[str, Any]:
         try:
@@ -199,12 +199,11 @@ class HumanoidEnv(gymnasium.Env):
             NotResetError: there is no episode to go on with.
         """
         robot = self._robot
-        results = self.parallel.step({**self._other_actions, robot: action})
+        results = self.parallel.advance({**self._other_actions, robot: action}, _is_cut_here(self))
         observations, rewards, terminated, truncated, infos = results
         # Chosen here rather than in the next step, which may refuse its action and be called again.
         self._choose(observations, infos)
-        cut = _truncated(self, truncated[robot])
-        return observations[robot], rewards[robot], terminated[robot], cut, _alone(infos[robot])
+        return observations[robot], rewards[robot], terminated[robot], truncated[robot], _alone(infos[robot])
 
     def _choose(self, observations: dict[str, dict[str, np.ndarray]], infos: dict[str, Info]) -> None:
         """Let the others choose their next actions."""
@@ -224,7 +223,7 @@ class HumanoidEnv(gymnasium.Env):
 
 
 class Registered:
-    """Makes a view for a registered id, whose episodes Gymnasium's time limit ends; see :func:`_truncated`."""
+    """Makes a view for a registered id, whose episodes Gymnasium's time limit ends; see :func:`_is_cut_here`."""
 
     def __init__(self, view: type[JointEnv] | type[HumanoidEnv], track: str = PAPER):
         """Make views of this class, in this track if none is given."""
@@ -250,12 +249,9 @@ make_joint, make_humanoid = Registered(JointEnv), Registered(HumanoidEnv)
 make_grounded_joint, make_grounded_humanoid = Registered(JointEnv, GROUNDED), Registered(HumanoidEnv, GROUNDED)
 
 
-def _truncated(env: JointEnv | HumanoidEnv, truncated: bool) -> bool:
-    """Return whether an episode is cut off here: that of an id is by Gymnasium, unless ``max_steps`` was given, too."""
-    if not truncated or env.spec is None or "max_steps" in env.spec.kwargs:
-        return truncated
-    env.parallel.go_on()
-    return False
+def _is_cut_here(env: JointEnv | HumanoidEnv) -> bool:
+    """Return whether episodes are cut off here: Gymnasium cuts those of an id, unless ``max_steps`` was given, too."""
+    return env.spec is None or "max_steps" in env.spec.kwargs
 
 
 def joined(observations: Mapping[str, Mapping[str, T]]) -> dict[str, T]:

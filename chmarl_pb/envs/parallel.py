@@ -217,6 +217,15 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
             NotResetError: there is no episode to go on with.
             ActionError: an action is missing, not a whole number, or out of range.
         """
+        return self.advance(actions)
+
+    def advance(self, actions: dict[str, Any], cut: bool = True) -> Results:
+        """Let all robots act once, see :meth:`step`.
+
+        Args:
+            actions: as there.
+            cut: whether the episode is truncated after ``max_steps``; if not, somebody else counts its steps.
+        """
         names = self._check(actions)
         agents, self.agents = self.agents, []  # should an own part fail, there is no episode to go on with
         if self._adviser:
@@ -237,7 +246,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         feedback = self._adviser.after(succeeded, self.steps) if self._adviser else {}
         self.steps += 1
         terminated = self.outcome.success
-        truncated = not terminated and self.steps >= self.options.max_steps
+        truncated = cut and not terminated and self.steps >= self.options.max_steps
         self._last = LastStep(names, succeeded, feedback, shared_reward)
         observations, infos = self._observe(feedback, succeeded)
         self.agents = [] if terminated or truncated else agents
@@ -270,10 +279,6 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         parts = [sensor.observe(view) for sensor in self.options.graph_sensors(self.catalog)]
         return {key: value for part in parts for key, value in part.items() if not isinstance(value, str)}
 
-    def go_on(self) -> None:
-        """Let an episode that was truncated go on: somebody else counts its steps."""
-        self.agents = list(self._models)
-
     def action_name(self, robot: str, action: Any) -> str:
         """Return the name of a robot's action.
 
@@ -297,7 +302,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         """
         if not hasattr(self, "outcome"):
             raise NotResetError("state() before reset(); call reset() first")
-        elapsed = self.steps / self.options.max_steps
+        elapsed = min(1.0, self.steps / self.options.max_steps)  # who counts the steps of an id may allow more
         return global_state(self.simulation, self.setting, self.outcome, self.messages, elapsed)
 
     def render(self) -> np.ndarray | None:

@@ -121,3 +121,13 @@ class Staying:
 
     def act(self, observations: Any, infos: Any) -> dict[str, int]:
         return {"humanoid": STAY, "drone": 8}
+
+
+def test_frames_of_a_longer_id_do_not_say_that_it_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = gymnasium.make(HUMANOID, max_episode_steps=30, **HOME)
+    core, shown = core_of(env), list[bool]()
+    monkeypatch.setattr(core, "render_mode", "human")
+    monkeypatch.setattr(core, "render", lambda: shown.append(bool(core.agents)))
+    assert length(env) == 30
+    assert len(shown) == 31 and all(shown) and core.state().max() <= 1
+    env.close()
