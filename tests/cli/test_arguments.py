@@ -57,7 +57,6 @@ PLAY = ("evaluate", "--split", "val-unseen", *TASK, "--policy")
         (("cache", "--fill", "home_0"), "home_0"),
         (("cache", "--size", "64"), "--size is for --fill"),
         (("cache", "--workers", "1"), "--workers is for --fill"),
-        (("evaluate", "--policy", "random", "--feedback", "planner", "--no-feedback"), "not allowed with argument"),
         (("bench", "--runs", "0"), "runs=0"),
         (("bench", "--only", "nothing"), "nothing"),
         (("demo", "--task", "nothing"), "nothing"),
@@ -99,6 +98,13 @@ def test_what_is_wrong_is_all_that_is_said(
     (line,) = said.err.splitlines()
     assert said.out == "" and line.startswith("chmarl-pb: ") and message in line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_rules_that_contradict_each_other_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for pair in (("--feedback", "planner", "--no-feedback"), ("--messages", "--no-messages")):
+        with pytest.raises(SystemExit):
+            main(("evaluate", "--policy", "random", *pair))
+        assert "not allowed with argument" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
