@@ -42,8 +42,12 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
             "--validation-interval", "1000", *pointing,
         ),
     }  # fmt: skip
-    imitators = ("Imitation of belief", "Imitation of belief, words parsed")
-    seeds = {**dict.fromkeys(imitators, SEEDS[observation]), "Imitation of belief, then MAPPO": 3 if graphs else 1}
+    seeds = {
+        "MAPPO": 2 if graphs else 1,
+        "Imitation of belief": 3,
+        "Imitation of belief, words parsed": 3,
+        "Imitation of belief, then MAPPO": SEEDS[observation],
+    }
     learners = tuple(
         Row(
             name, observation, options, messages=True, feedback=False, seeds=seeds.get(name, 1), track=GROUNDED,
