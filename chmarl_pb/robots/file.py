@@ -57,11 +57,19 @@ def find_model(robot: str | Path) -> RobotModel:
     try:
         content, path = read_regular(path, _MOST_BYTES), path.resolve()
         urdf = _urdf(path, _urdf_name(path, content))
-        return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]), robot_hash(urdf))
+        return _read(path, content, sha256_of([read_regular(urdf, MOST_URDF_BYTES)]), _mesh_hash(urdf))
     except ValueError as error:
         if isinstance(error, AssetError):
             raise
         raise AssetError(f"{path}: {str(error)[:_LONGEST_PROBLEM]}") from error
+
+
+def _mesh_hash(urdf: Path) -> str | None:
+    """Return what changes with the meshes of a robot of the user's; None if they cannot be used, as is told later."""
+    try:
+        return robot_hash(urdf)
+    except AssetError:
+        return None
 
 
 @lru_cache(maxsize=64)
