@@ -229,6 +229,7 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
     values = options.recorded()
     given = {"privileged": setup.privileged, "centralized": source.centralized}
+    is_built_in = isinstance(setup.policy, str) and setup.policy in BUILT_IN
     changes = {**changes, **{name: True for name, is_so in given.items() if is_so}}  # older results have neither
     if "robots" in values:
         changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
@@ -238,9 +239,7 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         changes = {**changes, "own_sha256": {name: _or_unknown(fingerprint(one)) for name, one in own.items()}}
     return {
         "policy": source.name,
-        "policy_sha256": None
-        if isinstance(setup.policy, str) and setup.policy in BUILT_IN
-        else _or_unknown(source.sha256),
+        "policy_sha256": None if is_built_in else _or_unknown(source.sha256),  # whose code source_sha256 tells
         "split": values.pop("split"),
         "observation": values.pop("observation"),
         "options": values,

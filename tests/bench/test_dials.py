@@ -57,3 +57,11 @@ def test_the_points_of_the_docs_can_be_read() -> None:
     assert {"search", "belief"} <= {point.policy for point in points}
     assert all(len([other for other in points if other == point]) == 1 for point in points)
     assert "| paper: messages |" in dials.table(points)
+
+
+def test_points_of_some_tasks_do_not_replace_those_of_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        run(monkeypatch, tmp_path, "--policy", "open-loop", "--thin", "2", "--points", str(dials.POINTS))
+    assert "would replace those of all tasks" in capsys.readouterr().err

@@ -2,11 +2,13 @@
 
 import io
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
 
 import chmarl_pb
+from chmarl_pb.cli import audit as audit_command
 from chmarl_pb.cli import main
 from chmarl_pb.errors import OptionError
 from chmarl_pb.policies.policy import Policy
@@ -222,3 +224,30 @@ def test_so_do_the_commands_of_training(
     said = capsys.readouterr()
     assert ended.value.code == 2 and said.out == "" and message in said.err.splitlines()[-1] and "━" not in said.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        ("", "paper-test-unseen.json"),
+        ("--track grounded", "grounded-generated-test.json"),
+        ("--split val-unseen --seeds 1 --observation visual", "paper-val-unseen-observation=visual-seeds=1.json"),
+        (
+            "--track grounded --no-pointing --feedback planner",
+            "grounded-generated-test-feedback=planner-pointing=False.json",
+        ),
+    ],
+)
+def test_audits_of_other_rules_have_files_of_their_own(
+    words: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    asked: list[Path] = []
+
+    def played(*_: Any, out: Path, **__: Any) -> None:
+        asked.append(out)
+        raise OptionError("enough")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(audit_command, "audit", played)
+    assert main(["audit", *words.split()]) == 2
+    assert asked == [Path("out/audit") / name]

@@ -311,6 +311,14 @@ def test_verify_passes(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "2 of 3 episodes replayed" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("change", [{"noise": "x"}, {"limit": "3"}, {"home": 5}, {"robots": 5}, {"seed": []}], ids=str)
+def test_verify_refuses_a_recipe_of_another_kind(change: dict[str, Any], root: Path) -> None:
+    (dataset,) = find_datasets(root)
+    dataset.recipe = dataset.recipe | change
+    with pytest.raises(DatasetError, match="its recipe is damaged"):
+        verify(dataset, 1.0, 1)
+
+
 def test_verify_knows_no_other_splits(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["dataset", "verify", "--out", str(root), "--split", "foo"]) == 2
     assert "unknown split 'foo'" in capsys.readouterr().err

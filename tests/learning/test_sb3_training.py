@@ -616,7 +616,8 @@ def test_command_says_that_it_loads_pytorch(
 def test_unknown_presets_are_refused() -> None:
     with pytest.raises(ValueError, match="preset='best' is not known"):
         Config("ppo", HUMANOID, "best")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="algo='reinforce' is not known"):
-        Config("reinforce")  # type: ignore[arg-type]
+    for algo in ("reinforce", "os:path"):
+        with pytest.raises(ValueError, match=f"algo='{algo}' is not known; use one of: "):
+            Config(algo)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="'CHMARL/Garden-v0' is no id of the benchmark; use one of: CHMARL/"):
         Config("ppo", "CHMARL/Garden-v0")

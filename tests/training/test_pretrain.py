@@ -14,6 +14,7 @@ from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.homes.lookalikes import colours_of
+from chmarl_pb.learning.algorithms.gradient import DivergedError
 from chmarl_pb.learning.networks import (
     classifier,
     pyramid,
@@ -166,6 +167,16 @@ def test_pretraining_that_is_asked_to_end_goes_on_from_its_last_batch(
         lambda: pretrain("resnet18", tmp_path / "cut.pt", views, {"home_6": views}, 3, 0, Bar(99)), 2, monkeypatch
     )
     assert times == 3 and again == whole and sorted(os.listdir(tmp_path)) == ["cut.pt", "whole.pt"]
+
+
+def test_weights_that_are_no_numbers_are_not_kept(
+    tmp_path: Path, views: Views, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network = NETWORKS["resnet18"]
+    monkeypatch.setattr(network, "loss", lambda self, *_: sum(w.sum() for w in self.parameters()) * float("nan"))
+    with pytest.raises(DivergedError):
+        pretrain("resnet18", tmp_path / "own.pt", views, {}, 3, 0, Bar(99))
+    assert not os.listdir(tmp_path)
 
 
 def test_an_unfinished_training_of_other_settings_is_not_lost(tmp_path: Path, views: Views) -> None:

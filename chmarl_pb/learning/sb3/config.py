@@ -183,7 +183,8 @@ class Config:
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, unknown names, and actions that an algorithm cannot choose."""
         check(self)
-        look_up("algo", self.algo, ALGORITHMS)
+        if self.algo not in ALGORITHMS:
+            raise ValueError(f"algo={self.algo!r} is not known; use one of: {', '.join(ALGORITHMS)}")
         options_of(self.env_id)
         if self.replays and self.track != PAPER:
             raise ValueError(f"{self.algo} chooses single numbers, no symbols beside them; use a2c, ppo, recurrent-ppo")
