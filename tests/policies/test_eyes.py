@@ -116,8 +116,8 @@ def test_without_sight_nothing_is_found(policy: str) -> None:
 
 
 def test_wrong_names_are_told() -> None:
-    with pytest.raises(OptionError, match=f"{__name__}:object: makes no eyes; .* have a text `fingerprint`"):
-        find_policy(f"search@{__name__}:object")
+    with pytest.raises(OptionError, match="builtins:object: makes no eyes; .* have a text `fingerprint`"):
+        find_policy("search@builtins:object")
     with pytest.raises(OptionError, match="unknown eyes 'owl'"):
         find_policy("search@owl")
     with pytest.raises(OptionError, match="'planner' takes no eyes; use one of: belief"):
