@@ -116,7 +116,7 @@ def test_without_sight_nothing_is_found(policy: str) -> None:
 
 
 def test_wrong_names_are_told() -> None:
-    with pytest.raises(OptionError, match="builtins:object: makes no eyes; .* have a text `fingerprint`"):
+    with pytest.raises(OptionError, match=r"builtins:object: makes no eyes; .* have a text `fingerprint`"):
         find_policy("search@builtins:object")
     with pytest.raises(OptionError, match="unknown eyes 'owl'"):
         find_policy("search@owl")
