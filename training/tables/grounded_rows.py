@@ -45,7 +45,7 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
     seeds = {
         "MAPPO": 2 if graphs else 1,
         "Imitation of belief": 3,
-        "Imitation of belief, words parsed": SEEDS[observation],
+        "Imitation of belief, words parsed": 3,
         "Imitation of belief, then MAPPO": SEEDS[observation],
     }
     learners = tuple(
