@@ -82,9 +82,15 @@ _LONGER = (
 )  # fmt: skip
 
 
-def _longer(name: str) -> Row:
-    """Return one of the paper's learners, with its encoder and messages, stronger settings and more episodes."""
-    return Row(f"{name} + messages, longer", "scene_graph", ("--algo", name.lower(), *_LONGER), messages=True)
+def _longer(observation: str) -> tuple[Row, ...]:
+    """Return the paper's learners, with its encoder and messages, stronger settings and more episodes."""
+    return tuple(
+        Row(
+            f"{name} + messages, longer", observation, ("--algo", name.lower(), *_LONGER), messages=True,
+            seeds=SEEDS[observation],
+        )
+        for name in ("IQL", "VDN", "QMIX", "QTRAN")
+    )  # fmt: skip
 
 
 def _grounded_qmix(homes: str, *options: str) -> Row:
@@ -112,7 +118,7 @@ def _from_scratch(name: str) -> Row:
 #: Rows that the paper has no counterpart of, shown below its rows in the table of their observation.
 OURS: tuple[Row, ...] = (
     *map(_grounded_clone, (False, True)),
-    *map(_longer, ("IQL", "VDN", "QMIX", "QTRAN")),
+    *(row for observation in SEEDS for row in _longer(observation)),
     _grounded_qmix(""),
     _grounded_qmix(", generated homes", "--split", "generated"),
     *map(_from_scratch, ("PQN", "MAPPO")),
