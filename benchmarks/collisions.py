@@ -3,7 +3,8 @@
 The planner plays drawn tasks of the benchmark's homes, of generated ones and of those in ``scenes/examples`` with
 ``execution="simulated"``. Every motion is looked at twice: as ``env.collisions`` counts it, and at every snapshot
 (30 Hz) in a second client. The arm, the hand and what it carries count in all but what is picked or placed and the
-surface that it is on. One line of the JSON file is an episode; a run that was interrupted goes on.
+surface that it is on. One line of the JSON file is an episode; a run that was interrupted goes on, and says how many
+episodes other code has played.
 """
 
 import argparse
@@ -19,8 +20,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.kept import SOURCE, warn_of_other_code
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import append_line, write_atomically
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.generate.names import home_name
@@ -222,6 +225,7 @@ def main() -> None:
     if options.again:
         kept = [row for row in kept if all(depth <= DEEP for depth in deepest(row))]
         write_atomically(options.json, "".join(f"{json.dumps(row)}\n" for row in kept))
+    warn_of_other_code(options.json, kept)
     done, homes = {(row["home"], row["seed"]) for row in kept}, options.home or all_homes(options.generated)
     env, probe, entered = None, None, ""
     with tempfile.TemporaryDirectory() as folder:
@@ -235,7 +239,7 @@ def main() -> None:
                 env, entered = HouseholdEnv(home=urdf_of(home, folder), execution="simulated"), home
                 env.reset(seed=seed)
                 probe = Probe(env)
-            kept.append({"home": home, "seed": seed, **play(env, probe, seed)})
+            kept.append({"home": home, "seed": seed, SOURCE: source_hash(), **play(env, probe, seed)})
             append_line(options.json, json.dumps(kept[-1]))
     Console(width=160).print(table([row for row in kept if row["home"] in homes]))
 

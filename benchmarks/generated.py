@@ -1,7 +1,8 @@
 """Check generated homes and tell what they are like, beside the benchmark's: ``python -m benchmarks.generated``.
 
 Each home is made from its seed, checked, and tasks are drawn for it as environments draw them: anew until the planner
-solves one. Results are kept, one line a home, so that a run that was stopped goes on where it was.
+solves one. Results are kept, one line a home, so that a run that was stopped goes on where it was; it says how many
+are of other code.
 """
 
 import argparse
@@ -18,10 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.kept import warn_of_other_code
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.catalog import BENCHMARK, room_kind
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import TaskError
+from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import append_line
 from chmarl_pb.homes.furniture import load_model
 from chmarl_pb.homes.generate.store import generate_home
@@ -51,6 +54,7 @@ class Result:
         solved: of them, how many are what was drawn first.
         unsolved: why the first draws of the others were drawn again.
         likeness: what the home is like.
+        source_sha256: of the package's code that found it; "": not known.
     """
 
     seed: int
@@ -61,6 +65,7 @@ class Result:
     solved: int
     unsolved: tuple[str, ...]
     likeness: Likeness
+    source_sha256: str = ""
 
 
 def examine(seed: int, tasks: int) -> Result:
@@ -82,7 +87,8 @@ def examine(seed: int, tasks: int) -> Result:
             problems = (str(error),)
     path.unlink()
     likeness = like(load_layout(path.with_suffix(".toml")))
-    return Result(seed, seconds, reset, problems, played, played - len(again), tuple(again), likeness)
+    found = played - len(again), tuple(again), likeness
+    return Result(seed, seconds, reset, problems, played, *found, source_hash())
 
 
 def _enter(seed: int) -> tuple[Path, float, float]:
@@ -215,6 +221,7 @@ def main() -> None:
     if options.results.is_file():
         rows = map(json.loads, options.results.read_text().splitlines())
         known = {row["seed"]: Result(**row) for row in rows if _is_of(row, options.tasks)}
+    warn_of_other_code(options.results, map(asdict, known.values()))
     options.results.parent.mkdir(parents=True, exist_ok=True)
     if len(known) < options.homes:
         _enter(_WARM)

@@ -3,7 +3,7 @@
 Robots are cloned from the same episodes of the belief search, which are played once, with encoders that differ in one
 thing each; then they play validation tasks. For each row: success and PLW on val-seen and val-unseen, PLW for
 instructions in the words of training and in others, and how often a robot acts on what it sees. Rows that are in the
-file are not trained again.
+file are not trained again; how many are of other code is said.
 """
 
 import argparse
@@ -26,6 +26,8 @@ with needs("benchmarks.grounding", "train", script=True):
     import torch  # noqa: F401
 
 import chmarl_pb
+from benchmarks.kept import SOURCE, warn_of_other_code
+from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.evaluation.recognition import total
 from chmarl_pb.learning.algorithms.dagger import DAgger, DAggerConfig, expert_mixture
 from chmarl_pb.learning.algorithms.registry import make_learner
@@ -96,13 +98,18 @@ def main() -> None:
     chosen = parser.parse_args()
     kept = json.loads(chosen.json.read_text(encoding="utf-8")) if chosen.json.is_file() else {}
     tasks = {split: spread_tasks(split, chosen.tasks) for split in SPLITS}
+    warn_of_other_code(chosen.json, kept.values())
     settings = {"episodes": chosen.episodes, "updates": chosen.updates, "tasks": chosen.tasks}
     with threads(1):
         shown = demonstrations(chosen.data, chosen.episodes)
         for seed, row in ((seed, ROWS[number]) for seed in chosen.seeds for number in chosen.rows):
             name = f"{row.name}, seed {seed}"
             if kept.get(name, {}).get("settings") != settings:
-                kept[name] = {"settings": settings, **measure(row, seed, shown, chosen.updates, tasks)}
+                kept[name] = {
+                    "settings": settings,
+                    SOURCE: source_hash(),
+                    **measure(row, seed, shown, chosen.updates, tasks),
+                }
                 write_atomically(chosen.json, json.dumps(kept, indent=1) + "\n")
                 print(name, kept[name], flush=True)
     print(table(kept))
