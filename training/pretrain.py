@@ -220,25 +220,33 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--measure", action="store_true", help="measure the trained detector; nothing is trained")
     parser.add_argument("--onnx", type=Path, help="ONNX file to write the trained detector to; nothing is trained")
     chosen = parser.parse_args(arguments)
-    trains, model = not (chosen.onnx or chosen.start or chosen.measure), NETWORKS[chosen.network]
-    for name in ("epochs", "device"):
-        if not trains and getattr(chosen, name) is not None:
-            parser.error(f"--{name}: nothing is trained; leave it out")
+    _check_together(chosen, parser)
+    model = NETWORKS[chosen.network]
     chosen.device = chosen.device or "cpu"
     chosen.views = model.views if chosen.views is None else chosen.views
     chosen.epochs = model.epochs if chosen.epochs is None else chosen.epochs
     for name, least in (("views", model.batch), ("epochs", 1), ("workers", 1), ("seed", 0)):
         if (value := getattr(chosen, name)) < least:
             parser.error(f"--{name} {value}: use at least {least}")
-    for name in ("onnx", "start", "measure"):
-        if getattr(chosen, name) and chosen.network != "detector":
-            parser.error(f"--{name}: goes with --network detector")
-    if sum(map(bool, (chosen.onnx, chosen.start, chosen.measure))) > 1:
-        parser.error("--onnx, --start and --measure exclude each other")
     for name in ("out", "figures", "onnx"):
         if (path := getattr(chosen, name)) and path.is_dir():
             parser.error(f"--{name} {path}: is a folder; name a file in it")
     return run_command(partial(_export if chosen.onnx else _measure if chosen.measure else _make, chosen))
+
+
+def _check_together(chosen: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """Refuse options that exclude each other, or that would not be used."""
+    kinds = [name for name in ("onnx", "start", "measure") if getattr(chosen, name)]
+    if kinds and chosen.network != "detector":
+        parser.error(f"--{kinds[0]}: goes with --network detector")
+    if len(kinds) > 1:
+        parser.error("--onnx, --start and --measure exclude each other")
+    idle = dict.fromkeys(("epochs", "device"), "nothing is trained") if kinds else {}
+    if chosen.onnx:
+        idle |= dict.fromkeys(("figures", "views", "seed", "workers"), "no views are drawn for --onnx")
+    for name, why in idle.items():
+        if getattr(chosen, name) != parser.get_default(name):
+            parser.error(f"--{name}: {why}; leave it out")
 
 
 def _export(chosen: argparse.Namespace) -> int:

@@ -46,7 +46,7 @@ def publish(run: Path, name: str, result: Path | None = None, by: str = "", fold
     rows = read_manifest(folder)
     if name in rows and rows[name].kind != POLICY:
         raise OptionError(f"{name!r}: an encoder has this name; choose another")
-    others = sum((folder / row.file).stat().st_size for row in rows.values() if row.name != name)
+    others = sum(_size(folder / row.file, row) for row in rows.values() if row.name != name)
     if (size := others + checkpoint.stat().st_size) > MOST_BYTES:
         raise OptionError(f"{checkpoint}: all weights would have {size:,} bytes, more than {MOST_BYTES:,}")
     row = Weights(
@@ -57,7 +57,20 @@ def publish(run: Path, name: str, result: Path | None = None, by: str = "", fold
     with replacing(folder / row.file) as temporary:
         shutil.copyfile(checkpoint, temporary)
     write_manifest(folder, {**rows, name: row})
+    if name in rows and rows[name].file != row.file:
+        (folder / rows[name].file).unlink(missing_ok=True)
     return row
+
+
+def _size(file: Path, row: Weights) -> int:
+    """Return the bytes of a published file.
+
+    Raises:
+        OptionError: it is not there.
+    """
+    if not file.is_file():
+        raise OptionError(f"{file}: the weights {row.name!r} of the manifest beside it are not there; get them again")
+    return file.stat().st_size
 
 
 def _checkpoint(run: Path) -> Path:

@@ -15,6 +15,7 @@ _OF_OTHERS: Mapping[str, frozenset[str]] = {
 }
 _OF_PICTURES = frozenset({"image_encoder", "image_size"})
 _UNPOOLED = frozenset({"cnn", "resnet18", "efficientnet-lite0"})
+_GROUNDED = ("grounded", "parsed")  # pools that read detections in another way
 _OF_ENCODERS = frozenset({"features", "graph_pool", "word_vectors", "image_size"})
 
 
@@ -69,7 +70,10 @@ def _idle_in_encoder(name: str, config: Any, observation: str) -> str:
     pictures = observation == "visual"
     if name in _OF_PICTURES and not pictures:
         return f"there are no pictures with --observation {observation}"
-    unpooled = config.image_encoder in _UNPOOLED and getattr(config, "encoder", "household") == "household"
-    if name == "graph_pool" and pictures and unpooled:
+    if name != "graph_pool" or not pictures or getattr(config, "encoder", "household") != "household":
+        return ""
+    if config.image_encoder in _UNPOOLED:
         return f"features of {config.image_encoder} are not pooled as scene graphs and detections are"
+    if config.image_encoder == "detector" and config.graph_pool not in _GROUNDED:
+        return f"detections are pooled by {' and '.join(_GROUNDED)} in a way of their own, and alike by all others"
     return ""

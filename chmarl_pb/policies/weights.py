@@ -71,13 +71,30 @@ def read_manifest(folder: Path) -> dict[str, Weights]:
         return {}
     try:
         rows = [Weights(**row) for row in json.loads(path.read_text(encoding="utf-8"))]
-        if wrong := [row.name for row in rows if row.kind not in KINDS or Path(row.file).name != row.file]:
-            raise ValueError(f"kind or file of {', '.join(wrong)}")
+        if wrong := [str(row.name) for row in rows if not _is_whole(row)]:
+            raise ValueError(f"kind, file or another field of {', '.join(wrong)}")
         return {row.name: row for row in rows}
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise OptionError(
             f"{path}: not a manifest of weights ({error}); get it again, or name another folder by CHMARL_WEIGHTS"
         ) from error
+
+
+def _is_whole(row: Weights) -> bool:
+    """Return whether the fields of a row are of their kinds."""
+    texts = (row.name, row.file, row.sha256, row.trained_by, row.observation, row.track, row.result)
+    figures = row.published.values() if isinstance(row.published, dict) else [None]
+    return (
+        all(isinstance(text, str) for text in texts)
+        and row.kind in KINDS
+        and Path(row.file).name == row.file
+        and isinstance(row.options, dict)
+        and all(isinstance(one, dict) and all(map(_is_number, one.values())) for one in figures)
+    )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, float | int)
 
 
 def write_manifest(folder: Path, rows: Mapping[str, Weights]) -> None:
@@ -113,8 +130,11 @@ def checked_file(row: Weights) -> Path:
     if not path.is_file():
         raise OptionError(f"{path}: the weights {row.name!r} are not there; get the package's files again")
     if (found := file_hash(path)) != row.sha256:
+        copy = "give the path of the copy as a checkpoint of your own"
+        if row.kind == ENCODER:
+            copy = f"name the copy by CHMARL_{row.name.partition('-')[0].upper()}"
         raise OptionError(
             f"{path}: not the published weights {row.name!r} (sha256 {found[:12]}, not {row.sha256[:12]}): it was "
-            "changed or damaged; get it again, or copy it and give the path of the copy as a checkpoint of your own"
+            f"changed or damaged; get it again, or copy it and {copy}"
         )
     return path

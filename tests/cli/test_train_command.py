@@ -136,6 +136,7 @@ def test_bad_values_give_one_sentence(
         ("dagger-mappo --imitation.reward-scale 2", "--imitation.reward-scale"),
         ("dagger-mappo --imitation.home-rollouts 5", "--imitation.home-rollouts"),
         ("qmix --observation visual --graph-pool grounded", "--graph-pool"),
+        ("qmix --observation visual --image-encoder detector --graph-pool gated", "--graph-pool"),
     ],
 )
 def test_an_option_that_the_run_would_not_use_is_refused(words: str, option: str) -> None:
@@ -150,6 +151,8 @@ def test_options_that_are_used_where_they_belong_are_taken() -> None:
         "qmix --track grounded --home-rollouts 3", "qmix --observation visual --image-encoder cnn --image-size 64",
         "bc --observation visual --image-encoder detector --graph-pool grounded", "dagger-mappo --critic-starts 2",
         "qmix --observation visual --encoder mine:Encoder --graph-pool gated",
+        "qmix --observation visual --encoder mine:Encoder --image-encoder detector --graph-pool gated",
+        "qmix --observation visual --image-encoder detector --graph-pool parsed",
     ):  # fmt: skip
         check_used(parse(["--algo", *words.split()]))
 

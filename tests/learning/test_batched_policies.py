@@ -83,7 +83,7 @@ def test_cloning(centralized: bool, temperature: float, tmp_path: Path) -> None:
     config = CloningConfig(centralized=centralized, messages=False, features=16, hidden=16, temperature=temperature)
     env = chmarl_pb.parallel_env()
     torch.manual_seed(1)
-    actors = make_actors(env, config)
+    actors = make_actors(env, config, None)
     env.close()
     content = {"config": asdict(config), "actors": actors.state_dict(), "frozen": ""}
     checkpoint.save(tmp_path / BEST, KIND, content)

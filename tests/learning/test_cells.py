@@ -14,6 +14,7 @@ from chmarl_pb.learning.networks import bearings, build_encoder, cells
 from chmarl_pb.learning.networks.detections import LABELS, SHAPE, GroundedDetectionEncoder
 from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.match import ROOMS, Wanted, named_by
+from chmarl_pb.learning.networks.numbers import Numbers
 from chmarl_pb.learning.networks.parts import Asked
 from chmarl_pb.learning.networks.tables import EMBEDDING
 from chmarl_pb.policies.aiming import aims_at, nodes_of
@@ -52,20 +53,21 @@ def places_of(seen: dict[str, np.ndarray]) -> tuple[Tensor, Tensor]:
 
 def test_they_say_what_a_policy_works_out_that_points_and_guides() -> None:
     with closing(chmarl_pb.parallel_env(track="grounded", split="val-unseen")) as env:
-        policy, guided = chmarl_pb.make_policy("belief", env), 0
+        policy, guided, sure = chmarl_pb.make_policy("belief", env), 0, np.zeros(2, dtype=int)
         for seed in range(4):
             observations, infos = env.reset(seed=seed)
             policy.reset(seed)
             guide = Guide(("kitchen", "bedroom", "bathroom", "livingroom"), ("humanoid",), BENCHMARK)
             while env.agents:
                 for name in env.agents:
-                    agrees_about_cells(observations[name])
+                    sure += agrees_about_cells(observations[name])
                 guided += agrees_about_directions(observations["drone"], guide)
                 observations, _, _, _, infos = env.step(policy.act(observations, infos))
-    assert guided > 10
+    assert guided > 10 and (sure > 10).all()
 
 
-def agrees_about_cells(seen: dict[str, np.ndarray]) -> None:
+def agrees_about_cells(seen: dict[str, np.ndarray]) -> list[int]:
+    """Return in how many cells X, and Y, surely is."""
     in_cells, _ = places_of(seen)
     for row, (name, kinds) in enumerate(zip(*read_pairs(seen["instruction"], BENCHMARK), KINDS, strict=True)):
         parts = {aim.cell: aim.part for aim in aims_at(nodes_of(seen, kinds, BENCHMARK), (name,))}
@@ -73,6 +75,7 @@ def agrees_about_cells(seen: dict[str, np.ndarray]) -> None:
             if found > 0.6:
                 assert parts[cell] > 0.5
             assert parts.get(cell, 0.0) >= found - 1e-3  # less where only few pixels are in the cell
+    return (in_cells > 0.6).sum(dim=1).tolist()
 
 
 def agrees_about_directions(seen: dict[str, np.ndarray], guide: Guide) -> int:
@@ -136,3 +139,37 @@ def test_they_follow_the_features_where_a_run_asks_for_them() -> None:
     assert encode(seen).shape == (1, 16 + past + ROOM_KINDS) and encode.past == past + ROOM_KINDS
     with pytest.raises(ValueError, match="graph_pool='grounded'"):
         build_encoder(space, 16, graph_pool="mean", cells_past=True)
+
+
+def test_the_room_that_an_instruction_names_follows_them() -> None:
+    with closing(chmarl_pb.parallel_env(track="grounded", split="val-unseen")) as env:
+        encode = build_encoder(env.observation_space("humanoid"), 16, graph_pool="parsed", cells_past=True)
+        rooms = set[int]()
+        for seed in range(8):
+            seen = env.reset(seed=seed)[0]["humanoid"]
+            named = int(named_by(seen["instruction"])[2, 0])
+            told = encode({key: torch.from_numpy(part)[None] for key, part in seen.items()})[0, -ROOM_KINDS:]
+            assert told.tolist() == [float(number == named) for number in range(1, 1 + ROOM_KINDS)]
+            rooms.add(named)
+    assert len(rooms) > 2
+
+
+def test_messages_are_also_told_by_the_robots_own_heading() -> None:
+    space = spaces.Dict({"messages": spaces.Box(0, 1, (1, 2)), "self": spaces.Box(-1, 1, (5,))})
+    own = [0.1, 0.2, 0.6, 0.8, 1.0]  # cosine and sine before whether it holds something
+    numbers = Numbers(space, turned=True)
+    row = numbers({"messages": torch.tensor([[[2.0, 3.0]]]), "self": torch.tensor([own])})[0]
+    by_key = dict(zip(("messages", "self"), ([2.0, 3.0], own), strict=True))
+    as_they_are = [value for key in space.spaces for value in by_key[key]]
+    expected = [*as_they_are, 0.6 * 2, 0.6 * 3, 0.8 * 2, 0.8 * 3]
+    assert numbers.size == len(row) and sorted(row.tolist()) == pytest.approx(sorted(expected))
+
+
+def test_what_has_no_heading_turns_nothing() -> None:
+    space = spaces.Dict({"messages": spaces.Box(0, 1, (3,)), "self": spaces.Box(-1, 1, (2,))})
+    assert Numbers(space, turned=True).size == 5
+    space = spaces.Dict({"messages": spaces.Discrete(3), "self": spaces.Discrete(4)})  # choices are encoded
+    assert build_encoder(space, 8, numbers_past=True)({"messages": torch.ones(2), "self": torch.ones(2)}).shape == (
+        2,
+        8,
+    )

@@ -54,7 +54,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_best_epoch_is_chosen_in_layouts_like_those_of_the_data(split: Any, others: list[str]) -> None:
     config = replace(SMALL, split=split)
     examiner = cloning.Examiner(config)
-    figures = EXAMINE(examiner, make_actors(examiner.env, config))
+    figures = EXAMINE(examiner, make_actors(examiner.env, config, None))
     examiner.close()
     assert [task.id.rpartition("-")[0] for tasks in examiner.tasks.values() for task in tasks] == others
     assert figures["score"] == pytest.approx(np.mean([figures[f"{name}_plw"] for name in others]), abs=1e-4)

@@ -107,3 +107,14 @@ def test_weights_hold_the_table_and_those_without_have_none() -> None:
     before = {name: part for name, part in without.items() if not name.startswith("colours.")}
     images = pictures(2, 64)
     assert torch.equal(read(before)(images), read(without)(images))
+
+
+def test_tables_of_many_colours_know_all() -> None:
+    codes = torch.arange(40_000, dtype=torch.int32)
+    shares = torch.zeros(len(codes), SHARES, dtype=torch.uint8)
+    shares[35_000, 0] = 255
+    table = ColourTable(codes, shares)
+    last = torch.tensor([2 * (35_000 >> 14), 2 * (35_000 >> 7 & 127), 2 * (35_000 & 127)], dtype=torch.uint8)
+    image = last.expand(1, 4, 4, 3)
+    assert codes_of(image).unique().tolist() == [35_000]
+    assert table.levels(image)[0, 0, 0, 0] == 255

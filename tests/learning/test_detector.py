@@ -1,6 +1,7 @@
 """The detector: what its cells are taught, what it tells of a picture, and who reads it."""
 
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,16 @@ from chmarl_pb.learning.networks import build_encoder, int8
 from chmarl_pb.learning.networks.colour_table import LEVELS, SHARES, ColourTable, codes_of
 from chmarl_pb.learning.networks.detection_losses import detection_loss, targets
 from chmarl_pb.learning.networks.detections import (
+    HEADS,
     LABELS,
+    PLACE,
     SHAPE,
     THING,
     THINGS,
+    DetectionEncoder,
     GroundedDetectionEncoder,
     detections,
+    share_of,
 )
 from chmarl_pb.learning.networks.detector import Detector, build, read
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
@@ -173,12 +178,57 @@ def test_agents_read_detections_by_their_instruction(encoder: FrozenEncoder) -> 
     env.close()
 
 
+def test_gates_open_by_the_words_of_an_instruction() -> None:
+    torch.manual_seed(0)
+    part, detected = DetectionEncoder(), torch.zeros(1, *SHAPE)
+    detected[0, GRASPABLE, :PLACE] = torch.tensor([0.8, 0.4, -0.2, 0.3])  # in no known colour
+    one, other = (part(detected, Asked(words))[0] for words in torch.randn(2, 1, EMBEDDING))
+    assert torch.equal(one[:EMBEDDING], other[:EMBEDDING])  # the sum over all classes
+    gated, else_gated = one[EMBEDDING:].view(HEADS, -1), other[EMBEDDING:].view(HEADS, -1)
+    assert (gated[:, 0] != else_gated[:, 0]).all()
+    gates = gated[:, :1] / 0.8
+    torch.testing.assert_close(gated[:, :PLACE], gates * detected[0, GRASPABLE, :PLACE])
+
+
+@pytest.mark.parametrize("size", [32, 128, 256])
+def test_the_part_of_a_picture_that_a_thing_fills_does_not_depend_on_its_size(size: int) -> None:
+    half, output = size // 8, GRASPABLE
+    row = detections(logits_of((output, slice(0, half), slice(0, half), 6.0), size=size // 4))[output]
+    assert share_of(float(row[3] / row[0])) == pytest.approx(0.25, abs=1e-4)
+
+
 def test_weights_without_ranges_are_refused(weights: dict[str, torch.Tensor], tmp_path: Path) -> None:
     torch.save({name: value for name, value in weights.items() if name != "ranges"}, tmp_path / "weights.pt")
     with pytest.raises(CheckpointError, match="no weights of detector: no ranges"):
         frozen_encoder("detector", str(tmp_path / "weights.pt"))
     with pytest.raises(CheckpointError, match=r"training\.pretrain --network detector"):
         frozen_encoder("detector", str(tmp_path / "none.pt"))
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "words"),
+    [
+        ("cells.bias", lambda part: part * torch.nan, "holds what is no number"),
+        ("ranges", lambda part: part.double().fill_(torch.inf), "holds what is no number"),
+        ("colours.shares", lambda part: part[:10].contiguous(), "shares of .* colours are not"),
+        ("colours.shares", lambda part: part.float(), "shares of .* colours are not"),
+        ("colours.codes", lambda part: part - 2**21, "codes of colours are no such codes"),
+        ("colours.odds", lambda part: part[:1].clone(), "odds of colours are not"),
+    ],
+)
+def test_weights_whose_parts_do_not_fit_are_refused(
+    part: str, change: Callable[[torch.Tensor], torch.Tensor], words: str, weights: dict[str, torch.Tensor],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    torch.save(weights | {part: change(weights[part])}, tmp_path / "weights.pt")
+    with pytest.raises(CheckpointError, match=f"no weights of detector: .*{words}"):
+        frozen_encoder("detector", str(tmp_path / "weights.pt"))
+
+
+def test_a_table_of_colours_is_whole(weights: dict[str, torch.Tensor], tmp_path: Path) -> None:
+    torch.save({name: value for name, value in weights.items() if name != "colours.odds"}, tmp_path / "weights.pt")
+    with pytest.raises(CheckpointError, match="a part of the table of colours is missing"):
+        frozen_encoder("detector", str(tmp_path / "weights.pt"))
 
 
 def test_agents_are_told_whether_the_colour_is_asked_for(encoder: FrozenEncoder) -> None:

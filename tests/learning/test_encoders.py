@@ -223,6 +223,17 @@ def test_padding_of_a_sentence_does_not_count() -> None:
     assert torch.isfinite(encode({"instruction": torch.zeros(1, 6, dtype=torch.int16)})).all()
 
 
+@pytest.mark.parametrize("pool", ["grounded", "parsed"])
+def test_pools_that_know_the_benchmarks_classes_need_them(pool: str) -> None:
+    graph = spaces.Dict({
+        "node_class": spaces.Box(0, 9, (12,), np.int16), "node_state": spaces.Box(0, 4, (12,), np.int16),
+        "edges": spaces.Box(0, 12, (20, 3), np.int16),
+    })  # fmt: skip
+    with pytest.raises(ValueError, match="a space has 9: use 'mean' or 'gated'"):
+        build_encoder(graph, 8, graph_pool=pool)
+    assert build_encoder(graph, 8).size == 8
+
+
 def test_boxes_and_discretes_alone_are_encoded() -> None:
     assert build_encoder(spaces.Box(-1, 1, (3, 2)), 8)(torch.zeros(4, 5, 3, 2)).shape == (20, 8)
     assert build_encoder(spaces.Box(-1, 1, ()), 8)(torch.zeros(4)).shape == (4, 8)

@@ -75,5 +75,8 @@ def test_padding_after_the_end_changes_nothing(agent: Agent) -> None:
     real = torch.arange(STEPS).expand(2, STEPS) < torch.tensor([[STEPS], [3]])
     cut = agent(heard(1, episodes=2), no_actions(2), real=real)[0]
     torch.testing.assert_close(cut[1, :3], cut[0, :3])
+    unread = heard(1, episodes=2)
+    unread["messages"][~real] = torch.nan
+    assert torch.equal(agent(unread, no_actions(2), real=real)[0], cut)
     _, _, state = agent(heard(1, episodes=2), no_actions(2), real=real)
     assert state.shape == (1, 2, agent.state_size) and agent.state_size == 4 + WORDS + 7

@@ -102,4 +102,17 @@ def test_what_would_not_be_read_is_refused(parrots: Path, options: dict[str, str
         space = env.observation_space("humanoid")
     with pytest.raises(ValueError, match=r"graph_pool='parsed' (reads instructions of one object|knows the benchmark)"):
         build_encoder(space, 16, graph_pool="parsed")
-    build_encoder(space, 16, graph_pool="grounded", taught=True)
+    build_encoder(space, 16, graph_pool="grounded")
+
+
+def test_what_words_mean_is_taught_with_the_benchmarks_catalogue_alone(parrots: Path) -> None:
+    with closing(chmarl_pb.parallel_env(task="tidy")) as env:
+        build_encoder(env.observation_space("humanoid"), 16, graph_pool="grounded", taught=True)
+    with closing(chmarl_pb.parallel_env(catalog=parrots)) as env:
+        space = env.observation_space("humanoid")
+    with pytest.raises(ValueError, match="grounding_coef teaches what the benchmark's words say"):
+        build_encoder(space, 16, graph_pool="grounded", taught=True)
+    # Names of own classes may be in the benchmark's words alone.
+    space.spaces["instruction"] = chmarl_pb.parallel_env().observation_space("humanoid")["instruction"]
+    with pytest.raises(ValueError, match="grounding_coef teaches what the benchmark's words say"):
+        build_encoder(space, 16, graph_pool="grounded", taught=True)

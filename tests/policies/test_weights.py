@@ -3,6 +3,7 @@
 import json
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -102,18 +103,41 @@ def test_a_wrong_name_lists_the_names(folder: Path) -> None:
         chmarl_pb.load_policy("our")
 
 
-@pytest.mark.parametrize("content", ["{", "[1]", '[{"name": "a"}]'])
+@pytest.mark.parametrize("content", ["{", "[1]", '[{"name": "a"}]', "[" * 100_000])
 def test_a_damaged_manifest_is_told(content: str, folder: Path) -> None:
     (folder / MANIFEST).write_text(content)
     with pytest.raises(OptionError, match=r"manifest\.json: not a manifest of weights .*CHMARL_WEIGHTS"):
         chmarl_pb.load_policy("ours")
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("sha256", 5), ("file", 5), ("options", [1]), ("published", [1]), ("published", {"val-unseen": {"plw": "x"}}),
+     ("observation", None), ("name", [5])],
+)  # fmt: skip
+def test_fields_of_other_kinds_are_refused(field: str, value: Any, folder: Path) -> None:
+    rows = json.loads((folder / MANIFEST).read_text())
+    (folder / MANIFEST).write_text(json.dumps([rows[0] | {field: value}]))
+    with pytest.raises(OptionError, match=r"manifest\.json: not a manifest of weights .*CHMARL_WEIGHTS"):
+        chmarl_pb.load_policy("ours")
+
+
+@pytest.mark.parametrize(("field", "value", "words"), [
+    ("options", {"goal": True, "foo": 1}, "'foo', an option that this version does not know"),
+    ("track", "moon", "the track 'moon'; known are paper"),
+])  # fmt: skip
+def test_rules_of_another_version_are_refused(field: str, value: Any, words: str, folder: Path) -> None:
+    rows = json.loads((folder / MANIFEST).read_text())
+    (folder / MANIFEST).write_text(json.dumps([rows[0] | {field: value}]))
+    with pytest.raises(OptionError, match=words):
+        chmarl_pb.evaluate("ours", "val-unseen", tasks=["val-unseen-000"], workers=1, seeds=[0])
+
+
 def test_files_outside_the_folder_are_refused(folder: Path) -> None:
     rows = json.loads((folder / MANIFEST).read_text())
     rows[0]["file"] = "../ours.weights"
     (folder / MANIFEST).write_text(json.dumps(rows))
-    with pytest.raises(OptionError, match="kind or file of ours"):
+    with pytest.raises(OptionError, match="kind, file or another field of ours"):
         chmarl_pb.load_policy("ours")
 
 
@@ -160,4 +184,27 @@ def test_the_published_detector_is_the_default(tmp_path: Path, monkeypatch: pyte
     assert trained_with("detector", facts["fingerprint"], Path("best.pt")).fingerprint == facts["fingerprint"]
     with pytest.raises(CheckpointError, match="other weights of detector"):
         trained_with("detector", "other", Path("best.pt"))
+    frozen_encoder.cache_clear()
+
+
+def test_a_published_encoder_that_was_changed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not the policy that sees by it, whose file is whole."""
+    pytest.importorskip("torch")
+    from chmarl_pb.learning.networks.frozen import frozen_encoder
+    from chmarl_pb.learning.storage.checkpoint import CheckpointError
+
+    rows = read_manifest(WEIGHTS_DIR)
+    for name in ("ours-pictures", "detector"):
+        (tmp_path / rows[name].file).write_bytes((WEIGHTS_DIR / rows[name].file).read_bytes())
+    with (tmp_path / "detector.pt").open("r+b") as file:
+        file.seek(5000)
+        file.write(b"changed")
+    write_manifest(tmp_path, {name: rows[name] for name in ("ours-pictures", "detector")})
+    monkeypatch.setenv("CHMARL_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "chmarl_pb"))
+    monkeypatch.delenv("CHMARL_DETECTOR", raising=False)
+    frozen_encoder.cache_clear()
+    with closing(chmarl_pb.parallel_env("visual")) as env:
+        with pytest.raises(CheckpointError, match=r"detector\.pt: not the published.*the copy by CHMARL_DETECTOR$"):
+            chmarl_pb.load_policy("ours-pictures").make(env)
     frozen_encoder.cache_clear()

@@ -212,6 +212,13 @@ def test_measuring_trained_weights_gives_the_figures_of_their_training(
     assert "--epochs: nothing is trained" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", ["--figures", "--views", "--seed", "--workers"])
+def test_options_that_an_onnx_file_does_not_need_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["--network", "detector", "--onnx", "detector.onnx", option, "7"])
+    assert f"{option}: no views are drawn for --onnx; leave it out" in capsys.readouterr().err
+
+
 def test_a_bad_start_is_refused_before_views_are_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

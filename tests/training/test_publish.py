@@ -1,6 +1,7 @@
 """A finished run becomes weights that come with the package, and its row is played again by its name."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,20 @@ def test_a_published_run_is_played_by_its_name(
 def test_publishing_again_replaces_the_row(run: Path, tmp_path: Path) -> None:
     first, second = (publish(run, "tiny", by=by, folder=tmp_path) for by in ("once", "twice"))
     assert read_manifest(tmp_path) == {"tiny": second} and first.sha256 == second.sha256
+
+
+def test_no_file_of_the_row_that_was_replaced_is_left(run: Path, tmp_path: Path) -> None:
+    row = publish(run, "tiny", folder=tmp_path)
+    (tmp_path / row.file).rename(tmp_path / "tiny.zip")  # as if it had been a model of Stable-Baselines3
+    weights.write_manifest(tmp_path, {"tiny": replace(row, file="tiny.zip")})
+    publish(run, "tiny", folder=tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json", "tiny.pt"]
+
+
+def test_a_file_that_is_gone_is_named(run: Path, tmp_path: Path) -> None:
+    (tmp_path / publish(run, "other", folder=tmp_path).file).unlink()
+    with pytest.raises(OptionError, match=r"other\.pt: the weights 'other' of the manifest beside it are not there"):
+        publish(run, "tiny", folder=tmp_path)
 
 
 @pytest.mark.parametrize(("name", "words"), [("search", "built-in"), ("../a", "letters"), ("", "letters")])

@@ -145,12 +145,17 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             assert config.partner == ("belief" if strong and config.alone else "search")
 
 
+@pytest.mark.parametrize("table_name", ["scene-graph", "visual"])
 @pytest.mark.parametrize("name", ["IQL", "VDN", "QMIX", "QTRAN"])
-def test_longer_rows_have_the_settings_that_the_docs_recommend(name: str, tmp_path: Path) -> None:
-    command = parse_train(run_of(tmp_path, f"{name} + messages, longer").command("train")[1:])
+def test_longer_rows_have_the_settings_that_the_docs_recommend(name: str, table_name: str, tmp_path: Path) -> None:
+    longer, paper = (
+        run_of(tmp_path, f"{name} + messages{more}", table_name=table_name) for more in (", longer", "")
+    )  # fmt: skip
+    command = parse_train(longer.command("train")[1:])
     assert isinstance(command, Play) and command.config.episodes == 12_000 and command.algo == name.lower()
-    paper_row = parse_train(run_of(tmp_path, f"{name} + messages").command("train")[1:])
+    paper_row = parse_train(paper.command("train")[1:])
     assert isinstance(paper_row, Play) and command.env == paper_row.env
+    assert command.config.image_encoder == paper_row.config.image_encoder
     documented = next(
         line.split("#")[0].split()[3:]
         for line in (Path(__file__).parents[2] / "docs/training.md").read_text().splitlines()

@@ -24,7 +24,15 @@ from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.gradient import check_finite, check_norms
 from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import CATALOG, FROZEN
-from chmarl_pb.learning.policies.cloned import KIND, BCActor, BCPolicy, CloningConfig, make_actors, weights_of
+from chmarl_pb.learning.policies.cloned import (
+    KIND,
+    BCActor,
+    BCPolicy,
+    CloningConfig,
+    encoder_of,
+    make_actors,
+    weights_of,
+)
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.device import find_device
@@ -114,7 +122,7 @@ class _Run:
         self.examiner = Examiner(config)
         with torch.random.fork_rng():
             torch.manual_seed(config.seed)
-            self.actors = make_actors(self.examiner.env, config).to(device)
+            self.actors = make_actors(self.examiner.env, config, encoder_of(config)).to(device)
         self.optimizer = torch.optim.AdamW(
             self.actors.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
@@ -251,7 +259,7 @@ class Examiner:
 
     def examine(self, actors: nn.ModuleList, check: Callable[[], None] = lambda: None) -> dict[str, float]:
         """Return success rate and PLW on each split, and the mean PLW as ``score``; an error of ``check`` ends it."""
-        policy = BatchOfOne(BCPolicy(actors.eval(), self.config, self.robots))
+        policy = BatchOfOne(BCPolicy(actors.eval(), self.config, self.robots, encoder_of(self.config)))
         figures: dict[str, float] = {}
         for split, tasks in self.tasks.items():
             won, scores = [], []

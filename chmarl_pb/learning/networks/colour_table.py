@@ -50,14 +50,20 @@ class ColourTable(nn.Module):
                 of those of objects whose colour has a name, of each name.
             odds: (2, LEVELS) what evidence adds to the logits of a class, and of a colour by name.
             classes: number of the logits of a cell before those of colours.
+
+        Raises:
+            RuntimeError: the parts do not fit each other.
         """
         super().__init__()
+        if codes is not None:
+            _check(codes, shares, odds)
         self._classes = classes
         self.register_buffer("codes", torch.empty(0, dtype=torch.int32) if codes is None else codes)
         self.register_buffer("shares", torch.empty(0, SHARES, dtype=torch.uint8) if shares is None else shares)
         self.register_buffer("odds", torch.zeros(2, LEVELS) if odds is None else odds)
-        rows = torch.zeros(2 ** (3 * _BITS), dtype=torch.int16)  # of each colour in the table, from 1 on; 0: none
-        rows[self.codes.long()] = torch.arange(1, len(self.codes) + 1, dtype=torch.int16)
+        kind = torch.int16 if len(self.codes) < 2**15 else torch.int32
+        rows = torch.zeros(2 ** (3 * _BITS), dtype=kind)  # of each colour in the table, from 1 on; 0: none
+        rows[self.codes.long()] = torch.arange(1, len(self.codes) + 1, dtype=kind)
         self.register_buffer("rows", rows, persistent=False)
 
     def levels(self, images: Tensor) -> Tensor:
@@ -98,6 +104,21 @@ class ColourTable(nn.Module):
         logits[..., :OBJECTS] = self.odds[0][levels[..., :OBJECTS]]
         logits[..., self._classes :] = self.odds[1][levels[..., OBJECTS:]]
         return logits
+
+
+def _check(codes: Tensor, shares: Tensor | None, odds: Tensor | None) -> None:
+    """Refuse parts of a table that do not fit each other.
+
+    Raises:
+        RuntimeError: they do not.
+    """
+    whole = codes.dtype == torch.int32 and codes.ndim == 1 and bool(((codes >= 0) & (codes < 2 ** (3 * _BITS))).all())
+    if not whole:
+        raise RuntimeError("codes of colours are no such codes")
+    if shares is None or shares.dtype != torch.uint8 or shares.shape != (len(codes), SHARES):
+        raise RuntimeError(f"shares of {len(codes)} colours are not ({len(codes)}, {SHARES}) bytes")
+    if odds is not None and (not odds.is_floating_point() or odds.shape != (2, LEVELS)):
+        raise RuntimeError(f"odds of colours are not (2, {LEVELS}) numbers")
 
 
 def _cells_of(images: Tensor) -> tuple[int, int]:

@@ -6,6 +6,7 @@ column: with half the opening angle a, what is in the column x lies atan(x tan a
 """
 
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -33,7 +34,7 @@ HEADS, KEY = 16, 32  # questions that are asked of each class, and numbers in ea
 THING, VALUE = 64, 16  # features of a class that is seen, and those of them that are told of X and of Y
 
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
-_CELLS = 32 * 32  # of the detector, in a picture of 128 x 128
+CELLS = 32 * 32  # of the detector, in a picture of 128 x 128: sizes are told in these, however large a picture is
 _LEAST = 0.02  # confidence below which a class counts as not shown
 _ROBOT = 0.5  # confidence from which on a robot counts as seen, for directions from it
 _STEPS, _MOST = 64, 1024  # of logits of colours: steps in 1, and most steps on each side of 0
@@ -43,8 +44,8 @@ def detections(logits: Tensor) -> Tensor:
     """Return (C, 6) from the logits (C + colours, rows, columns) of one picture, of the first C of ``LABELS``.
 
     In a row: the confidence, that of the surest cell; the confidence times the mean column and the mean row of the
-    cells that are at least half as sure, both in [-1, 1], and times the logarithm of their number, 1 for all; then, of
-    what can be picked up, the id of the likeliest colour in these cells, and how sure it is. Of classes below
+    cells that are at least half as sure, both in [-1, 1], and times the size, see :func:`share_of`; then, of what can
+    be picked up, the id of the likeliest colour in these cells, and how sure it is. Of classes below
     ``_LEAST`` all is 0.
 
     Sums are those of whole numbers, and exact; all else is computed in float64 from few numbers.
@@ -57,12 +58,21 @@ def detections(logits: Tensor) -> Tensor:
     sure = confidence[seen].unsqueeze(1)
     cells = (flat[seen] >= torch.logit(sure / 2).float()).float()
     count, column, row = (cells @ _grid(rows, columns)).double().unbind(dim=1)
-    size = torch.log2(1.0 + count) / np.log2(1.0 + rows * columns)
+    size = torch.log2(1.0 + count * (CELLS / (rows * columns))) / np.log2(1.0 + CELLS)
     places = torch.stack([_centred(column / count, columns), _centred(row / count, rows), size], dim=1)
     found[seen, 0], found[seen, 1:PLACE] = sure.squeeze(1), places * sure
     objects = seen < OBJECTS
     found[seen[objects], PLACE:] = _colours(flat[classes:], cells[objects], count[objects])
     return found.float()
+
+
+Size = TypeVar("Size", float, Tensor)
+
+
+def share_of(size: Size) -> Size:
+    """Return what part of a picture something fills, 0 to 1, from its size: the logarithm of that, 1 for all."""
+    share: Size = ((1.0 + CELLS) ** size - 1) / CELLS
+    return share
 
 
 @cache
@@ -174,7 +184,7 @@ class GroundedDetectionEncoder(Part):
         detected = detected.float()
         sure = detected[..., 0]
         column, row, size = (detected[..., 1:PLACE] / sure.clamp(min=_LEAST).unsqueeze(2)).unbind(dim=2)
-        u, v, share = (1 + column) / 2, (1 + row) / 2, ((1.0 + _CELLS) ** size - 1) / _CELLS
+        u, v, share = (1 + column) / 2, (1 + row) / 2, share_of(size)
         likely = self._likely(detected, asked)
         seen, others = likely * sure.unsqueeze(1), (1 - likely) * self.takes * sure.unsqueeze(1)
         in_cells = cells_of(seen, others, u, v, share)

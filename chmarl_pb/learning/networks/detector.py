@@ -135,6 +135,8 @@ def read(weights: dict[str, Tensor]) -> Detector:
     detector = Detector(classes).eval().requires_grad_(False)
     detector.network.fold()
     table = {name.removeprefix(_COLOURS): value for name, value in weights.items() if name.startswith(_COLOURS)}
+    if table and len(table) < len(detector.colours.state_dict()):
+        raise RuntimeError("a part of the table of colours is missing")
     detector.colours = ColourTable(**table, classes=classes)
     rest = {name: value.float() for name, value in weights.items() if name != RANGES and not name.startswith(_COLOURS)}
     detector.load_state_dict(rest | {_COLOURS + name: part for name, part in detector.colours.state_dict().items()})
@@ -147,7 +149,7 @@ def build(weights: dict[str, Tensor]) -> Callable[[Tensor], Tensor]:
     """Return what computes the detections (B, C, 6) of uint8 pictures (B, height, width, 3).
 
     All is computed in whole numbers up to the logits, which are float32 with exact sums: they do not depend on the
-    machine, the batch, or the number of threads.
+    batch or the number of threads.
 
     Raises:
         RuntimeError: the weights do not fit.

@@ -51,7 +51,7 @@ def build_encoder(
 
     The module takes one tensor, or a dict of tensors for a Dict, with any leading dimensions, which it flattens to
     one: it returns (B, size), float32. Our keys may have a robot's name before them (``humanoid_image``). Graphs may be
-    cut to fewer rows than their space has.
+    cut to fewer rows than their space has, but not to none.
 
     Args:
         space: a Box, a Discrete, a MultiDiscrete, a MultiBinary, or a Dict of these.
@@ -89,7 +89,7 @@ def build_encoder(
 
 #: Option of encoders -> what an observation has to have for it.
 _NEEDED = {
-    "taught": "a scene graph, or detections of pictures, beside an instruction",
+    "taught": "a scene graph, or detections of pictures with graph_pool='grounded', beside an instruction",
     "word_vectors": "words or classes",
     "numbers_past": "messages, self or goal",
     "cells_past": "cells",
@@ -152,9 +152,10 @@ class DictEncoder(nn.Module):
         self.matches = nn.ModuleDict({key: self._match(key) for key in matched})
         width = sum(part.size for part in parts.values())
         self.joint = nn.Sequential(nn.Linear(width, size), nn.ReLU(), nn.Linear(size, size), nn.ReLU())
-        self.numbers = Numbers(space, cells_past) if numbers_past else None
+        numbers = Numbers(space, cells_past) if numbers_past else None
+        self.numbers = numbers if numbers and numbers.size else None
         meant = self._tokens or any(hasattr(part, "classes") for part in parts.values())
-        found = {"taught": matched, "word_vectors": meant, "numbers_past": self.numbers and self.numbers.size}
+        found = {"taught": matched, "word_vectors": meant, "numbers_past": self.numbers}
         self.found = {name for name, of in found.items() if of} | ({"cells_past"} if cells_past else set())
         self._locating = {key: part.locates for key, part in parts.items() if part.locates} if cells_past else {}
         if cells_past and not self._locating:

@@ -16,6 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from chmarl_pb.errors import OptionError
 from chmarl_pb.files import cache_folder
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
 from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
@@ -88,8 +89,11 @@ class FrozenEncoder:
             kept: number of pictures whose features are remembered.
 
         Raises:
-            RuntimeError: they do not fit.
+            RuntimeError: they do not fit, or are no numbers.
         """
+        for part, value in weights.items():
+            if not value.isfinite().all():
+                raise RuntimeError(f"{part!r} holds what is no number")
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
         kind = FROZEN_ENCODERS[name]
         self.name, self.fingerprint = name, fingerprint(weights)
@@ -170,10 +174,13 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     """
     if name not in FROZEN_ENCODERS:
         raise CheckpointError(f"{path}: image_encoder={name!r} is not frozen; use one of: {', '.join(FROZEN_ENCODERS)}")
-    encoder = frozen_encoder(name)
-    for row in published_encoders(name):
-        if encoder.fingerprint != fingerprint:
-            encoder = frozen_encoder(name, str(checked_file(row)))  # what published policies see by
+    try:
+        encoder = frozen_encoder(name)
+        for row in published_encoders(name):
+            if encoder.fingerprint != fingerprint:
+                encoder = frozen_encoder(name, str(checked_file(row)))  # what published policies see by
+    except OptionError as error:  # a published file is missing or was changed; the policy's own is whole
+        raise CheckpointError(str(error)) from error
     if encoder.fingerprint != fingerprint:
         raise CheckpointError(
             f"{path}: was trained with other weights of {name} (fingerprint {fingerprint[:12]}); "

@@ -29,8 +29,17 @@ class GroundedGraphEncoder(GraphEncoder):
     takes: Tensor
 
     def __init__(self, *tables: Any):
-        """Make tables for the ids in spaces; see :class:`GraphEncoder`."""
+        """Make tables for the ids in spaces; see :class:`GraphEncoder`.
+
+        Raises:
+            ValueError: a space has fewer classes than the benchmark.
+        """
         super().__init__(*tables)
+        if (count := len(self.classes.weight)) <= len(BENCHMARK.rows):
+            raise ValueError(
+                f"graph_pool='grounded' and 'parsed' tell apart the benchmark's {len(BENCHMARK.rows)} classes, and "
+                f"your own after them; a space has {count - 1}: use 'mean' or 'gated'"
+            )
         self.value = nn.Linear(GRAPH, VALUE)
         self.locates = (cells.SIZE + bearings.SIZE) * (self.placed is not None)
         self.size = GRAPH + ROLES * (1 + VALUE + VIEW * bool(self.locates))

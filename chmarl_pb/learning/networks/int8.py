@@ -90,7 +90,10 @@ def by_onednn(
 def by_floats(
     part: Convolution, maps: Tensor, out: Quantization, added: tuple[Tensor, Quantization] | None = None
 ) -> Tensor:
-    """Do the same in float32, which is slower but there everywhere; its whole numbers are exact to 2 ** 24."""
+    """Do the same in float32, which is slower but there everywhere; its whole numbers are exact to 2 ** 24.
+
+    What they are multiplied with is rounded elsewhere than by oneDNN, so some results are one step more or less.
+    """
     sums = nn.functional.conv2d(maps.float(), part.weight.float(), None, part.stride, part.padding)
     values = sums * (part.unit * part.scales).view(-1, 1, 1) + part.bias.view(-1, 1, 1)
     if added is not None:

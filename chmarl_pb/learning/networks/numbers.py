@@ -61,11 +61,13 @@ class Numbers(nn.Module):
         super().__init__()
         goal = goals(space)
         found = {*named(space.spaces, MESSAGES, SELF), *goal}
-        self._shapes = {key: box.shape for key, box in space.spaces.items() if key in found}
+        # Numbers are meant: what is a choice, in an environment of one's own, has no heading and is encoded.
+        self._shapes = {key: box.shape for key, box in space.spaces.items() if key in found and _is_of_numbers(box)}
         self._from = {key: _IDS if key in goal else 0 for key in self._shapes}
         self.size = sum(spaces.flatdim(space[key]) - first for key, first in self._from.items())
         heard = [(key, key.removesuffix(MESSAGES) + SELF) for key in named(space.spaces, MESSAGES)] if turned else []
-        self._turned = [pair for pair in heard if pair[1] in space.spaces]
+        headed = {key for key in self._shapes if spaces.flatdim(space[key]) >= -_HEADING.start}
+        self._turned = [(key, own) for key, own in heard if key in self._shapes and own in headed]
         self.size += sum(2 * spaces.flatdim(space[messages]) for messages, _ in self._turned)
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
@@ -74,3 +76,7 @@ class Numbers(nn.Module):
         turned = [rows[key].unsqueeze(1) * rows[own][:, _HEADING].unsqueeze(2) for key, own in self._turned]
         parts = [row[:, self._from[key] :] for key, row in rows.items()]
         return torch.cat([*parts, *(part.flatten(1) for part in turned)], dim=1)
+
+
+def _is_of_numbers(space: spaces.Space[Any]) -> bool:
+    return isinstance(space, spaces.Box | spaces.MultiBinary)

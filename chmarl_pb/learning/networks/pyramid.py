@@ -121,7 +121,7 @@ def pyramid_ranges(network: Pyramid, images: Tensor) -> Tensor:
 
 
 class IntegerPyramid:
-    """The network in whole numbers: exact, so the same on every machine and in every batch."""
+    """The network in whole numbers, whose sums are exact, so the same in every batch and by any number of threads."""
 
     def __init__(self, network: Pyramid, ranges: Tensor):
         """Round the weights.

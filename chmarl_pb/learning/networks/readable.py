@@ -9,6 +9,12 @@ from chmarl_pb.learning.networks.parts import id_count
 from chmarl_pb.learning.observation_keys import INSTRUCTION, graphs, named
 from chmarl_pb.tasks.language.tokens import ATTRIBUTES_LENGTH, INSTRUCTION_LENGTH, vocabulary_size
 
+_CLASSES = len(BENCHMARK.rows) + 1  # ids of the benchmark's classes, with 0 for padding
+_TAUGHT_BY = (
+    "grounding_coef teaches what the benchmark's words say of its classes, and would teach wrong ones with a catalogue "
+    "of your own; leave it at 0"
+)
+
 
 def tells_apart(instruction: spaces.Space[Any]) -> bool:
     """Return whether instructions name X's colour and Y's room, as among lookalikes."""
@@ -24,8 +30,11 @@ def check_reading(space: spaces.Dict, parses: bool, taught: bool) -> None:
     """
     for key in named(space.spaces, INSTRUCTION) if parses or taught else ():
         _check_readable(space[key], parses)
-    if parses and any(id_count(space[key]) > len(BENCHMARK.rows) + 1 for key in graphs(space)):
+    classes = max((id_count(space[key]) for key in graphs(space)), default=_CLASSES)
+    if parses and classes > _CLASSES:
         raise ValueError("graph_pool='parsed' knows the benchmark's classes alone; use 'grounded'")
+    if taught and classes > _CLASSES:
+        raise ValueError(_TAUGHT_BY)
     if parses and taught:
         raise ValueError(
             "graph_pool='parsed' reads instructions by rule and has nothing to learn; leave grounding_coef at 0"
@@ -46,6 +55,8 @@ def _check_readable(instruction: spaces.Space[Any], parses: bool) -> None:
             "words of your own among lookalikes: colours are not told apart; leave out the catalogue or "
             "graph_pool='parsed' and grounding_coef"
         )
+    if own_words and not parses:
+        raise ValueError(_TAUGHT_BY)
     length = INSTRUCTION_LENGTH + among * ATTRIBUTES_LENGTH
     if parses and (own_words or instruction.shape != (length,)):
         raise ValueError(

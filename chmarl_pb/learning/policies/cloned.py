@@ -16,7 +16,7 @@ from chmarl_pb.learning.config import CATALOG, FROZEN, amount, check, count, see
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.agents import NO_ACTION, asked_of_encoder, device_of
 from chmarl_pb.learning.networks.encoders import check_found
-from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder, trained_with
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
 from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size
@@ -149,11 +149,17 @@ class BCActor(nn.Module):
         return [head(histories) for head in self.heads], hidden
 
 
-def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
-    """Return the networks of all robots of an environment, with random weights."""
+def make_actors(env: HouseholdEnv, config: CloningConfig, encoder: FrozenEncoder | None) -> nn.ModuleList:
+    """Return the networks of all robots of an environment, with random weights.
+
+    Args:
+        env: the environment.
+        config: settings.
+        encoder: what encodes pictures before they reach the networks, see :func:`encoder_of`.
+    """
     space = spaces.Dict(joined({name: env.observation_space(name).spaces for name in env.possible_agents}))
-    if config.uses_features:
-        space = feature_space(space, frozen_encoder(config.image_encoder))
+    if encoder is not None:
+        space = feature_space(space, encoder)
     actions = {name: len(names) for name, names in env.action_names.items()}
     actors = []
     for group in config.groups(env.possible_agents):
@@ -168,9 +174,14 @@ def make_actors(env: HouseholdEnv, config: CloningConfig) -> nn.ModuleList:
 class BCPolicy:
     """Drives the robots by cloned networks, in several episodes at once."""
 
-    def __init__(self, actors: nn.ModuleList, config: CloningConfig, robots: Sequence[str]):
-        """Take the networks of robots over; they must not be trained while an episode is played."""
-        self.actors, self.config, self.robots = actors, config, robots
+    def __init__(
+        self, actors: nn.ModuleList, config: CloningConfig, robots: Sequence[str], encoder: FrozenEncoder | None
+    ):
+        """Take the networks of robots over, and what encodes pictures for them.
+
+        They must not be trained while an episode is played.
+        """
+        self.actors, self.config, self.robots, self._encoder = actors, config, robots, encoder
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed; each draws from a stream of its own."""
@@ -186,8 +197,8 @@ class BCPolicy:
     ) -> list[Actions]:
         """Return an action of each robot, drawn from its network's probabilities or the likeliest one."""
         index = torch.tensor(episodes)
-        if self.config.uses_features:
-            observations = all_with_features(observations, frozen_encoder(self.config.image_encoder))
+        if self._encoder is not None:
+            observations = all_with_features(observations, self._encoder)
         batch = stack([joined(one) for one in observations])
         steps = {key: part.unsqueeze(1).to(self._device) for key, part in tensors(batch).items()}
         robots = list(observations[0])  # all, or those of one network
@@ -238,13 +249,20 @@ class BCPolicies:
         if CATALOG in content:  # older ones do not say
             check_catalog(env, content, self.path)
         check_rules(env, {}, self.path)  # data sets are of the paper's rules
-        if self.config.uses_features:
-            trained_with(self.config.image_encoder, content[FROZEN], self.path)
-        actors = make_actors(env, self.config)
+        config, encoder = self.config, None
+        if config.uses_features:
+            encoder = trained_with(config.image_encoder, content[FROZEN], self.path)
+        actors = make_actors(env, config, encoder)
         checkpoint.fill(actors, content["actors"], self.path)
-        return BatchOfOne(BCPolicy(actors.requires_grad_(False).eval(), self.config, env.possible_agents))
+        return BatchOfOne(BCPolicy(actors.requires_grad_(False).eval(), config, env.possible_agents, encoder))
+
+
+def encoder_of(config: CloningConfig) -> FrozenEncoder | None:
+    """Return what encodes pictures before they reach the networks of a new run; None: nothing does."""
+    return frozen_encoder(config.image_encoder) if config.uses_features else None
 
 
 def weights_of(config: CloningConfig) -> str:
-    """Return the fingerprint of the frozen weights that a run uses, or nothing."""
-    return frozen_encoder(config.image_encoder).fingerprint if config.uses_features else ""
+    """Return the fingerprint of the frozen weights that a new run uses, or nothing."""
+    encoder = encoder_of(config)
+    return encoder.fingerprint if encoder is not None else ""

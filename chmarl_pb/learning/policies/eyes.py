@@ -4,9 +4,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from chmarl_pb.learning.networks.detections import LABELS, PLACE, THINGS
+from chmarl_pb.learning.networks.detections import LABELS, PLACE, THINGS, share_of
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, frozen_encoder
-from chmarl_pb.learning.networks.pyramid import CELL
 from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.eyes import Sight
 
@@ -29,17 +28,15 @@ class DetectorEyes:
     def __call__(self, image: NDArray[np.uint8]) -> list[Sight]:
         """Return the things in a picture (height, width, 3), one of each class; robots are left out."""
         found = self._detector(torch.from_numpy(image)[None])[0].double().numpy()
-        cells = (image.shape[0] // CELL) * (image.shape[1] // CELL)
         return [
-            self._sight(number, found[number], cells)
+            self._sight(number, found[number])
             for number in np.flatnonzero(found[:THINGS, 0] >= max(self._sure, 1e-6)).tolist()
         ]
 
-    def _sight(self, number: int, row: NDArray[np.float64], cells: int) -> Sight:
+    def _sight(self, number: int, row: NDArray[np.float64]) -> Sight:
         """Return a thing from its row of detections, whose place and size are times the confidence."""
         column, line, size = (row[1:PLACE] / row[0]).tolist()
-        share = ((1 + cells) ** size - 1) / cells
-        return Sight(LABELS[number], (column + 1) / 2, (line + 1) / 2, share, int(row[PLACE]))
+        return Sight(LABELS[number], (column + 1) / 2, (line + 1) / 2, share_of(size), int(row[PLACE]))
 
 
 def detector() -> DetectorEyes:

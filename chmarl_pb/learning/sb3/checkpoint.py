@@ -19,7 +19,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.files import replacing
 from chmarl_pb.learning.config import RULES
-from chmarl_pb.learning.networks.frozen import frozen_encoder, trained_with
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
 from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
@@ -92,25 +92,25 @@ class Sb3Policies:
             raise CheckpointError(
                 f"{self.path}: was trained with goal=True; make the environment so (chmarl-pb evaluate --goal)"
             )
-        network = _network(config, env)
+        encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
+        network = _network(config, env, encoder)
         fill(network, weights, self.path)
         network.set_training_mode(False)
-        encoder = trained_with(config.image_encoder, config.frozen, self.path) if config.frozen else None
         network.requires_grad_(False)
         silent = silenced(asdict(config))
         return BatchOfOne(Sb3Policy(network, env, config.sampled, silent, encoder, config.partner))
 
 
-def _network(config: Config, env: HouseholdEnv) -> BasePolicy:
-    """Return the network with new weights."""
+def _network(config: Config, env: HouseholdEnv, encoder: FrozenEncoder | None) -> BasePolicy:
+    """Return the network with new weights; an encoder, if there is one, turns pictures into what it sees."""
     parts = {name: dict(env.observation_space(name).spaces) for name in env.possible_agents}
     learner = first_grasper(env.action_names)
     seen = parts[learner] if config.alone else joined(parts)
     # What the network was not trained with, as the goal, is left out.
     read = config.keys or tuple(name for name in parts[learner] if name != GOAL or PRESETS[config.preset].goal)
     space = spaces.Dict({key: seen[key] for key in named(seen, *read)})
-    if config.frozen:
-        space = feature_space(space, frozen_encoder(config.image_encoder))
+    if encoder is not None:
+        space = feature_space(space, encoder)
     for key, part in space.items():
         if isinstance(part, spaces.Box) and is_image_space(part):
             space.spaces[key] = VecTransposeImage.transpose_space(part)  # as SB3 trains
