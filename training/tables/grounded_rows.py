@@ -1,7 +1,7 @@
 """The rows of the grounded track."""
 
 from chmarl_pb.envs.tracks import GROUNDED
-from training.tables.row import GROUNDED_ENCODER, PARSED_ENCODER, SEEDS, Row
+from training.tables.row import GROUNDED_ENCODER, LONGER, PARSED_ENCODER, SEEDS, Row
 
 #: Published weights of the imitators of the grounded track.
 _IMITATORS = {"scene_graph": "ours-grounded", "visual": "ours-grounded-pictures"}
@@ -16,8 +16,9 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
 
     Budgets are what fits: a core plays some 60 joint steps a second with an expert and 150 without, and an episode has
     up to 28; so 12,000 episodes are some 40 minutes of playing alone. On pictures, which all rows see by the same
-    detector, each has 4,000 episodes, or as many steps; where words are parsed, all have 6,000. MAPPO goes on from the
-    published weights of the imitator that learns to read, those of its row with seed 0.
+    detector, each has 4,000 episodes, or as many steps; where words are parsed, all have 6,000. *QMIX, grounded* has
+    the imitators' encoder and the settings by which value factorisation learns where episodes are few. MAPPO goes on
+    from the published weights of the imitator that learns to read, those of its row with seed 0.
     """
     graphs = observation == "scene_graph"
 
@@ -31,8 +32,10 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
     ppo = ("--algo", "ppo", "--env", env, "--preset", "encoder", "--workers", "1")
     ppo += ("--steps", "150000" if graphs else "100000", *seeing)
     start = f"results/weights/{_IMITATORS[observation]}.pt"
+    factorised = ("--algo", "qmix", *LONGER, "--gamma", "0.9", "--validation-interval", "500", *pointing)
     rows = {
         "QMIX": ("--algo", "qmix", *episodes(12000), *seeing),
+        **({"QMIX, grounded": factorised} if graphs else {}),
         "MAPPO": ("--algo", "mappo", *episodes(6000), *GROUNDED_ENCODER, *seeing),
         "Imitation of belief": (*_imitation(*episodes(6000)), *pointing),
         "Imitation of belief, words parsed": (*_imitation("--episodes", "6000"), *past, *PARSED_ENCODER, *seeing),
@@ -59,4 +62,5 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
         "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
         checkpoint="best.zip", seeds=1, image_encoder="detector", track=GROUNDED,
     )  # fmt: skip
-    return (*learners[:2], alone, *learners[2:])
+    before = 1 + [row.name for row in learners].index("MAPPO")
+    return (*learners[:before], alone, *learners[before:])

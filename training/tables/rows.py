@@ -3,7 +3,7 @@
 from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.evaluation import paper
 from training.tables.grounded_rows import grounded_rows
-from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, PARSED_ENCODER, SEEDS, Row
+from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, LONGER, PARSED_ENCODER, SEEDS, Row
 from training.tables.sb3_rows import BASELINES
 
 #: Rows of the paper's ablation of feedback, which have three trainings on pictures, too.
@@ -74,19 +74,11 @@ def _told(observation: str) -> Row:
     return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=PARSED_ENCODER)
 
 
-#: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
-#: learners, whose networks are the paper's; chosen on validation tasks (docs/training.md).
-_LONGER = (
-    "--episodes", "12000", "--envs", "16", "--gradient-steps", "16", "--td-lambda", "0.6", "--tau", "0.01",
-    "--target-update-interval", "1",
-)  # fmt: skip
-
-
 def _longer(observation: str) -> tuple[Row, ...]:
     """Return the paper's learners, with its encoder and messages, stronger settings and more episodes."""
     return tuple(
         Row(
-            f"{name} + messages, longer", observation, ("--algo", name.lower(), *_LONGER), messages=True,
+            f"{name} + messages, longer", observation, ("--algo", name.lower(), *LONGER), messages=True,
             seeds=SEEDS[observation],
         )
         for name in ("IQL", "VDN", "QMIX", "QTRAN")
@@ -95,7 +87,7 @@ def _longer(observation: str) -> tuple[Row, ...]:
 
 def _grounded_qmix(homes: str, *options: str) -> Row:
     """Return QMIX with the same settings, the encoder that ties words to things, and a nearer horizon."""
-    given = ("--algo", "qmix", *_LONGER, "--gamma", "0.9", *GROUNDED_ENCODER, *options)
+    given = ("--algo", "qmix", *LONGER, "--gamma", "0.9", *GROUNDED_ENCODER, *options)
     return Row(f"QMIX + messages, grounded{homes}", "scene_graph", given, messages=True)
 
 
