@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, are written by one process at a time, and tell when they are damaged."""
 
 import errno
+import glob
 import hashlib
 import json
 import os
@@ -117,6 +118,12 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666 & ~_UMASK)
             temporary.replace(path)
     finally:
+        temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove what killed processes have left of :func:`replacing` a file; whoever calls alone may write it."""
+    for temporary in path.parent.glob(f".{glob.escape(path.name)}-*.tmp"):
         temporary.unlink(missing_ok=True)
 
 

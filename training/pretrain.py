@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from chmarl_pb.files import Lock, open_folder, replacing, write_atomically
+from chmarl_pb.files import Lock, open_folder, remove_leftovers, replacing, write_atomically
 from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
@@ -85,12 +85,13 @@ def pretrain(
     facts: dict[str, Any] = {"network": name, "views": len(views)}
     if start is None:
         facts |= {"epochs": epochs, "seed": seed, "device": device.type}
-    unfinished = out.with_suffix(".unfinished")
+    unfinished = _unfinished(out)
     model = read_detector(start) if start else _learned(_Training(facts, views, unfinished, device), bar).to(CPU)
     model.eval().finish(views)
     weights = model.weights(ranged(views.images))
     with replacing(out) as temporary:
-        torch.save(weights, temporary)
+        with temporary.open("wb") as file:  # torch writes the name of a path into the file
+            torch.save(weights, file)
         seal(temporary)
     frozen = FrozenEncoder(name, weights)
     figures = {**facts, "fingerprint": frozen.fingerprint}
@@ -100,6 +101,11 @@ def pretrain(
     if start is None:
         unfinished.unlink(missing_ok=True)
     return figures
+
+
+def _unfinished(out: Path) -> Path:
+    """Return the file of the state of a training that has not ended."""
+    return out.with_suffix(".unfinished")
 
 
 def measured(
@@ -276,6 +282,8 @@ def _make(chosen: argparse.Namespace) -> int:
     folder = open_folder(out.parent) / "labelled_views"
     start = time.perf_counter()
     with Lock(out), _bar() as bar:
+        for written in (out, _unfinished(out)):
+            remove_leftovers(written)
         draw = partial(_drawn, bar, chosen.seed, folder, chosen.workers)
         sources = NETWORKS[chosen.network].sources.items()
         files = [draw(round(share * chosen.views), *source) for source, share in sources]

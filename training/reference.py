@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from chmarl_pb.files import write_atomically
+from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.runs.interrupts import run_command
@@ -32,9 +32,10 @@ from chmarl_pb.learning.runs.validation import by_return
 from training.outside import Foraging, Spread
 
 VALIDATED = 64  # episodes of a validation
+LEAST = 16  # episodes of a run
 
 #: Settings of all runs; those of Papoudakis et al. 2021 where they have a like.
-SHARED: dict[str, Any] = {"features": 64, "hidden": 64, "gamma": 0.99, "envs": 16, "batch_size": 32}
+SHARED: dict[str, Any] = {"features": 64, "hidden": 64, "gamma": 0.99, "envs": LEAST, "batch_size": 32}
 REPLAY: dict[str, Any] = {
     "gradient_steps": 8, "buffer_size": 5_000, "td_lambda": 0.6, "tau": 0.01, "target_update_interval": 1,
     "standardize_rewards": True, "standardize_state": True,
@@ -91,7 +92,7 @@ def config_of(learner: str, game: str, steps: int, seed: int, validations: int =
     """Return the settings of a run of so many joint steps, if every episode lasts as long as it may."""
     kind, horizon = find_algorithm(algorithm_of(learner)).config, GAMES[game].horizon
     own: dict[str, Any] = {"reward_scale": GAMES[game].scale} if learner == "pqn" else {}
-    episodes = max(steps // horizon, 16)
+    episodes = steps // horizon
     every = max(episodes // validations, 1)
     settings = SETTINGS[learner] | (GAMES[game].replay if learner in _REPLAYING else {})
     return kind(
@@ -138,8 +139,12 @@ def _main(options: argparse.Namespace) -> int:
     for name in ("steps", "seeds", "validations"):
         if (value := getattr(options, name)) < 1:
             raise ValueError(f"--{name} {value}: use at least 1")
-    runs = _read(options.json)
-    done = {(run["game"], run["algorithm"], run["steps"], run["seed"]) for run in runs}
+    for game in options.game or GAMES:
+        if options.steps < (least := LEAST * GAMES[game].horizon):
+            raise ValueError(
+                f"--steps {options.steps}: {game} needs at least {least}, as {LEAST} episodes are played at once"
+            )
+    done = {(run["game"], run["algorithm"], run["steps"], run["seed"]) for run in _read(options.json)}
     wanted = [
         (game, learner, options.steps, seed)
         for game in options.game or GAMES
@@ -151,11 +156,21 @@ def _main(options: argparse.Namespace) -> int:
             continue
         game, learner, steps, seed = key
         folder = options.out / f"{game}-{learner}-{steps}-{seed}"
-        runs.append(measure(game, learner, steps, seed, options.validations, folder))
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(options.json, json.dumps(runs, indent=1) + "\n")
-        Console().print("\n".join(table(runs)), soft_wrap=True, markup=False, highlight=False)
+        _keep(options.json, measure(game, learner, steps, seed, options.validations, folder))
+        _print(options.json)
+    if done.issuperset(wanted):
+        _print(options.json)
     return 0
+
+
+def _keep(path: Path, run: dict[str, Any]) -> None:
+    """Add a run to a file, to which other commands may have added theirs meanwhile."""
+    with Lock(path, wait=True):
+        write_atomically(path, json.dumps([*_read(path), run], indent=1) + "\n")
+
+
+def _print(path: Path) -> None:
+    Console().print("\n".join(table(_read(path))), soft_wrap=True, markup=False, highlight=False)
 
 
 def _read(path: Path) -> list[dict[str, Any]]:

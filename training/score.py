@@ -26,6 +26,7 @@ from chmarl_pb.learning.runs.run import origin
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.sources import register_loader
+from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
 
 SCORES = "scores.json"
@@ -42,6 +43,7 @@ def score(
     splits: Sequence[str] = SPLITS,
     messages: bool = OF_TRACK,
     feedback: bool = OF_TRACK,
+    robots: str = ",".join(TEAM),
 ) -> dict[str, Any]:
     """Evaluate a checkpoint and return what a table keeps of it; the same call goes on where it was interrupted.
 
@@ -52,6 +54,7 @@ def score(
         splits: to evaluate on.
         messages: whether the robots hear each other; as the checkpoint's rules have it if it is not given.
         feedback: whether they get language feedback, likewise.
+        robots: the team, with commas between.
 
     Raises:
         ChmarlError: the checkpoint cannot be used.
@@ -61,7 +64,8 @@ def score(
         raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
     register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
     with Lock(folder / SCORES):
-        return _score(checkpoint, observation, folder, splits, {"messages": messages, "feedback": feedback})
+        rules = {"messages": messages, "feedback": feedback, "robots": listed(robots)}
+        return _score(checkpoint, observation, folder, splits, rules)
 
 
 def _score(
@@ -162,6 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--observation", choices=("scene_graph", "visual"), default="scene_graph")
     parser.add_argument("--messages", action=switch, default=OF_TRACK, help="whether the robots hear each other")
     parser.add_argument("--feedback", action=switch, default=OF_TRACK, help="whether they get language feedback")
+    parser.add_argument("--robots", default=",".join(TEAM), help="the team, with commas between (default: %(default)s)")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--splits", nargs="+", choices=(*SPLITS, *GENERATED_HOMES, *LIMITED_SPLITS), default=SPLITS)
     return run_command(partial(_main, parser.parse_args(arguments)))
@@ -169,7 +174,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 @threads(1)  # these networks are too small for more
 def _main(chosen: argparse.Namespace) -> int:
-    score(chosen.checkpoint, chosen.observation, chosen.out, chosen.splits, chosen.messages, chosen.feedback)
+    rules = chosen.messages, chosen.feedback, chosen.robots
+    score(chosen.checkpoint, chosen.observation, chosen.out, chosen.splits, *rules)
     return 0
 
 

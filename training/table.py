@@ -8,7 +8,7 @@ import argparse
 import fnmatch
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -36,6 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
     for flag in ("jobs", "seeds"):
         if (value := getattr(chosen, flag)) is not None and value < 1:
             parser.error(f"--{flag} {value}: use at least 1")
+    chosen.results = RESULTS if chosen.results.resolve() == RESULTS.resolve() else chosen.results
     if extra and chosen.results == RESULTS:
         parser.error("options after -- make other results: name another folder for them by --results")
     page = PAGE if chosen.results == RESULTS else chosen.results / PAGE.name
@@ -55,12 +56,14 @@ def _main(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> int
 def _work(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> list[str]:
     """Do all runs that are not finished; return the names of those that failed."""
     runs = make_runs(chosen, extra)
+    if extra:
+        check_tries(runs)
     write_page(chosen.results, page)  # what is wrong with it shows now, not after the first run
     launch = as_step if chosen.ray is None else partial(on_ray, chosen.ray)
     schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page), launch)
     if schedule.waiting:
         with _executor(chosen) as executor:
-            prepare(schedule.waiting, chosen.data, executor)
+            schedule.fail(prepare(schedule.waiting, chosen.data, executor))
     schedule.work()
     if schedule.waiting:
         print(f"{len(schedule.waiting)} runs were not started: the time was up", file=sys.stderr)
@@ -98,6 +101,20 @@ def make_runs(chosen: argparse.Namespace, extra: tuple[str, ...] = ()) -> list[R
     ]
 
 
+def check_tries(runs: Iterable[Run]) -> None:
+    """Refuse kept results of tries with other options: these runs would be skipped, and the page tell of the others.
+
+    Raises:
+        OptionError: there is one.
+    """
+    for run in runs:
+        if run.result.is_file() and (made := run.made_by()) != (wanted := run.told("train")):
+            raise OptionError(
+                f"{run.result}: was made by other options ({made}), and not by these ({wanted}); remove it, or name "
+                "another folder by --results"
+            )
+
+
 def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
     slugs = list(dict.fromkeys(row.slug for row in rows))
     for name in names:
@@ -106,11 +123,13 @@ def _known(names: Sequence[str], rows: Sequence[Row]) -> Sequence[str]:
     return names
 
 
-def prepare(runs: Sequence[Run], data: Path, executor: Executor) -> None:
+def prepare(runs: Sequence[Run], data: Path, executor: Executor) -> dict[Run, str]:
     """Make what several runs need, if it is missing: weights of encoders, data sets, features of their pictures.
 
+    Returns:
+        Those that cannot be trained, as their data set cannot be made or used, or another process makes it -> why.
+
     Raises:
-        DatasetError: a data set is damaged, or of another version.
         ChmarlError: the weights cannot be made or used.
     """
     seeing = [run for run in runs if run.row.observation == "visual" and not _is_trained(run)]
@@ -120,9 +139,17 @@ def prepare(runs: Sequence[Run], data: Path, executor: Executor) -> None:
         if not weights_file(name).is_file():
             if _finished(python(["training.pretrain", "--network", name])) != 0:
                 raise ChmarlError(f"training.pretrain has failed, and pictures need its weights of {name}")
-    cloned = [run.row for run in runs if run.row.clones and not _is_trained(run)]
-    for split, observation, encoder in dict.fromkeys((row.data, row.observation, row.image_encoder) for row in cloned):
-        _prepare_data(Recipe(split, observation), encoder, data, executor)
+    cloned: dict[tuple[str, str, str], list[Run]] = {}
+    for run in runs:
+        if run.row.clones and not _is_trained(run):
+            cloned.setdefault((run.row.data, run.row.observation, run.row.image_encoder), []).append(run)
+    failed: dict[Run, str] = {}
+    for (split, observation, encoder), needing in cloned.items():
+        try:
+            _prepare_data(Recipe(split, observation), encoder, data, executor)
+        except ChmarlError as error:
+            failed |= dict.fromkeys(needing, f"--data {data}: {error}")
+    return failed
 
 
 def _finished(command: list[str]) -> int:

@@ -63,6 +63,8 @@ def idle_in_sb3(name: str, config: Any) -> str:
     """Return why ``chmarl-pb sb3`` would not use a setting; "" if it would."""
     if name in _OF_ENCODERS and config.keys:
         return f"preset {config.preset!r} reads a few numbers, and nothing is encoded"
+    if name == "feedback" and config.keys and not config.alone:
+        return f"preset {config.preset!r} reads none, and both robots have it"
     return _idle_in_encoder(name, config, config.observation)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from statistics import fmean
+from typing import Any
 
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.evaluation.audit_file import Audit, Line, published_audit
@@ -55,6 +56,18 @@ def gain_of_runs(plws: Sequence[float], of_tasks: Sequence[Mapping[str, float]],
     return _over(found, plws, {task: fmean(plw[task.id] for plw in of_tasks) for task in tasks})
 
 
+def is_of_audit(options: Mapping[str, Any], tasks_sha256: str, split: str) -> bool:
+    """Return whether what was played on a split, of the paper's track, is of the tasks and rules of its audit.
+
+    Args:
+        options: of the environment, as results keep them.
+        tasks_sha256: of the tasks.
+        split: the split.
+    """
+    found = published_audit(split, PAPER)
+    return found is not None and found.settings["tasks_sha256"] == tasks_sha256 and _by_same_rules(options, found)
+
+
 def _over(found: Audit, plws: Sequence[float], of_tasks: Mapping[AnyTask, float]) -> Figure:
     mean = 100 * (fmean(plws) - (found.best_blind.plw.mean or 0.0))
     if not found.blind_plw or len(of_tasks) < 2:
@@ -66,10 +79,15 @@ def _over(found: Audit, plws: Sequence[float], of_tasks: Mapping[AnyTask, float]
 def _comparable(report: Report, found: Audit) -> bool:
     """Return whether a result is of the tasks, homes and rules of an audit, by a policy that is told no more."""
     own, theirs = report.settings, found.settings
-    free = ("image_size", *(name for name in _LESS if not own["options"][name]))
-    rules = [{name: value for name, value in of["options"].items() if name not in free} for of in (own, theirs)]
     same = all(own[name] == theirs[name] for name in ("tasks_sha256", "homes_sha256"))
-    return same and rules[0] == rules[1] and not report.foreign and not own.get("privileged")
+    return same and _by_same_rules(own["options"], found) and not report.foreign and not own.get("privileged")
+
+
+def _by_same_rules(options: Mapping[str, Any], found: Audit) -> bool:
+    """Return whether options of an environment are those of an audit, or give less."""
+    free = ("image_size", *(name for name in _LESS if not options[name]))
+    own, theirs = ({name: of[name] for name in of if name not in free} for of in (options, found.settings["options"]))
+    return own == theirs
 
 
 def points(gained: float | None) -> str:

@@ -177,6 +177,12 @@ def test_a_preset_of_few_numbers_takes_no_options_of_encoders(
     assert f"{option.split()[0]}: preset 'goal' reads a few numbers" in capsys.readouterr().err
 
 
+def test_feedback_is_no_option_where_nobody_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--algo", "ppo", "--no-feedback", "--out", str(tmp_path)]
+    assert main_sb3(words) == 2
+    assert "--feedback: preset 'goal' reads none, and both robots have it; leave it out" in capsys.readouterr().err
+
+
 def test_dagger_mappo_is_two_trainings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from chmarl_pb.cli import train as command
 

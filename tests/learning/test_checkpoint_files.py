@@ -51,6 +51,13 @@ def refusal(read: Callable[[], Any]) -> str:
     return text
 
 
+def test_equal_content_is_equal_files(tmp_path: Path) -> None:
+    content = {"weights": torch.arange(5.0), "steps": 3}
+    save(tmp_path / "one.pt", "value", content)
+    save(tmp_path / "other" / "last.pt", "value", content)
+    assert (tmp_path / "one.pt").read_bytes() == (tmp_path / "other" / "last.pt").read_bytes()
+
+
 def test_every_flipped_byte_is_noticed(checkpoint: Path, tmp_path: Path) -> None:
     whole, path = checkpoint.read_bytes(), tmp_path / "flipped.pt"
     rng = np.random.default_rng(0)

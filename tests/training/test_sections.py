@@ -123,13 +123,15 @@ def test_limited_layouts_stand_beside_the_benchmarks(tmp_path: Path) -> None:
     for table, splits in (("scene-graph", SPLITS), (LIMITED, LIMITED_SPLITS)):
         row = row_of(table, "BC decentralized + messages, grounded")
         summaries = {
-            split: {"summary": {"success_rate": {"mean": 0.5}, "plw": {"mean": 0.1 * number}}}
+            split: {"summary": {"success_rate": {"mean": 0.5}, "plw": {"mean": 0.1 * number}}, "tasks_sha256": "0"}
             for number, split in enumerate(splits, 1)
         }
         record = {
             "format": FORMAT, "table": table, "row": row.slug, "name": row.name, "seed": 0,
-            "observation": "scene_graph", "seconds": {}, "curve": {"unit": "epochs", "success": [], "validation": []},
-            "checkpoint": {"sha256": "0", "config": {}}, "evaluation": {"source_sha256": "0", "splits": summaries},
+            "observation": "scene_graph", "seconds": {},
+            "curve": {"unit": "epochs", "success": [], "loss": [], "validation": []},
+            "checkpoint": {"sha256": "0", "config": {}},
+            "evaluation": {"source_sha256": "0", "options": {"messages": True, "feedback": True}, "splits": summaries},
         }  # fmt: skip
         path = tmp_path / "results" / table / f"{row.slug}-seed0.json"
         path.parent.mkdir(parents=True)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 import signal
 import subprocess
@@ -17,9 +18,11 @@ import pytest
 from chmarl_pb.cli.sb3 import parse as parse_sb3
 from chmarl_pb.cli.train import Play
 from chmarl_pb.cli.train import parse as parse_train
+from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
-from chmarl_pb.errors import ChmarlError, OptionError, ResultError
+from chmarl_pb.errors import BusyError, ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.audit_file import published_audit
 from chmarl_pb.evaluation.gain import gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.executors import Local
@@ -27,7 +30,7 @@ from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import Logger
 from training import table
 from training.tables.attribution import PARTS
-from training.tables.cells import NOT_RUN
+from training.tables.cells import NOT_RUN, gained
 from training.tables.goals import GOALS
 from training.tables.page import write_page
 from training.tables.row import LIMITED, LIMITED_DATA, Row
@@ -46,10 +49,10 @@ folder = Path(arguments[arguments.index("--out") + 1])
 def figure(mean): return {"mean": mean, "deviation": None, "low": None, "high": None}
 if module == "training.score":
     summary, ends = {"success_rate": figure(0.5), "plw": figure(0.25)}, {"0.0": 1, "4.0": 1, "10.0": 2}
-    splits = {s: {"tasks": 4, "summary": summary, "ends": ends} for s in SPLITS}
+    splits = {s: {"tasks": 4, "tasks_sha256": TASKS[s], "summary": summary, "ends": ends} for s in TASKS}
     (folder / "scores.json").write_text(json.dumps({
         "checkpoint": {"config": {"episodes": 4, "seed": 0}, "sha256": "0"},
-        "evaluation": {"source_sha256": "f" * 64, "splits": splits}}))
+        "evaluation": {"source_sha256": "f" * 64, "options": OPTIONS, "splits": splits}}))
     raise SystemExit
 with (folder / "starts").open("a") as file: file.write("x")
 if "--fail" in arguments: raise SystemExit("error: no luck")
@@ -68,7 +71,10 @@ for epoch in range(done + 1, 5):
 @pytest.fixture
 def launch(tmp_path: Path) -> Launch:
     script = tmp_path / "fake.py"
-    script.write_text(f"SPLITS = {SPLITS}\n{FAKE}")
+    audit = published_audit(SPLITS[-1])
+    assert audit is not None
+    tasks = dict.fromkeys(SPLITS, audit.settings["tasks_sha256"])
+    script.write_text(f"TASKS = {tasks}\nOPTIONS = {audit.settings['options']}\n{FAKE}")
     return lambda command: [sys.executable, str(script), *command]
 
 
@@ -232,9 +238,42 @@ def test_only_takes_patterns_and_refuses_what_is_no_row() -> None:
 
 
 def test_tries_do_not_mix_with_results(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        table.main(["--only", "qmix", "--", "--episodes", "5"])
-    assert "--results" in capsys.readouterr().err
+    for where in ([], ["--results", "results"], ["--results", str(Path("results").resolve())]):
+        with pytest.raises(SystemExit):
+            table.main(["--only", "qmix", *where, "--", "--episodes", "5"])
+        assert "--results" in capsys.readouterr().err
+
+
+def test_tries_with_other_options_are_not_taken_for_those_that_are_kept(tmp_path: Path, launch: Launch) -> None:
+    run = replace(run_of(tmp_path), extra=("--episodes", "8"))
+    work([run], launch)
+    table.check_tries([run, run_of(tmp_path, "IQL")])
+    other = replace(run, extra=("--episodes", "400"))
+    with pytest.raises(OptionError, match=r"qmix-seed0\.json: was made by other options .*--episodes 8 .*--results"):
+        table.check_tries([other])
+
+
+def test_rows_with_another_team_are_scored_with_it(tmp_path: Path) -> None:
+    own = replace(row_of("QMIX"), options=("--algo", "qmix", "--robots", "humanoid,humanoid,drone"))
+    score = replace(run_of(tmp_path), row=own).command("score")
+    assert score[score.index("--robots") + 1] == "humanoid,humanoid,drone"
+    assert "--robots" not in run_of(tmp_path).command("score")
+
+
+def test_trouble_with_a_data_set_stops_the_clones_alone(
+    tmp_path: Path, launch: Launch, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def prepare(recipe: Recipe, *_: object) -> None:
+        raise BusyError(f"{recipe.split}: another process is writing it")
+
+    monkeypatch.setattr(table, "_prepare_data", prepare)
+    runs = [run_of(tmp_path, name) for name in ("BC decentralized", "QMIX")]
+    schedule = Schedule(runs, launch=launch)
+    schedule.fail(table.prepare(schedule.waiting, tmp_path / "data", Local(1)))
+    schedule.work()
+    assert schedule.failed == [runs[0].name] and schedule.over == 1 and runs[1].result.is_file()
+    told = capsys.readouterr()
+    assert f"{runs[0].name}: --data {tmp_path / 'data'}: train: another process is writing it" in told.out + told.err
 
 
 # Runs
@@ -394,7 +433,7 @@ def test_results_are_whole_or_not_there(tmp_path: Path, launch: Launch, monkeypa
     monkeypatch.undo()
     assert not (run.folder / "state.json").exists()
     assert work([run], launch).failed == []
-    assert list(run.results.rglob("*.tmp")) == []
+    assert list(tmp_path.rglob("*.tmp")) == []
 
 
 def test_half_a_line_of_metrics_is_no_trouble(tmp_path: Path) -> None:
@@ -527,6 +566,55 @@ def test_result_that_lacks_something_is_named(tmp_path: Path, launch: Launch, mi
         write_page(run.results, tmp_path / "results.md")
 
 
+PLAYED = ("evaluation", "splits", "test-unseen")
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ((*PLAYED, "summary", "plw", "mean"), "much"), ((*PLAYED, "summary", "plw", "mean"), math.nan),
+        ((*PLAYED, "summary", "success_rate"), None), ((*PLAYED, "ends"), [1]), ((*PLAYED, "ends"), {"0.0": "x"}),
+        ((*PLAYED, "per_wording"), {}), ((*PLAYED, "recognition"), {"pick_share": None}),
+        ((*PLAYED, "plw_of_tasks"), None), ((*PLAYED, "plw_of_tasks"), {"test-seen-000": 0.5}),
+        ((*PLAYED, "tasks_sha256"), None), (("evaluation", "source_sha256"), None), (("evaluation", "options"), None),
+        (("curve",), {}), (("curve",), None), (("curve", "validation"), [[1]]), (("curve", "unit"), "years"),
+        (("seconds",), None), (("seconds", "train"), "long"), (("checkpoint", "config"), None), (("name",), 3),
+    ],
+)  # fmt: skip
+def test_result_that_holds_something_else_is_named(
+    place: tuple[str, ...], value: Any, tmp_path: Path, launch: Launch
+) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    record = json.loads(run.result.read_text())
+    inner = record
+    for name in place[:-1]:
+        inner = inner[name]
+    inner[place[-1]] = value
+    run.result.write_text(json.dumps(record))
+    with pytest.raises(ResultError, match=r"qmix-seed0\.json"):
+        write_page(run.results, tmp_path / "results.md")
+
+
+@pytest.mark.parametrize("changed", [{"max_steps": 60}, {"messages": True, "feedback": "planner"}, {"goal": True}])
+def test_what_was_played_by_other_rules_gains_nothing(changed: dict[str, Any], tmp_path: Path, launch: Launch) -> None:
+    run = run_of(tmp_path)
+    work([run], launch)
+    same = read_records(run.results, TABLES)["scene-graph", "qmix"]
+    assert gained(same) is not None
+    for less in ({"messages": False}, {"feedback": False}, {"image_size": 64}):
+        assert gained([{**one, "evaluation": with_options(one, less)} for one in same]) == gained(same)
+    assert gained([{**one, "evaluation": with_options(one, changed)} for one in same]) is None
+    other = {**same[0]["evaluation"]["splits"]["test-unseen"], "tasks_sha256": "other"}
+    splits = {**same[0]["evaluation"]["splits"], "test-unseen": other}
+    assert gained([{**same[0], "evaluation": same[0]["evaluation"] | {"splits": splits}}]) is None
+
+
+def with_options(record: dict[str, Any], changed: dict[str, Any]) -> dict[str, Any]:
+    played: dict[str, Any] = record["evaluation"]
+    return played | {"options": played["options"] | changed}
+
+
 def test_damaged_scores_and_states_are_named(tmp_path: Path, launch: Launch) -> None:
     run, other = run_of(tmp_path), run_of(tmp_path, "IQL")
     work([run], launch)
@@ -622,7 +710,7 @@ def test_weights_that_rows_on_pictures_need_are_made_first(tmp_path: Path, monke
 
 def test_rows_of_the_grounded_track_are_trained_by_its_rules_and_scored_on_its_split(tmp_path: Path) -> None:
     rows = TABLES[GROUNDED]
-    assert len(rows) == 12 and {(row.table, row.splits) for row in rows} == {(GROUNDED, ("generated-test",))}
+    assert len(rows) == 13 and {(row.table, row.splits) for row in rows} == {(GROUNDED, ("generated-test",))}
     assert {row.slug: row.seeds for row in rows if row.seeds != 1} == {
         "graphs-imitation-of-belief": 3, "graphs-imitation-of-belief-then-mappo": 3, "pictures-imitation-of-belief": 3,
         "graphs-imitation-of-belief-words-parsed": 3, "pictures-imitation-of-belief-words-parsed": 3,
@@ -642,10 +730,11 @@ def test_the_grounded_track_has_a_table_of_its_own(tmp_path: Path, launch: Launc
     work([run], launch)
     assert not run.result.exists(), "the scores are not those of its split"
     figure = {"mean": 0.25, "deviation": None, "low": None, "high": None}
-    split = {"tasks": 4, "summary": {"success_rate": figure, "plw": figure}, "recognition": {"pick_share": 0.5}}
+    summary = {"success_rate": figure, "plw": figure}
+    split = {"tasks": 4, "tasks_sha256": "0", "summary": summary, "recognition": {"pick_share": 0.5}}
     kept = {
         "checkpoint": {"config": {"episodes": 4}, "sha256": "0"},
-        "evaluation": {"source_sha256": "f" * 64, "splits": {"generated-test": split}},
+        "evaluation": {"source_sha256": "f" * 64, "options": {}, "splits": {"generated-test": split}},
     }
     (run.folder / "scores.json").write_text(json.dumps(kept))
     run.finish("score")

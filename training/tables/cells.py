@@ -6,11 +6,11 @@ from statistics import fmean, stdev
 
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.evaluation.cooperation import reference_scores
-from chmarl_pb.evaluation.gain import gain_of_runs
+from chmarl_pb.evaluation.gain import gain_of_runs, is_of_audit
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.paper import SPLITS
+from training.tables.record import Record
 from training.tables.row import Row
-from training.tables.runs import Record
 
 Records = dict[tuple[str, str], list[Record]]
 
@@ -34,15 +34,20 @@ def values(same: Sequence[Record], metric: str, split: str) -> list[float]:
 
 def is_told_more(record: Record) -> bool:
     """Return whether a run is told more than its robots observe: the goal, or beside the humanoid what is in view."""
-    goal = record["evaluation"].get("options", {}).get("goal")
+    goal = record["evaluation"]["options"].get("goal")
     return bool(goal) or (record["observation"] == "visual" and ALONE in record["name"])
 
 
 def gained(same: Sequence[Record]) -> Figure | None:
-    """Return the gain of runs over the best blind policy, in points; None if they are told more than their robots."""
-    if any(is_told_more(record) for record in same):
-        return None
+    """Return the gain of runs over the best blind policy, in points.
+
+    None if they are told more than their robots, or were not played by its rules.
+    """
     splits = [record["evaluation"]["splits"][HEADLINE] for record in same]
+    for record, split in zip(same, splits, strict=True):
+        alike = is_of_audit(record["evaluation"]["options"], split["tasks_sha256"], HEADLINE)
+        if is_told_more(record) or not alike:
+            return None
     of_tasks = [split["plw_of_tasks"] for split in splits if "plw_of_tasks" in split]
     return gain_of_runs(values(same, "plw", HEADLINE), of_tasks, HEADLINE)
 

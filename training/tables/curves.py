@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.files import replacing
+from training.tables.record import Record
 from training.tables.row import Row
-from training.tables.runs import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import replacing
 from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, gained, runs_of, values
 from training.tables.curves import STYLE
+from training.tables.record import Record
 from training.tables.row import Row
 from training.tables.rows import TABLES
-from training.tables.runs import Record
 
 TEACHER = "search"  # of our rows from before there was a choice
 

@@ -9,8 +9,8 @@ from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.learning.storage.checkpoint import RENAMED
 from training.tables.cells import NOT_RUN
 from training.tables.lessons import TEACHER
+from training.tables.record import Record
 from training.tables.row import Row
-from training.tables.runs import Record
 
 POOL = "mean"  # of graphs, in runs from before this was a setting
 #: What learners did before they had these settings.

@@ -21,9 +21,10 @@ from training.tables.goals import goals
 from training.tables.hundred_homes import hundred_homes
 from training.tables.lessons import lessons
 from training.tables.made_with import budget, encoder_of, made_with, seeds
+from training.tables.record import Record
 from training.tables.row import LIMITED, Row
 from training.tables.rows import TABLES
-from training.tables.runs import Record, read_records
+from training.tables.runs import read_records
 from training.tables.without_feedback import without_feedback
 
 TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Messages and language feedback apart"}

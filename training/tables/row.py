@@ -80,6 +80,11 @@ class Row:
         return _switch("messages", self.messages), _switch("feedback", self.feedback)
 
     @property
+    def robots(self) -> str:
+        """The team, with commas between; "" if it is the usual one."""
+        return self.options[self.options.index("--robots") + 1] if "--robots" in self.options else ""
+
+    @property
     def clones(self) -> bool:
         """Whether it learns from stored episodes."""
         return self.options[:2] == ("--algo", "bc")

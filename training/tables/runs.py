@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,12 @@ from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from training.score import SCORES
-from training.tables.row import Row, splits_of
+from training.tables.record import Record, check_record, check_scores
+from training.tables.row import Row
 
 FORMAT = "chmarl-pb table run 1"
 STATE = "state.json"
 STEPS = ("train", "score")
-
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -70,12 +69,25 @@ class Run:
         options = ["--observation", row.observation]
         if step == "score":  # a checkpoint knows its track
             options += row.rules if row.track == PAPER else ()
+            options += ("--robots", row.robots) if row.robots else ()
             options += ("--splits", *row.splits) if row.splits != SPLITS else ()
             return ["training.score", str(self.checkpoint), *options, "--out", str(self.folder)]
         options += row.rules
         data = ["--data", str(self.data)] if row.clones else []
         seed = ["--seed", str(self.seed), "--out", str(self.folder)]
         return [row.module, *row.options, *options, *data, *self.extra, *seed]
+
+    def told(self, step: str) -> str:
+        """Return the command of a step as results keep it."""
+        return " ".join(["python -m", *self.command(step)])
+
+    def made_by(self) -> str:
+        """Return the command that trained what is kept as its result.
+
+        Raises:
+            ResultError: it is damaged.
+        """
+        return str(read_record(self.result, self.results)["commands"]["train"])
 
     def next_step(self) -> str | None:
         """Return the first step that is not finished."""
@@ -139,13 +151,13 @@ class Run:
         row, scores = self.row, self.folder / SCORES
         try:
             kept = unsealed_or_plain(scores.read_text(encoding="utf-8"))
-            _check_scores(kept, row.splits)
+            check_scores(kept, row.splits)
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{scores}: not the scores of all splits: {error!r}; remove it") from error
         return {
             "format": FORMAT, "table": row.table, "row": row.slug, "name": row.name, "seed": self.seed,
             "observation": row.observation, "messages": row.messages, "feedback": row.feedback,
-            "commands": {step: " ".join(["python -m", *self.command(step)]) for step in STEPS},
+            "commands": {step: self.told(step) for step in STEPS},
             "seconds": self.state()["seconds"], "trained_by": self.state()["code"],
             **kept,
             "curve": curve(self.folder / METRICS),
@@ -206,14 +218,6 @@ def _lines(record: Record) -> str:
     return "{\n" + ",\n".join(f" {json.dumps(key)}: {text}" for key, text in texts.items()) + "\n}\n"
 
 
-def _check_scores(kept: dict[str, Any], splits: Sequence[str]) -> None:
-    """Raise an error if what a page shows of a run's scores is missing."""
-    kept["checkpoint"]["sha256"], kept["evaluation"]["source_sha256"]
-    for split in splits:
-        summary = kept["evaluation"]["splits"][split]["summary"]
-        float(summary["plw"]["mean"]), float(summary["success_rate"]["mean"])
-
-
 def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], list[Record]]:
     """Return (table, row) -> its runs by seed.
 
@@ -222,20 +226,32 @@ def read_records(results: Path, tables: Iterable[str]) -> dict[tuple[str, str], 
     """
     found: dict[tuple[str, str], list[Record]] = {}
     for path in sorted(path for table in tables for path in (results / table).glob("*.json")):
-        try:
-            record = json.loads(path.read_text(encoding="utf-8"))
-            if record["format"] != FORMAT:
-                raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
-            _check_scores(record, splits_of(record["table"]))
-            named = f"{record['table']}/{record['row']}-seed{record['seed']}"
-            if path.relative_to(results).with_suffix("").as_posix() != named:
-                raise ValueError(f"it is that of {named}")
-            for key in ("name", "seed", "observation", "seconds", "curve"):
-                record[key]
-            found.setdefault((record["table"], record["row"]), []).append(record)
-        except (KeyError, TypeError, ValueError) as error:
-            raise ResultError(f"{path}: not the result of a run: {error!r}; remove it and run the table") from error
+        record = read_record(path, results)
+        found.setdefault((record["table"], record["row"]), []).append(record)
     return {key: sorted(records, key=lambda record: record["seed"]) for key, records in found.items()}
+
+
+def read_record(path: Path, results: Path) -> Record:
+    """Return what is kept of a run.
+
+    Args:
+        path: of the file.
+        results: the folder of all.
+
+    Raises:
+        ResultError: it is damaged or of another kind.
+    """
+    try:
+        record: Record = json.loads(path.read_text(encoding="utf-8"))
+        if record["format"] != FORMAT:
+            raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
+        check_record(record)
+        named = f"{record['table']}/{record['row']}-seed{record['seed']}"
+        if path.relative_to(results).with_suffix("").as_posix() != named:
+            raise ValueError(f"it is that of {named}")
+        return record
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: not the result of a run: {error!r}; remove it and run the table") from error
 
 
 def python(command: list[str]) -> list[str]:

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from os import environ
@@ -73,6 +73,13 @@ class Schedule:
                 with self._mutex:
                     self._stopped = True
                 end(*self._processes)
+
+    def fail(self, runs: Mapping[Run, str]) -> None:
+        """Leave out runs that wait and cannot be done, and say why."""
+        for run, why in runs.items():
+            self.waiting.remove(run)
+            self.failed.append(run.name)
+            self._say(run, why)
 
     def _work(self) -> None:
         """Do one run after another."""

@@ -5,7 +5,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from chmarl_pb.errors import BusyError
-from chmarl_pb.files import Lock
+from chmarl_pb.files import Lock, remove_leftovers
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_begun
 
 
@@ -13,7 +13,8 @@ from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_begun
 def run_lock(folder: Path | None, last: str, best: str) -> Iterator[None]:
     """Hold a run's folder as long as the block runs; None: there is none to hold.
 
-    It is made if it is missing, and removed again if nothing was written into it.
+    It is made if it is missing, and removed again if nothing was written into it. What killed processes left of writing
+    its checkpoints is removed.
 
     Args:
         folder: of the run.
@@ -34,6 +35,8 @@ def run_lock(folder: Path | None, last: str, best: str) -> Iterator[None]:
         raise CheckpointError(f"{folder}: another process trains here; wait, or use another folder") from error
     try:
         with lock:
+            for name in (last, best):
+                remove_leftovers(folder / name)
             check_begun(folder / last, folder / best)
             yield
     finally:

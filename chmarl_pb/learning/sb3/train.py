@@ -140,6 +140,7 @@ def _learn(
     first = model.num_timesteps
     rows = validation.rows()
     model.set_logger(make_logger(folder, first, int(rows[-1]["steps"]) if rows else 0))
+    is_over = milestones.finished and (folder / RESULT).is_file()
     if not milestones.finished:
         every: Any = None if own_log else _log_interval(config)
         bar.prepare()
@@ -155,6 +156,8 @@ def _learn(
                 check_finite(model)  # by which torch refuses to draw actions
                 raise
     check_kept(folder / BEST)
+    if is_over:
+        return model
     splits = (config.home,) if config.home else SPLITS[config.track]
     result = {
         "config": asdict(config), "splits": splits, "best": validation.best(), "validations": validation.rows(),

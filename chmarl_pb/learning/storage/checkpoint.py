@@ -63,7 +63,8 @@ def save(path: Path, kind: str, content: dict[str, Any]) -> None:
     """
     whole = {name: plain(part, name) for name, part in {"format": FORMAT, "kind": kind, **content}.items()}
     with replacing(path) as temporary:
-        torch.save(whole, temporary)
+        with temporary.open("wb") as file:  # torch writes the name of a path into the file: equal weights would differ
+            torch.save(whole, file)
         seal(temporary)
 
 
