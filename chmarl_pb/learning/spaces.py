@@ -205,9 +205,12 @@ def check_values(name: str, kept: Tree, seen: Tree) -> None:
 
 def _holds(dtype: np.dtype[Any], values: np.ndarray) -> bool:
     """Return whether values fit into a type; what floats round does not count."""
-    if values.dtype == dtype or (np.issubdtype(dtype, np.floating) and values.dtype.kind in "biuf"):
+    if values.dtype == dtype:
         return True
-    with np.errstate(invalid="ignore"):  # of what is no number
+    with np.errstate(invalid="ignore", over="ignore"):  # of what is no number, or too great
+        if np.issubdtype(dtype, np.floating) and values.dtype.kind in "biuf":
+            wide = values.dtype.itemsize <= dtype.itemsize
+            return wide or np.array_equal(np.isinf(values.astype(dtype)), np.isinf(values))
         return np.array_equal(values.astype(dtype), values)
 
 

@@ -1,6 +1,7 @@
 """What environments, experts and validations of one's own return is copied, made plain, or refused in a sentence."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,7 @@ from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import check_values, interface_of
 from chmarl_pb.learning.storage.checkpoint import load
 from tests.helpers.small_runs import SMALL
 from tests.helpers.uneven_env import UnevenEnv
@@ -113,6 +114,13 @@ def test_agents_without_names_or_observations_are_refused(monkeypatch: pytest.Mo
     monkeypatch.setattr(UnevenEnv, "reset", lambda self, seed=None, options=None: ({}, {}))
     with pytest.raises(ValueError, match="no observation of any"):
         interface_of(UnevenEnv())
+
+
+@pytest.mark.parametrize(("value", "held"), [(1e4, True), (np.inf, True), (1e5, False)])
+def test_numbers_too_great_for_the_space_are_refused(value: float, held: bool) -> None:
+    seen = np.array([0.0, value], np.float32)
+    with nullcontext() if held else pytest.raises(ValueError, match="which does not hold what the environment returns"):
+        check_values("it", np.zeros(2, np.float16), seen)
 
 
 def test_more_actions_than_a_replay_buffer_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from chmarl_pb.learning.runs.lock import run_lock
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import expert_name
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
-from chmarl_pb.learning.runs.validation import by_tasks
+from chmarl_pb.learning.runs.validation import by_return, by_tasks
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
 from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.tasks.splits import SPLITS
@@ -361,6 +361,20 @@ def test_run_of_other_settings_is_refused(tmp_path: Path) -> None:
         train(UnevenEnv, "vdn", replace(SMALL, gamma=0.5), tmp_path)
     with pytest.raises(CheckpointError, match="settings: messages=None, not True; go on"):
         train(UnevenEnv, "vdn", SMALL, tmp_path, setting={"messages": True})
+
+
+def test_a_run_whose_weights_were_chosen_by_other_scores_is_refused(tmp_path: Path) -> None:
+    def by_length(collector: Collector, agents: Any) -> dict[str, float]:
+        return {"score": 1.0}
+
+    train(UnevenEnv, "vdn", SMALL, tmp_path, by_return())
+    train(UnevenEnv, "vdn", SMALL, tmp_path, by_return(4))
+    with pytest.raises(CheckpointError, match=r"chosen by by_return.*, not by .*by_length"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path, by_length)
+    older = load(tmp_path / LAST)
+    del older["validated_by"]
+    save(tmp_path / LAST, "run", {key: part for key, part in older.items() if key not in ("format", "kind")})
+    train(UnevenEnv, "vdn", SMALL, tmp_path, by_length)
 
 
 def test_run_of_another_split_is_refused_but_an_older_one_does_not_tell(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import json
 import sys
 import zipfile
+from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import count
@@ -251,6 +252,20 @@ def test_a_run_goes_on_in_the_same_home_alone(tmp_path: Path, small_home: Path) 
     small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
     with pytest.raises(CheckpointError, match="home_sha256="):
         run(config, tmp_path / "run", workers=0)
+
+
+def test_episodes_may_be_longer_than_those_of_the_id(tmp_path: Path) -> None:
+    config = Config("a2c", HUMANOID, steps=8, interval=8, **TINY | {"max_steps": 30})
+    run(config, tmp_path, workers=0)
+    rows = json.loads((tmp_path / RESULT).read_text())["validations"]
+    assert [row["steps"] for row in rows] == [8]
+    with closing(chmarl_pb.parallel_env(split="val-unseen", max_steps=30, goal=True)) as env:
+        assert len(chmarl_pb.rollout(env, load_policy(tmp_path / BEST)(env), seed=0).actions) <= 30
+    tasks = make_validation(HUMANOID, validation_tasks(1)[:1], 1, {"max_steps": 30})
+    tasks.reset(seed=0)
+    lasted = next(step for step in range(1, 40) if tasks.step(0)[3])
+    tasks.close()
+    assert lasted == 30
 
 
 @pytest.mark.parametrize("preset", get_args(PresetName))

@@ -5,6 +5,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.validation import Validate
 from chmarl_pb.learning.spaces import Interface
-from chmarl_pb.learning.storage.checkpoint import check_same, is_whole, load, save
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_same, is_whole, load, save
 from chmarl_pb.processes import ProcessDiedError
 
 LAST, BEST = "last.pt", "best.pt"
@@ -130,8 +131,14 @@ class Run:
         return {
             **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
             "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
-            "unreported": self._unreported, "begun_with": self._begun_with,
+            "unreported": self._unreported, "begun_with": self._begun_with, "validated_by": self._validated_by,
         }  # fmt: skip
+
+    @property
+    def _validated_by(self) -> str:
+        """Name of what tells the scores that weights are chosen by."""
+        validate = self._validate.func if isinstance(self._validate, partial) else self._validate
+        return str(getattr(validate, "__qualname__", type(validate).__qualname__))
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
         """Go on from a state; an older one, which does not tell the split that it was trained in, with whatever split.
@@ -153,6 +160,12 @@ class Run:
             theirs |= asdict(type(self.config)(**theirs["config"]))
             own |= asdict(self.config)
         check_same({**theirs, "config": None}, {**own, "config": None}, path)
+        before = state.get("validated_by", self._validated_by)
+        if before != self._validated_by and state["best_score"] > -np.inf:
+            raise CheckpointError(
+                f"{path}: its weights were chosen by {before}, not by {self._validated_by}, whose scores may "
+                "be others; give the same `validate`, or use another folder"
+            )
         self.learner.restore(state["learner"], path)
         if state["replay"] is not None:
             self.replay.restore(state["replay"])

@@ -59,6 +59,7 @@ def moment(model: Any) -> dict[str, Any]:
     return {
         "counters": counters(model),
         "torch": torch.get_rng_state(),
+        "cuda": torch.cuda.get_rng_state(model.device) if model.device.type == "cuda" else None,
         "numpy": [torch.from_numpy(np.asarray(key, dtype=np.int64)), int(place), int(has_normal), float(normal)],
         "space": json.dumps(model.action_space.np_random.bit_generator.state),
         "infos": [{"r": float(info["r"]), "l": int(info["l"])} for info in model.ep_info_buffer or ()],
@@ -75,6 +76,8 @@ def moment(model: Any) -> dict[str, Any]:
 def go_back(model: Any, kept: dict[str, Any]) -> None:
     """Bring a model, whose environments are where they were, back to a moment; but for its log."""
     torch.set_rng_state(kept["torch"])
+    if kept.get("cuda") is not None and model.device.type == "cuda":
+        torch.cuda.set_rng_state(kept["cuda"], model.device)
     key, *rest = kept["numpy"]
     np.random.set_state(("MT19937", key.numpy().astype(np.uint32), *rest))  # noqa: NPY002
     model.action_space.np_random.bit_generator.state = json.loads(kept["space"])
@@ -82,7 +85,8 @@ def go_back(model: Any, kept: dict[str, Any]) -> None:
     for name, values in (("ep_info_buffer", infos), ("ep_success_buffer", kept["successes"])):
         setattr(model, name, deque(values, maxlen=model._stats_window_size))
     if kept["memory"] is not None:
-        model._last_lstm_states = type(model._last_lstm_states)(*map(tuple, kept["memory"]))
+        memory = ([part.to(model.device) for part in parts] for parts in kept["memory"])
+        model._last_lstm_states = type(model._last_lstm_states)(*map(tuple, memory))
 
 
 def buffer_content(buffer: Any) -> dict[str, Any]:

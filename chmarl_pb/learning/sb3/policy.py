@@ -160,7 +160,7 @@ class Sb3Policy:
                 others.reset(seed)
         if self._recurrent:
             layers, _, units = self._network.lstm_hidden_state_shape
-            self._memory = [torch.zeros(layers, len(seeds), units) for _ in range(2)]
+            self._memory = [torch.zeros(layers, len(seeds), units, device=self._network.device) for _ in range(2)]
 
     @threads(1)
     @torch.no_grad()
@@ -209,14 +209,16 @@ class Sb3Policy:
             return likeliest
         if self._recurrent:
             before = tuple(part[:, episodes] for part in self._memory)
-            found, after = self._network.get_distribution(batch, before, torch.zeros(len(episodes)))
+            starts = torch.zeros(len(episodes), device=self._network.device)
+            found, after = self._network.get_distribution(batch, before, starts)
             for memory, part in zip(self._memory, after, strict=True):
                 memory[:, episodes] = part
         else:
             found = self._network.get_distribution(batch)
         robots = found.distribution if isinstance(found.distribution, list) else [found.distribution]
+        shares = [robot.probs.cpu() for robot in robots]  # where the streams are, whatever the network is on
         drawn = [
-            [torch.multinomial(robot.probs[row], 1, generator=self._streams[number]) for robot in robots]
+            [torch.multinomial(share[row], 1, generator=self._streams[number]) for share in shares]
             for row, number in enumerate(episodes)
         ]
         return torch.tensor(drawn).squeeze(1)

@@ -7,6 +7,7 @@ import gymnasium
 
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
+from chmarl_pb.envs.vector.env import make_function
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
@@ -77,4 +78,4 @@ def validation_tasks(
 
 def make_validation(env_id: str, tasks: Sequence[Task], stride: int, options: dict[str, Any]) -> gymnasium.Env:
     """Return an environment that plays validation tasks; see :class:`PathWeighted`."""
-    return PathWeighted(gymnasium.make(env_id, disable_env_checker=True, **options), tasks, stride)
+    return PathWeighted(make_function(env_id, options)(), tasks, stride)
