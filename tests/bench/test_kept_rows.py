@@ -27,6 +27,7 @@ def test_kept_homes_of_other_code_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "generated.jsonl"
+    monkeypatch.setenv("CHMARL_CACHE", "off")  # as the command sets it, and not for the tests after this one
     monkeypatch.setattr("sys.argv", ["generated", "--homes", "1", "--tasks", "0", "--results", str(file)])
     for _ in range(2):
         generated.main()
