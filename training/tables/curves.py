@@ -33,6 +33,7 @@ _OURS = {
     "Imitation of search": "#a65628", "Imitation of planner": "#9ecae1",
     "Imitation of belief, generated homes, ResNet-18": "#ff9da7",
     "QMIX + messages, grounded": "#00897b", "QMIX + messages, grounded, generated homes": "#00897b",
+    "QMIX, grounded": "#00897b",
 }  # fmt: skip
 #: Colours of the table of messages and feedback, by observation and feedback.
 _APART = {
