@@ -85,7 +85,7 @@ def _comparable(report: Report, found: Audit) -> bool:
 
 def _by_same_rules(options: Mapping[str, Any], found: Audit) -> bool:
     """Return whether options of an environment are those of an audit, or give less."""
-    free = ("image_size", *(name for name in _LESS if not options[name]))
+    free = ("image_size", *(name for name in _LESS if not options.get(name, True)))
     own, theirs = ({name: of[name] for name in of if name not in free} for of in (options, found.settings["options"]))
     return own == theirs
 

@@ -209,8 +209,8 @@ def _holds(dtype: np.dtype[Any], values: np.ndarray) -> bool:
         return True
     with np.errstate(invalid="ignore", over="ignore"):  # of what is no number, or too great
         if np.issubdtype(dtype, np.floating) and values.dtype.kind in "biuf":
-            wide = values.dtype.itemsize <= dtype.itemsize
-            return wide or np.array_equal(np.isinf(values.astype(dtype)), np.isinf(values))
+            is_as_wide = values.dtype.itemsize <= dtype.itemsize
+            return is_as_wide or np.array_equal(np.isinf(values.astype(dtype)), np.isinf(values))
         return np.array_equal(values.astype(dtype), values)
 
 

@@ -113,6 +113,7 @@ def test_what_words_mean_is_taught_with_the_benchmarks_catalogue_alone(parrots: 
     with pytest.raises(ValueError, match="grounding_coef teaches what the benchmark's words say"):
         build_encoder(space, 16, graph_pool="grounded", taught=True)
     # Names of own classes may be in the benchmark's words alone.
-    space.spaces["instruction"] = chmarl_pb.parallel_env().observation_space("humanoid")["instruction"]
+    with closing(chmarl_pb.parallel_env()) as env:
+        space.spaces["instruction"] = env.observation_space("humanoid")["instruction"]
     with pytest.raises(ValueError, match="grounding_coef teaches what the benchmark's words say"):
         build_encoder(space, 16, graph_pool="grounded", taught=True)

@@ -579,6 +579,9 @@ PLAYED = ("evaluation", "splits", "test-unseen")
         ((*PLAYED, "tasks_sha256"), None), (("evaluation", "source_sha256"), None), (("evaluation", "options"), None),
         (("curve",), {}), (("curve",), None), (("curve", "validation"), [[1]]), (("curve", "unit"), "years"),
         (("seconds",), None), (("seconds", "train"), "long"), (("checkpoint", "config"), None), (("name",), 3),
+        (("checkpoint", "learners_sha256"), 5), (("checkpoint", "frozen"), 5), (("checkpoint", "episodes"), "all"),
+        (("checkpoint", "validation"), "best"), (("checkpoint", "config"), {"episodes": "many"}),
+        (("checkpoint", "config"), {"env_id": 3}), (("checkpoint",), None), (("commands",), ["train"]),
     ],
 )  # fmt: skip
 def test_result_that_holds_something_else_is_named(
@@ -605,6 +608,7 @@ def test_what_was_played_by_other_rules_gains_nothing(changed: dict[str, Any], t
     for less in ({"messages": False}, {"feedback": False}, {"image_size": 64}):
         assert gained([{**one, "evaluation": with_options(one, less)} for one in same]) == gained(same)
     assert gained([{**one, "evaluation": with_options(one, changed)} for one in same]) is None
+    assert gained([{**same[0], "evaluation": same[0]["evaluation"] | {"options": {}}}]) is None
     other = {**same[0]["evaluation"]["splits"]["test-unseen"], "tasks_sha256": "other"}
     splits = {**same[0]["evaluation"]["splits"], "test-unseen": other}
     assert gained([{**same[0], "evaluation": same[0]["evaluation"] | {"splits": splits}}]) is None

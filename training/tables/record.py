@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from chmarl_pb.evaluation.paper import SPLITS
+from chmarl_pb.learning.config import FROZEN
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import load_tasks
 from training.tables.row import splits_of
@@ -29,11 +30,9 @@ def check_record(record: Record) -> None:
     _number(record, "seed")
     _numbers(_object(record, "seconds"))
     _check_curve(_object(record, "curve"))
-    for name in _object(record, "commands") if "commands" in record else ():
-        _text(record["commands"], name)
-    begun = _part(record["checkpoint"], "begun_with")
-    for checkpoint in (record["checkpoint"], begun):
-        _part(checkpoint, "config")
+    for name in (commands := _part(record, "commands")):
+        _text(commands, name)
+    _check_checkpoint(_object(record, "checkpoint"), record["curve"]["unit"])
     check_scores(record, splits_of(record["table"]))
 
 
@@ -55,6 +54,19 @@ def check_scores(kept: Record, splits: Sequence[str]) -> None:
         _numbers(of_tasks)
         if of_tasks and split == _HEADLINE and set(of_tasks) != {task.id for task in load_tasks(split)}:
             raise ValueError(f"'plw_of_tasks' is not of the tasks of {split}")
+
+
+def _check_checkpoint(checkpoint: Record, unit: str) -> None:
+    for name in ("learners_sha256", FROZEN):
+        if name in checkpoint:
+            _text(checkpoint, name)
+    chosen = _object(checkpoint, "validation") if checkpoint.get("validation") is not None else {}
+    kept = {"episodes": checkpoint.get("episodes"), "epoch": chosen.get("epoch")}
+    _numbers({name: value for name, value in kept.items() if value is not None})
+    for config in (_part(checkpoint, "config"), _part(_part(checkpoint, "begun_with"), "config")):
+        _numbers({unit: config[unit]} if unit in config else {})
+        if "env_id" in config:
+            _text(config, "env_id")
 
 
 def _check_summary(summary: Record) -> None:

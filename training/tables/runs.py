@@ -87,7 +87,7 @@ class Run:
         Raises:
             ResultError: it is damaged.
         """
-        return str(read_record(self.result, self.results)["commands"]["train"])
+        return str(read_record(self.result, self.results).get("commands", {}).get("train"))
 
     def next_step(self) -> str | None:
         """Return the first step that is not finished."""
