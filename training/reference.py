@@ -3,8 +3,8 @@
 Published are the maximum returns of Papoudakis et al. 2021 (https://arxiv.org/abs/2006.07869, table 3): mean and half
 of the 95 % interval over five seeds; their agents share weights, and learn from 2 million steps with a replay buffer,
 or from 20 million on policy. Only figures that a second public source quotes stand here: those of simple_spread agree
-with a public comparison whose author took them from the paper (``docs/training.md``); we have not seen the paper's
-table itself. For foraging we found no such source, so there is none here.
+with a public comparison whose author took them from the paper (``docs/training_findings.md``); we have not seen the
+paper's table itself. For foraging we found no such source, so there is none here.
 
 A run's greatest return is made as theirs: the best of its validations, which play greedily. A best of several noisy
 means is a little too high, so the last validation stands beside it. The same command goes on with what is missing.

@@ -122,7 +122,7 @@ def test_foreign_files_of_runs_are_refused(
 
 def test_the_table_in_the_documentation_is_that_of_the_runs() -> None:
     runs = json.loads(Path("results/reference.json").read_text())
-    page = Path("docs/training.md").read_text()
+    page = Path("docs/training_findings.md").read_text()
     assert "\n".join(["<!-- reference -->", *table(runs), "<!-- end of reference -->"]) in page
 
 

@@ -46,7 +46,7 @@ def test_updates_of_targets_are_those_of_a_run(interval: int) -> None:
 
 
 def test_the_page_of_the_learners_has_the_table() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "training_findings.md").read_text(encoding="utf-8")
     assert sizes.table() in text and table_of_others() in text
 
 

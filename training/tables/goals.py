@@ -18,9 +18,7 @@ What this project set out to reach. Success / PLW, per cent, means over seeds, o
 generated-test); a goal is met if both are reached. Goals of speed: [performance.md](performance.md#learning).
 """
 
-_TEACHER = (
-    "its teacher, which has {belief} itself ([measured](training.md#our-own-row-imitation-of-a-search-then-mappo))"
-)
+_TEACHER = "its teacher, which has {belief} itself ([measured](training_findings.md#against-its-teacher))"
 _FIVE = "the five homes that it learned in, where it has 15 points of PLW more (test-seen); then as the next line"
 _EYES = (
     "in part objects that the detector misses ([measured](training_encoders.md#the-detector) on `ours-pictures`: "
@@ -30,16 +28,16 @@ _SILENT = "its teacher; feedback changes nothing"
 _SILENT_READING = "its teacher; without feedback it loses 0 to 2 points ([below](#without-feedback-at-test))"
 _SILENT_PICTURES = (
     "objects that the detector misses, which feedback points out "
-    "([measured](training.md#our-own-row-imitation-of-a-search-then-mappo) on `ours-pictures`)"
+    "([measured](training_findings.md#what-feedback-gives-on-pictures) on `ours-pictures`)"
 )
 _POINTING = (
     "names that training never shows, which it misreads, and what its humanoid does otherwise than its teacher "
-    "([measured](training.md#the-grounded-track))"
+    "([measured](training_findings.md#what-misread-words-cost))"
 )
 _POINTING_PICTURES = (
     "in part objects that the detector misses: with the same eyes the search that it imitates has hardly more PLW, and "
     "weights that learned words have 13 points of success more where they are told the truth "
-    "([measured](training.md#the-grounded-track))"
+    "([measured](training_findings.md#what-pictures-cost))"
 )
 
 

@@ -100,7 +100,7 @@ is played; the weights are those with the best PLW on every tenth task of genera
 in the paper. What policies score that learn nothing: [benchmark.md](benchmark.md#the-grounded-track). *Picks*: in how
 many of the steps with X in view, *places*: in how many with X held and Y in view. Trainings of MAPPO
 after imitation all begin with the weights of one imitator, so ± is theirs alone. What learners
-from scratch come to: [training.md](training.md#the-grounded-track).
+from scratch come to: [findings](training_findings.md#from-scratch).
 """
 
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here
