@@ -69,6 +69,8 @@ def test_other_tasks_are_refused(split: str, reason: str, tmp_path: Path) -> Non
         ({"pointing": True}, r"its rules are not the track's \(pointing\)"),
         ({"max_steps": 90}, "it has 90 steps; leave out --max-steps"),
         ({"feedback": "planner"}, r"its rules are not the track's \(planner feedback\)"),
+        ({"catalog": "my.toml"}, r"its rules are not the track's \(catalog my.toml\)"),
+        ({"image_size": 1024}, "its pictures have 1024 pixels; leave out --image-size"),
     ],
 )
 def test_other_rules_are_refused(
@@ -80,6 +82,42 @@ def test_other_rules_are_refused(
     with pytest.raises(ResultError, match=reason):
         sent(tmp_path / "mine.json")
     assert main(["--check", str(tmp_path / "mine.json")]) == 1 and "mine.json: it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"observation": "visual+segmentation"}, "it observes visual.segmentation; the tracks' observations are"),
+        ({"homes_sha256": {}}, "its homes are of another version"),
+    ],
+)
+def test_what_is_seen_and_where_is_that_of_the_track(changes: dict[str, object], reason: str, tmp_path: Path) -> None:
+    report = load_result(GOOD)
+    replace(report, settings={**report.settings, **changes}).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=reason):
+        sent(tmp_path / "mine.json")
+
+
+def test_what_a_built_in_policy_is_told_is_not_the_files_word(tmp_path: Path) -> None:
+    report = load_result(SENT / "search.json")
+    settings = {**report.settings, "observation": "visual"}  # as older results, which do not say it
+    replace(report, settings=settings).save(tmp_path / "mine.json")
+    entry = sent(tmp_path / "mine.json")
+    assert entry.given == "is told the truth" and entry.gain is None
+    assert sent(SENT / "search.json").given == "" and sent(SENT / "search.json").gain is not None
+
+
+def test_the_page_takes_no_forged_result_and_no_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path)
+    report = load_result(SENT / "search.json")
+    forged = [replace(one, success=True, steps=one.task.optimal_steps) for one in report.episodes]
+    replace(report, episodes=tuple(forged)).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=r"it says .* but its .* actions come to"):
+        entries()
+    report.save(tmp_path / "mine.json")
+    replace(report, settings={**report.settings, "source_sha256": "0" * 64}).save(tmp_path / "copy.json")
+    with pytest.raises(ResultError, match="a copy is no second training"):
+        entries()
 
 
 @pytest.mark.parametrize(
@@ -154,7 +192,7 @@ def test_a_copy_is_no_second_training(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path)
     for name in ("a.json", "b.json"):
         shutil.copy(GOOD, tmp_path / name)
-    with pytest.raises(ResultError, match=r"b\.json: the same result as .*a\.json"):
+    with pytest.raises(ResultError, match=r"b\.json: the same episodes as .*a\.json"):
         tools.leaderboard.entries()
 
 

@@ -6,6 +6,7 @@ from types import ModuleType
 
 import pytest
 
+import chmarl_pb
 from chmarl_pb.evaluation.provenance import source_hash
 from tools.sources import main
 
@@ -20,7 +21,8 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def commit(content: str) -> tuple[str, str]:
     """Commit a version of the package, and return the commit and the hash that its results have."""
-    for file in (Path("chmarl_pb/__init__.py"), Path("chmarl_pb/deeper/part.py"), Path("chmarl_pb/about.txt")):
+    names = ("__init__.py", "deeper/part.py", "about.txt", "policies/learned.json", "tasks/language/words.txt")
+    for file in (Path("chmarl_pb") / name for name in names):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(content)
     subprocess.run(["git", "add", "--all"], check=True)
@@ -37,6 +39,20 @@ def test_a_hash_names_its_commit(repository: Path, capsys: pytest.CaptureFixture
     assert main([sha[:8] for _, sha in versions]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert {(line[:8], line.split()[-2]) for line in lines} == {(sha[:8], head) for head, sha in versions}
+
+
+def test_the_package_of_results_has_data_that_counts(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head, _ = commit("VERSION = 1\n")
+    monkeypatch.setattr(chmarl_pb, "__file__", str(Path("chmarl_pb/__init__.py").resolve()))
+    sha = source_hash.__wrapped__(chmarl_pb)
+    assert main([sha]) == 0
+    assert capsys.readouterr().out.split(": ")[1].startswith(f"chmarl_pb with its data at {head}")
+    for name, counts in (("policies/learned.json", True), ("tasks/language/words.txt", True), ("about.txt", False)):
+        before = source_hash.__wrapped__(chmarl_pb)
+        (Path("chmarl_pb") / name).write_text("other")
+        assert (source_hash.__wrapped__(chmarl_pb) != before) == counts, name
 
 
 def test_hashes_of_no_commit_are_named(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:

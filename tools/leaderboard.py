@@ -16,6 +16,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from chmarl_pb.envs.options import OBSERVATIONS, Options
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
@@ -99,13 +100,17 @@ def _fault(report: Report) -> str:
         return f"its rules are not the track's ({report.changed}); leave out the options that change them"
     if settings["options"]["max_steps"] != TRACKS[track]["max_steps"]:
         return f"it has {settings['options']['max_steps']} steps; leave out --max-steps"
+    if settings["observation"] not in OBSERVATIONS:
+        return f"it observes {settings['observation']}; the tracks' observations are {' and '.join(OBSERVATIONS)}"
+    if (pixels := settings["options"].get("image_size", Options.image_size)) != Options.image_size:
+        return f"its pictures have {pixels} pixels; leave out --image-size"
     seeds = settings["seeds"]
     once = report.run.get("deterministic") or settings["policy"] in DETERMINISTIC
     if seeds == [0] and not once and "deterministic" not in report.run:
         return "it does not say whether its policy draws its actions; evaluate again with this version"
     if seeds != list(range(max(len(seeds), 1 if once else len(SEEDS)))):
         return f"it has the seeds {seeds}; leave out --seeds: a policy that draws its actions plays {len(SEEDS)}"
-    if any(home_hash(home) != digest for home, digest in settings["homes_sha256"].items()):
+    if settings["homes_sha256"] != {home: home_hash(home) for home in {task.home for task in load_tasks(split)}}:
         return "its homes are of another version; evaluate again with this one"
     return ""
 
@@ -166,11 +171,19 @@ def entries() -> list[Entry]:
         ResultError: a result cannot be one, or is there twice.
     """
     files = sorted(SENT.glob("*.json"))
-    first = dict[str, Path]()
+    first = dict[object, Path]()
     for path in files:
-        if (other := first.setdefault(load_result(path).sha256, path)) is not path:
-            raise ResultError(f"{path}: the same result as {other}; a copy is no second training")
+        report = load_result(path)
+        if differs := what_differs(report):
+            raise ResultError(f"{path}: {differs}; evaluate again")
+        if (other := first.setdefault(_played(report), path)) is not path:
+            raise ResultError(f"{path}: the same episodes as {other}; a copy is no second training")
     return [*trained(), *map(sent, files)]
+
+
+def _played(report: Report) -> object:
+    """Return what was done in a result, whatever it says of its making."""
+    return report.settings["observation"], tuple((*episode.job, episode.actions) for episode in report.episodes)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,6 +1,7 @@
 """Which commit has the code of a result: ``python -m tools.sources HASH ...``; HASH is its sha256, or the beginning.
 
-Results name the code that they were made with by ``source_sha256`` and ``learners_sha256``, those of whole packages.
+Results name the code that they were made with by ``source_sha256`` and ``learners_sha256``, those of whole packages. Of
+older results ``source_sha256`` is of the Python files alone, without the data of policies and language.
 """
 
 import argparse
@@ -10,9 +11,11 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import PurePosixPath
 
+from chmarl_pb.evaluation.provenance import DATA, LEARNED
 from chmarl_pb.fingerprint import sha256_of
 
 PACKAGES = ("chmarl_pb", "chmarl_pb/learning", "training")  # that results name; learners were in the last one once
+_DATA_FOLDERS = [f"{PACKAGES[0]}/{name}" for name in LEARNED]
 
 
 def commits() -> list[str]:
@@ -21,16 +24,16 @@ def commits() -> list[str]:
 
 
 def hashes(commit: str) -> dict[str, str]:
-    """Return package -> sha256 of its Python files at a commit, as :mod:`chmarl_pb.evaluation.provenance` has it."""
+    """Return package -> sha256 of its files at a commit, as :mod:`chmarl_pb.evaluation.provenance` has it."""
     files = dict[PurePosixPath, str]()
     for line in _git("ls-tree", "-r", commit, "--", *PACKAGES).decode().splitlines():
         about, _, name = line.partition("\t")
-        if name.endswith(".py"):
-            files[PurePosixPath(name)] = about.split()[2]
-    return {
-        package: sha256_of(_content(files[path]) for path in sorted(files) if path.is_relative_to(package))
-        for package in PACKAGES
-    }
+        files[PurePosixPath(name)] = about.split()[2]
+    code = [path for path in files if path.suffix == ".py"]
+    counted = {package: [path for path in code if path.is_relative_to(package)] for package in PACKAGES}
+    data = [path for path in files if path.suffix in DATA and any(map(path.is_relative_to, _DATA_FOLDERS))]
+    counted[f"{PACKAGES[0]} with its data"] = [*counted[PACKAGES[0]], *data]
+    return {name: sha256_of(_content(files[path]) for path in sorted(paths)) for name, paths in counted.items()}
 
 
 @cache

@@ -80,7 +80,7 @@ def _comparable(report: Report, found: Audit) -> bool:
     """Return whether a result is of the tasks, homes and rules of an audit, by a policy that is told no more."""
     own, theirs = report.settings, found.settings
     same = all(own[name] == theirs[name] for name in ("tasks_sha256", "homes_sha256"))
-    return same and _by_same_rules(own["options"], found) and not report.foreign and not own.get("privileged")
+    return same and _by_same_rules(own["options"], found) and not report.foreign and not report.privileged
 
 
 def _by_same_rules(options: Mapping[str, Any], found: Audit) -> bool:

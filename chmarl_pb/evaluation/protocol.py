@@ -23,7 +23,15 @@ from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
-from chmarl_pb.evaluation.provenance import home_hash, machine, robots_hash, source_hash, tasks_hash, versions
+from chmarl_pb.evaluation.provenance import (
+    home_hash,
+    machine,
+    packaged_things_hash,
+    robots_hash,
+    source_hash,
+    tasks_hash,
+    versions,
+)
 from chmarl_pb.evaluation.result import FORMAT, Report, in_order, load_result
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.sample import sample_of
@@ -126,13 +134,13 @@ def evaluate(
     settings = _settings(source, setup, chosen, seeds)
     if file is not None:
         _warn_of_unknown(settings)
-    if kept := _kept(file, settings, reuse):
+    if kept := _kept(file, settings, reuse, label):
         return kept
     homes = list(dict.fromkeys(task.home for task in chosen))
     jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
     start = time.perf_counter()
     with nullcontext() if file is None else Lock(file):
-        if kept := _kept(file, settings, reuse):  # another process may just have written it
+        if kept := _kept(file, settings, reuse, label):  # another process may just have written it
             return kept
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
@@ -144,12 +152,21 @@ def evaluate(
     return report
 
 
-def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
-    """Return the result that a file holds already, if it is to be used and was made with the same settings."""
+def _kept(file: Path | None, settings: dict[str, Any], reuse: bool, label: str | None) -> Report | None:
+    """Return the result that a file holds already, if it is to be used and was made with the same settings.
+
+    It gets the label, as that is what it is shown by.
+    """
     if file is None or not reuse or not file.is_file():
         return None
     kept = load_result(file)
-    return kept if kept.settings == settings else None
+    if kept.settings != settings:
+        return None
+    if label is None or kept.run.get("label") == label:
+        return kept
+    named = replace(kept, run={**kept.run, "label": label})
+    named.save(file)
+    return named
 
 
 def _chosen(options: Options, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
@@ -231,10 +248,6 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
     given = {"privileged": setup.privileged, "centralized": source.centralized}
     is_built_in = isinstance(setup.policy, str) and setup.policy in BUILT_IN
     changes = {**changes, **{name: True for name, is_so in given.items() if is_so}}  # older results have neither
-    if "robots" in values:
-        changes = {**changes, "robots_sha256": robots_hash(options.models.values())}
-    if "catalog" in values:
-        changes = {**changes, "catalog_sha256": options.things.content}
     if own := options.own():
         changes = {**changes, "own_sha256": {name: _or_unknown(fingerprint(one)) for name, one in own.items()}}
     return {
@@ -247,6 +260,8 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),
         "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in tasks})},
+        "robots_sha256": robots_hash(options.models.values()),
+        "catalog_sha256": options.things.content or packaged_things_hash(),
         "source_sha256": source_hash(),
         **changes,
     }

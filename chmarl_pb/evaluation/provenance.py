@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import chmarl_pb
+from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.fingerprint import fingerprint, name_of, sha256_of
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.robots.model import RobotModel
@@ -19,6 +20,10 @@ from chmarl_pb.robots.plain_robot import robot_hash
 from chmarl_pb.tasks.splits import fixed_homes
 from chmarl_pb.tasks.tidy_task import AnyTask
 
+#: Endings of files with data, see :func:`source_hash`.
+DATA = (".json", ".npz", ".txt")
+#: Folders of this package whose data decides what its own policies do, beside their code.
+LEARNED = ("policies", "tasks/language")
 _PACKAGES = ("numpy", "scipy", "gymnasium", "pettingzoo", "trimesh", "yourdfpy")
 
 
@@ -57,10 +62,26 @@ def tasks_hash(tasks: Iterable[AnyTask]) -> str:
 
 
 @cache
+def packaged_things_hash() -> str:
+    """Return the sha256 of the models of the benchmark's objects; those of furniture are part of each home's."""
+    files = sorted(
+        path for name in ("graspables", "textures") for path in (URDF_DIR / name).rglob("*") if path.is_file()
+    )
+    return sha256_of(part for path in files for part in (path.name.encode(), path.read_bytes()))
+
+
+@cache
 def source_hash(module: ModuleType = chmarl_pb) -> str:
-    """Return the sha256 of a package's Python files, of this one's if none is named: it tells versions apart."""
+    """Return the sha256 of a package's Python files: it tells versions apart.
+
+    Args:
+        module: the package; if it is this one, the data counts that its own policies and words are made of.
+    """
     folder = Path(str(module.__file__)).parent
-    return sha256_of(path.read_bytes() for path in sorted(folder.rglob("*.py")))
+    files = {*folder.rglob("*.py")}
+    if module is chmarl_pb:
+        files |= {path for name in LEARNED for path in (folder / name).rglob("*") if path.suffix in DATA}
+    return sha256_of(path.read_bytes() for path in sorted(files))
 
 
 def versions() -> dict[str, str]:

@@ -17,6 +17,7 @@ from chmarl_pb.evaluation.metrics import Played, Summary, of_tasks, summarize, s
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.recognition import Recognition, total
 from chmarl_pb.files import write_atomically
+from chmarl_pb.policies.registry import BUILT_IN, is_told_more
 from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
@@ -75,6 +76,7 @@ class Report:
         robots, rules = options.get("robots"), self.rules
         own = {
             f"robots {', '.join(robots or ())}": robots,
+            f"catalog {options.get('catalog')}": options.get("catalog"),
             f"{self.track} track": self.track != PAPER,
             "pointing": options.get("pointing") and not rules["pointing"],
             "no pointing": rules["pointing"] and not options["pointing"],
@@ -105,10 +107,18 @@ class Report:
         return [name for name in ("messages", "feedback") if rules[name] and not options[name]]
 
     @property
+    def privileged(self) -> bool:
+        """Whether the policy is given more than its robots' observations; of built-in ones the file is not asked."""
+        policy = str(self.settings["policy"])
+        if policy in BUILT_IN:
+            return is_told_more(policy, str(self.settings["observation"]))
+        return bool(self.settings.get("privileged"))
+
+    @property
     def declared(self) -> str:
         """What the policy was given beyond each robot's own observation; empty if nothing."""
-        words = {"privileged": "is told the truth", "centralized": "one policy for all robots"}
-        return ", ".join(text for name, text in words.items() if self.settings.get(name))
+        words = {"is told the truth": self.privileged, "one policy for all robots": self.settings.get("centralized")}
+        return ", ".join(text for text, holds in words.items() if holds)
 
     @property
     def foreign(self) -> str:

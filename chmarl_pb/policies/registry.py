@@ -116,6 +116,16 @@ SEEING = frozenset(
 )
 
 
+def is_told_more(name: str, observation: str) -> bool:
+    """Return whether a built-in policy is given more than its robots' observations.
+
+    Args:
+        name: of the policy.
+        observation: what is observed, with a "+" between several, as results have it.
+    """
+    return name in PRIVILEGED or (name in SEEING and "scene_graph" not in observation.split("+"))
+
+
 #: Parts of what a robot is given.
 PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
 

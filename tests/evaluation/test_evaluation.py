@@ -618,11 +618,12 @@ def test_results_of_objects_that_differ_in_what_they_hold_are_not_taken_for_each
         given = {"policy": staying, "workers": 1, "tasks": TASKS, "max_steps": 2, "seeds": [0], **way, **given}
         return evaluate(split="test-unseen", **given)
 
+    told = list[int]()
     first, same, second = (
-        played_by(ways[number], out=tmp_path / "one.json", reuse=True, label=label)
-        for number, label in ((0, "first"), (0, "same"), (1, "second"))
+        played_by(ways[number], out=tmp_path / "one.json", reuse=True, progress=lambda done, of: told.append(done))
+        for number in (0, 0, 1)
     )
-    assert (first.run["label"], same.run["label"], second.run["label"]) == ("first", "first", "second")
+    assert first == same and told == 2 * [*range(len(TASKS) + 1)]
     assert second.settings != first.settings
 
     def stop(finished: int, total: int) -> None:
@@ -649,6 +650,21 @@ def test_nothing_is_reused_where_nothing_tells_what_was_played(tmp_path: Path) -
     maker.fingerprint = "what it is"  # type: ignore[attr-defined]
     report = evaluate(maker, "test-unseen", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0])
     assert report.settings["policy_sha256"] == "what it is"
+
+
+def test_what_is_reused_gets_the_label_that_is_asked_for(tmp_path: Path) -> None:
+    out = tmp_path / "r.json"
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "seeds": [0], "out": out, "reuse": True}
+    first = evaluate("belief", label="one", **given)
+    other = evaluate("belief", label="other", **given)
+    assert (other.run["date"], other.run["label"]) == (first.run["date"], "other") and load_result(out) == other
+    assert evaluate("belief", **given) == other
+
+
+def test_settings_tell_robots_and_objects_apart() -> None:
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "seeds": [0]}
+    settings = evaluate("belief", **given).settings
+    assert list(settings["robots_sha256"]) == ["humanoid", "drone"] and len(settings["catalog_sha256"]) == 64
 
 
 def held() -> Standing:

@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+import numpy as np
 import pytest
 
 from chmarl_pb.cli.sb3 import parse as parse_sb3
@@ -31,6 +32,7 @@ from chmarl_pb.learning.runs.logger import Logger
 from training import table
 from training.tables.attribution import PARTS
 from training.tables.cells import NOT_RUN, gained
+from training.tables.curves import side_by_side
 from training.tables.goals import GOALS
 from training.tables.page import write_page
 from training.tables.row import LIMITED, LIMITED_DATA, Row
@@ -447,6 +449,15 @@ def test_metrics_of_stable_baselines3_have_curves(tmp_path: Path) -> None:
     rows = [{"steps": 512, "rollout/success_rate": 0.25}, {"steps": 1024, "eval/mean_reward": 0.5}]
     metrics.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
     assert curve(metrics) == {"unit": "steps", "success": [[512, 0.25]], "loss": [], "validation": [[1024, 0.5]]}
+
+
+def test_curves_of_trainings_are_averaged_where_they_are_alike_in_steps() -> None:
+    one, other = np.array([[0, 0.0], [10, 1.0], [20, 2.0]]), np.array([[5, 1.0], [15, 3.0], [25, 5.0]])
+    places, values = side_by_side([one, other])
+    assert places.tolist() == [5, 10, 15, 20]
+    assert values.tolist() == [[0.5, 1.0, 1.5, 2.0], [1.0, 2.0, 3.0, 4.0]]
+    places, values = side_by_side([one, one])
+    assert places.tolist() == [0, 10, 20] and values.tolist() == [[0.0, 1.0, 2.0]] * 2
 
 
 # The page

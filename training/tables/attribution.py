@@ -18,7 +18,7 @@ seed, and of less than five points on the 50 tasks of test-unseen, tell little. 
 """
 
 AFTER = """MAPPO after imitation in generated homes was tried on validation tasks alone, where it added nothing
-([training.md](training_findings.md#our-own-row-imitation-of-a-search-then-mappo)).
+([findings](training_findings.md#our-own-row-imitation-of-a-search-then-mappo)).
 """
 
 

@@ -109,6 +109,17 @@ def _curves(same: Sequence[Record], unit: str, name: str) -> list[NDArray[np.flo
     ]
 
 
+def side_by_side(curves: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return curves, (points, 2) each, at common places: these, (n,), and all values there, (curves, n).
+
+    The places are those of all curves as far as all of them go; in between values are interpolated.
+    """
+    places = np.unique(np.concatenate([curve[:, 0] for curve in curves]))
+    first, last = (pick([curve[end, 0] for curve in curves]) for pick, end in ((max, 0), (min, -1)))
+    places = places[(places >= first) & (places <= last)]
+    return places, np.stack([np.interp(places, curve[:, 0], curve[:, 1]) for curve in curves])
+
+
 def _before(record: Record, unit: str) -> int:
     return int(record["checkpoint"].get("begun_with", {}).get("config", {}).get(unit, 0))
 
@@ -128,9 +139,10 @@ def _draw(
         curves = _curves(same, unit, name)
         if not curves:
             continue
-        points = min(map(len, curves))
-        x = curves[0][:points, 0]
-        y = 100 * np.stack([_smooth(curve[:points, 1]) if name == "success" else curve[:points, 1] for curve in curves])
+        if name == "success":
+            curves = [np.stack([curve[:, 0], _smooth(curve[:, 1])], axis=1) for curve in curves]
+        x, y = side_by_side(curves)
+        y *= 100
         colour = _APART[row.observation, row.feedback] if apart else _colour(row)
         axes.plot(x, y.mean(axis=0), color=colour, linestyle=_style(row, apart), label=_label(row, apart))
         axes.fill_between(x, y.min(axis=0), y.max(axis=0), color=colour, alpha=0.1, linewidth=0)

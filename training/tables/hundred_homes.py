@@ -22,10 +22,10 @@ NOTE = """## In a hundred homes
 
 The headline's test-unseen has 50 tasks in one home. Here the weights that come with the package, one training each,
 play the 2,000 tasks of generated-test in 100 homes that nothing was trained or chosen in, by the rules of the paper's
-track; intervals are over homes (95 %). Weights called *ours* learned in other generated homes, the others in the five
-of training. `qmix-pictures` sees by a detector, the rows *QMIX* of the tables by ResNet-18. *Gain*: points
-of PLW more than *blind* on the same tasks. A line is made by (pictures:
-with `--observation visual`)
+track; intervals are over homes (95 %). Weights called *ours* learned in other generated homes, but
+`ours-pictures-mappo`, like all others, in the five of training. `qmix-pictures` sees by a detector, the rows *QMIX* of
+the tables by ResNet-18. *Gain*: points of PLW more than *blind* on the same tasks. A line is made by (pictures: with
+`--observation visual`)
 
 ```
 python -m training.score results/weights/NAME.pt --messages --feedback --splits generated-test --out out/in-100/NAME

@@ -154,22 +154,17 @@ def _over_blind(own_runs: Sequence[Record], table: str, records: Records) -> str
     level = best.plw.mean or 0.0
     rows = [same for row in TABLES[table] if (same := runs_of(row, records)) and gained(same)]
     ahead = [same for same in rows if fmean(values(same, "plw", HEADLINE)) > level]
-    surely = sum(fmean(_lows(same)) > level for same in ahead if _lows(same))
+    told = [gain for same in ahead if (gain := gained(same)) and gain.low is not None]
+    surely = sum(gain.low > 0 for gain in told if gain.low is not None)
     own = gained(own_runs)
     blind = f"(*{best.name}*, {100 * level:.1f})"
     between = f" ({text})" if own and (text := interval_text(own)) else ""
     score = f"**{points(own.mean if own else None)}**{between} points"
     return (
         f"Gain over the best blind policy {blind}: {score}. {len(rows)} rows of learners are told no more than it; "
-        f"{len(ahead)} of them score above it, {surely} so that the interval over tasks, too, lies above it (its lower "
-        "end, in the mean of the trainings)."
+        f"{len(ahead)} of them score above it. {len(told)} of those keep the PLW of each task of all trainings, which "
+        f"the gain's interval takes: in {surely} it lies above 0."
     )
-
-
-def _lows(same: Sequence[Record]) -> list[float]:
-    """Return the lower ends of the intervals of PLW over the tasks of test-unseen, of the runs that have one."""
-    summaries = [record["evaluation"]["splits"][HEADLINE]["summary"]["plw"] for record in same]
-    return [one["low"] for one in summaries if one.get("low") is not None]
 
 
 def _intervals(row: Row, records: Records, metric: str) -> str:

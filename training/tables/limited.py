@@ -14,7 +14,8 @@ TITLE = "Limited layouts"
 NOTE = """Not of the benchmark: a data set in which each class of object has one place in a home
 ([data.md](data.md#limited-layouts)), so that it pays to know the home by heart, beside the benchmark's own, where
 places are drawn for every task. The clones differ in their data alone. *test-limited*: the five homes of training with
-every object where it always lies; *test-seen*: the same homes, objects elsewhere; the other two are homes never seen.
+every object where it always lies; *test-seen*: the same homes, objects elsewhere
+(13 of its 250 tasks have the home, object and classes of one of train-limited); the other two are homes never seen.
 The weights are the best on val-limited alone, as homes are to be known by heart (the benchmark's data: the best on
 val-seen and val-unseen); up to epoch 6 those of seed 0 were chosen on val-limited and val-unseen
 ([how that differs](training_encoders.md#limited-layouts)). Cells are success / PLW, per cent, means over seeds;
