@@ -33,6 +33,11 @@ def named(keys: Collection[str], *names: str) -> list[str]:
     return [key for key in keys if key in ours]
 
 
+def are_of_all(keys: Collection[str]) -> bool:
+    """Return whether keys are those of all robots seen as one, with a robot's name before each."""
+    return any(key.startswith(prefix) for prefix in prefixes(keys) if prefix for key in keys)
+
+
 def is_ids(space: spaces.Space[Any], rank: int) -> bool:
     """Return whether a space holds ids from 0 on: whole numbers with a small upper bound, in this many dimensions."""
     return (

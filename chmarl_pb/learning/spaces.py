@@ -114,7 +114,7 @@ def interface_of(env: Any) -> Interface:
         ValueError: its spaces are not of the kinds that can be learned from, or what it returns does not fit them.
     """
     observations, actions = spaces_of(env)
-    seen = _first_of(env.reset(seed=0))
+    seen, _ = two_dicts(env.reset(seed=0))
     interface = Interface(observations, actions, 0, _has_state(env))
     first = {name: interface.observed(name, seen[name]) for name in observations if name in seen}
     if not first:
@@ -127,8 +127,8 @@ def interface_of(env: Any) -> Interface:
     return replace(interface, state_size=size)
 
 
-def _first_of(start: Any) -> Mapping[str, Tree]:
-    """Return the observations of what a reset has returned.
+def two_dicts(start: Any) -> tuple[Mapping[str, Tree], Mapping[str, Any]]:
+    """Return the observations and infos that a reset has returned.
 
     Raises:
         ValueError: it is no pair of dicts.
@@ -138,8 +138,8 @@ def _first_of(start: Any) -> Mapping[str, Tree]:
             f"reset() returns {type(start).__name__}; return two dicts, observations and infos, as PettingZoo's "
             "ParallelEnv does (pettingzoo.utils.conversions.aec_to_parallel makes one of an AECEnv)"
         )
-    observations: Mapping[str, Tree] = start[0]
-    return observations
+    observations, infos = start
+    return observations, infos
 
 
 def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]]:
@@ -161,6 +161,9 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
     for name, space in observations.items():
         if not all(isinstance(part, FLAT) for part in _parts(space).values()):
             raise ValueError(f"the observation space of {name!r} is {space}; use a {FLAT_NAMES}, or a Dict of them")
+        empty = [key for key, part in _parts(space).items() if not spaces.flatdim(part)]
+        if empty or not _parts(space):
+            raise ValueError(f"{_where(name, *empty[:1])} has no numbers in its observation_space; leave it out")
     return observations, actions
 
 
@@ -195,7 +198,7 @@ def check_values(name: str, kept: Tree, seen: Tree) -> None:
         ValueError: values would be cut off there, so that others were learned from than were acted on.
     """
     for key, array in kept.items() if isinstance(kept, Mapping) else [("", kept)]:
-        values = seen[key] if key else seen
+        values = seen[key] if isinstance(kept, Mapping) else seen
         if not _holds(array.dtype, values):
             raise ValueError(
                 f"{_where(name, key)} is of {array.dtype} in its observation_space, which does not hold what the "
@@ -219,7 +222,7 @@ def _parts(space: spaces.Space[Any]) -> dict[str, spaces.Space[Any]]:
     return dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
 
 
-def _where(name: str, key: str) -> str:
+def _where(name: str, key: str = "") -> str:
     """Return the words for a part of an agent's observations."""
     return f"the observation of {name!r}" + (f", key {key!r}," if key else "")
 

@@ -161,6 +161,23 @@ def test_a_model_in_memory_knows_its_drone_by_its_environments() -> None:
         envs.close()
 
 
+@pytest.mark.parametrize(("key", "is_told"), [("image", True), ("self", False), ("messages", False)])
+def test_a_model_that_sees_one_key_of_one_robot_drives_one(key: str, is_told: bool) -> None:
+    from gymnasium.wrappers import FilterObservation
+    from stable_baselines3 import PPO
+
+    def make() -> Any:
+        env = gymnasium.make("CHMARL/VisualHumanoid-v1", split="val-unseen", image_size=64)
+        return FilterObservation(env, [key])
+
+    envs = chmarl_pb.sb3_vec_env(1, make, workers=0)
+    policies = policy_of(PPO("MultiInputPolicy", envs, policy_kwargs={"net_arch": [4]}, device="cpu"))
+    envs.close()
+    assert (policies._partner, policies.centralized, policies.privileged) == ("belief", False, is_told)
+    given: dict[str, Any] = {"observation": "visual", "image_size": 64, "seeds": [0], "workers": 1, "max_steps": 2}
+    assert len(chmarl_pb.evaluate(policies, "val-unseen", tasks=["val-unseen-000"], **given).episodes) == 1
+
+
 def test_pictures_of_a_lone_humanoid_are_evaluated(tmp_path: Path) -> None:
     """Its drone is told what is in view, as in training, which results say."""
     run(Config("ppo", "CHMARL/VisualHumanoid-v1", steps=8, interval=8, **TINY), tmp_path, workers=0)

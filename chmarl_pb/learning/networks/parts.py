@@ -107,8 +107,9 @@ class FlatEncoder(Part):
 
 
 def _one_hot(numbers: Tensor, count: int) -> Tensor:
-    """Return (B, count) of numbers (B); zeros for one below 0, which is nobody's."""
-    return nn.functional.one_hot(numbers.clamp(min=0), count).float() * (numbers >= 0).unsqueeze(-1)
+    """Return (B, count) of numbers (B); zeros for one that is none of them, which is nobody's."""
+    known = (numbers >= 0) & (numbers < count)
+    return nn.functional.one_hot(numbers.clamp(0, count - 1), count).float() * known.unsqueeze(-1)
 
 
 def flattened(values: Tensor, shape: tuple[int, ...] | None) -> Tensor:

@@ -8,9 +8,11 @@ episode of our checkpoints has shown it (``tests/learning/test_batched_policies.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from typing import Any, Protocol
 
 from chmarl_pb.learning.networks.kept_features import reset_all, step_all
+from chmarl_pb.learning.spaces import two_dicts
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.seats import CommonSeat, Seats, masks_of
 
@@ -132,14 +134,42 @@ def play_together(
         The number of an episode, its actions, and what the step returned; at first None, and what the reset returned.
     """
     starts = reset_all(envs, seeds, options)
-    latest = dict(enumerate(starts))
+    latest: dict[int, tuple[Any, Any]] = {number: two_dicts(start) for number, start in enumerate(starts)}
     policy.reset(seeds if policy_seeds is None else policy_seeds)
     for number, start in latest.items():
         yield number, None, start
     while running := [number for number, env in enumerate(envs) if env.agents]:
         seen = [{name: latest[number][0][name] for name in envs[number].agents} for number in running]
         actions = policy.act(running, seen, [latest[number][1] for number in running])
-        results = step_all([envs[number] for number in running], actions)
+        results = step_all([envs[number] for number in running], [_copied(one) for one in actions])
         for number, action, result in zip(running, actions, results, strict=True):
-            latest[number] = result[0], result[4]
+            latest[number] = _observed(result, envs[number])
             yield number, action, result
+
+
+def _copied(actions: Actions) -> Actions:
+    """Return actions in a dict and arrays of their own, which an environment may use as it likes."""
+    return {name: copy(action) for name, action in actions.items()}
+
+
+def _observed(step: Any, env: Any) -> tuple[Any, Any]:
+    """Return the observations and the infos of what a step has returned.
+
+    Raises:
+        ValueError: it is not what a ParallelEnv returns, or does not say what those who are there observe.
+    """
+    if not isinstance(step, tuple) or len(step) != 5 or not all(isinstance(one, Mapping) for one in step):
+        raise ValueError(
+            f"step() returns {_kinds(step)}; return five dicts by the names of agents, as PettingZoo's ParallelEnv "
+            "does: observations, rewards, terminations, truncations, infos"
+        )
+    if blind := [name for name in env.agents if name not in step[0]]:
+        raise ValueError(
+            f"step() gives no observation of {blind[0]!r}, which env.agents still names; return one for each of them"
+        )
+    return step[0], step[4]
+
+
+def _kinds(returned: Any) -> str:
+    """Return what was returned, in a few words."""
+    return ", ".join(type(one).__name__ for one in returned) if isinstance(returned, tuple) else type(returned).__name__

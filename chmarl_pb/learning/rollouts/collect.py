@@ -1,6 +1,7 @@
 """Play episodes side by side in one process, with agents that act in one batch."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -11,7 +12,7 @@ from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, b
 from chmarl_pb.learning.networks.agents import Agent, Player
 from chmarl_pb.learning.rollouts.batched import play_together
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
-from chmarl_pb.learning.spaces import Interface, interface_of, stack, tensors, zeros
+from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of, stack, tensors, zeros
 from chmarl_pb.policies.expert import Expert, as_expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
@@ -116,6 +117,7 @@ class Collector:
         """
         self._horizon, self._check = horizon, check
         self.envs = [env_fn() for _ in range(count)]
+        spaces_of(self.envs[0])
         if len({id(getattr(env, "unwrapped", env)) for env in self.envs}) < count:
             raise ValueError("env_fn returns the same environment again; let it make a new one each time")
         self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
@@ -160,13 +162,21 @@ class Collector:
                 episode.labels.append(explorer.labels[number])
             advance(self.interface, episode, env, actions, result)
             if len(episode) == self._horizon and env.agents:
-                raise ValueError(f"an episode goes on after horizon={self._horizon} steps; give a longer horizon")
+                raise ValueError(_goes_on(self._horizon, actions, result))
         return episodes
 
     def close(self) -> None:
         """Close the environments."""
         for env in self.envs:
             env.close()
+
+
+def _goes_on(horizon: int, actions: Actions, step: tuple[Any, ...]) -> str:
+    """Return what is wrong with an episode that is not over after all steps that can be kept."""
+    _, _, terminated, truncated, _ = step
+    if all(terminated.get(name) or truncated.get(name) for name in actions):
+        return "all agents have ended, but env.agents still names them; take those out that are terminated or truncated"
+    return f"an episode goes on after horizon={horizon} steps; give a longer horizon"
 
 
 class Explorer:
@@ -222,7 +232,7 @@ class Explorer:
         return chosen
 
     def _proposed(self, number: int, observations: Observations, infos: Infos) -> Actions:
-        """Return what an episode's expert would do.
+        """Return what an episode's expert would do in the place of those who are there.
 
         Raises:
             ValueError: it is no dict of agents.
@@ -233,7 +243,7 @@ class Explorer:
                 f"the expert proposes {proposed!r}; let it return a dict of actions by the names of agents: "
                 f"{', '.join(self._counts)}"
             )
-        return dict(proposed)
+        return {name: copy(action) for name, action in proposed.items() if name in observations}
 
     def _labels_of(self, name: str, episodes: Sequence[int], mask: np.ndarray) -> np.ndarray:
         """Return what experts would do in an agent's place, (B, K), or ``NO_LABEL``; a mask is (B, K, A).

@@ -92,8 +92,9 @@ class _Shared:
         own, *others = ([int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + 1))
         streams = [int(number) for number in rng.integers(2**63, size=len(others) + 1)]
         player = _pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
+        names = self.collector.interface.agents
         played = [
-            submitted(executor, _play_share, self.make, self.threads, player, stream, share)
+            submitted(executor, _play_share, self.make, self.threads, names, player, stream, share)
             for executor, stream, share in zip(self.executors, streams[1:], others, strict=True)
         ]
         episodes = self.collector.play(agents, choose, np.random.default_rng(streams[0]), own, ask_experts=True)
@@ -106,11 +107,23 @@ class _Shared:
         yield from (future.result() for future in futures)
 
 
-def _play_share(make: bytes, threads: int, player: bytes, stream: int, seeds: Sequence[int]) -> list[Episode]:
-    """Play episodes in this process, which is another one than that of the run."""
+def _play_share(
+    make: bytes, threads: int, names: Sequence[str], player: bytes, stream: int, seeds: Sequence[int]
+) -> list[Episode]:
+    """Play episodes in this process, which is another one than that of the run.
+
+    Raises:
+        ValueError: the agents have another order here than ``names``, and so have the rewards of an episode.
+    """
     torch.set_num_threads(threads)
     agents, choose = pickle.loads(player).fn
-    return _collector(make, len(seeds)).play(agents, choose, np.random.default_rng(stream), seeds, ask_experts=True)
+    collector = _collector(make, len(seeds))
+    if (own := collector.interface.agents) != names:
+        raise ValueError(
+            f"possible_agents are {', '.join(names)} in one process and {', '.join(own)} in another; give them one "
+            "order, which no set has"
+        )
+    return collector.play(agents, choose, np.random.default_rng(stream), seeds, ask_experts=True)
 
 
 @lru_cache(maxsize=1)

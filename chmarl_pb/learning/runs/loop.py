@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,8 @@ def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> N
     if setting is not None and not isinstance(setting, dict):
         raise ValueError(f"setting={setting!r}: give a dict")
     plain(setting, "setting")
+    if given["folder"] is not None:
+        plain(asdict(config), "config")
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ def train(
     row, folder = find_algorithm(algorithm), None if folder is None else Path(folder)
     config = row.config() if config is None else config
     given = {"env_fn": env_fn, "config": config, "expert": expert, "setting": setting, "validate": validate}
+    given["folder"] = folder
     _check_arguments(algorithm, row, given)
     if isinstance(config, DAggerConfig) and expert is not None:
         config = replace(config, expert=expert_name(expert))
@@ -164,8 +167,10 @@ def train(
             except ProcessDiedError as error:
                 run.save()
                 kept = f"the same command goes on from {last}; fewer workers need another folder" if last else ""
+                why = "out of memory?" if run.episodes else "out of memory, or a script that calls train without "
+                why += "" if run.episodes else "if __name__ == '__main__': before it?"
                 raise WorkerError(
-                    f"a process died after {run.episodes} episodes (out of memory?); {kept or 'nothing is kept'}"
+                    f"a process died after {run.episodes} episodes ({why}); {kept or 'nothing is kept'}"
                 ) from error
         if folder is not None:
             check_kept(folder / BEST)

@@ -159,7 +159,8 @@ class Run:
                 theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
             theirs |= asdict(type(self.config)(**theirs["config"]))
             own |= asdict(self.config)
-        check_same({**theirs, "config": None}, {**own, "config": None}, path)
+        known = {"agents": own["agents"], **theirs}  # older runs do not tell the order of agents
+        check_same({**known, "config": None}, {**own, "config": None}, path)
         before = state.get("validated_by", self._validated_by)
         if before != self._validated_by and state["best_score"] > -np.inf:
             raise CheckpointError(
@@ -272,7 +273,7 @@ class Run:
         spaces = {name: str(space) for name, space in interface.observations.items()}
         return {
             "algorithm": self.learner.algorithm, "config": asdict(self.config), "setting": self.setting,
-            "observations": spaces, "actions": interface.actions,
+            "observations": spaces, "actions": interface.actions, "agents": list(interface.agents),
         }  # fmt: skip
 
     def _due(self, before: int, interval: int) -> bool:
@@ -335,5 +336,5 @@ def _scaled(episode: Episode, scale: float) -> Episode:
 
 def _success(episode: Episode) -> list[float]:
     """Return whether the episode succeeded, if the environment says so."""
-    found = [info["success"] for info in episode.info.values() if "success" in info]
-    return [float(all(found))] if found else []
+    found = [info["success"] for info in episode.info.values() if isinstance(info, Mapping) and "success" in info]
+    return [float(all(np.all(success) for success in found))] if found else []

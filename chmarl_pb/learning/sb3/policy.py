@@ -17,15 +17,13 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
-from chmarl_pb.learning.observation_keys import GOAL, IMAGE, named
+from chmarl_pb.learning.observation_keys import IMAGE, are_of_all, named
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
 from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, first_grasper
 from chmarl_pb.policies.registry import make_policy
-
-_COMMON = {"instruction", "feedback", "messages", "self", "node_class", "rgb", GOAL}  # keys of one robot
 
 _TRAINING = {"lr_schedule", "optimizer_class", "optimizer_kwargs"}  # what a network is made from, to be trained
 
@@ -51,7 +49,7 @@ def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicie
 def _partner_of(model: BaseAlgorithm) -> str:
     """Return the policy of the robots that did not learn."""
     env = model.get_env()
-    if env is None or not _COMMON & set(_keys_of(model.policy)):
+    if env is None or are_of_all(_keys_of(model.policy)):
         return PARTNERS[0]
     try:
         return str(env.get_attr("partner")[0]) if env.has_attr("partner") else PARTNERS[0]
@@ -67,8 +65,8 @@ class ModelPolicies:
         """Remember a model, and the policy of those that it does not drive."""
         self._network, self._partner = model.policy, partner
         self.deterministic = not hasattr(self._network, "get_distribution")  # as `evaluate` asks
-        keys = set(_keys_of(self._network))
-        self.centralized = not _COMMON & keys  # keys of all robots have their names before them
+        keys = _keys_of(self._network)
+        self.centralized = are_of_all(keys)
         self.privileged = not self.centralized and IMAGE in keys  # the others are told what is in view, as in training
 
     @property
