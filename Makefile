@@ -69,7 +69,7 @@ scaling: $(VENV)/.dev
 	$(RUN)/python -m benchmarks.scaling
 
 # Train and evaluate all rows of the tables: docs/results.md. It takes long and goes on where it was interrupted.
-# ROWS="--table scene-graph --seeds 1" chooses; see docs/training.md.
+# ROWS="--table scene-graph --seeds 1" chooses; see docs/training_tables.md.
 tables: $(VENV)/.dev
 	$(RUN)/python -m training.table $(ROWS)
 

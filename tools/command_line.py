@@ -93,7 +93,8 @@ def _learner(command: str) -> str:
     )  # fmt: skip
     names = ", ".join(f"`{option}`" for option in options)
     head = f"{LEARNERS[command][0].upper()}{LEARNERS[command][1:]}. `{example}`"
-    return f"## chmarl-pb {command}\n\n{head}\n\n{told}; see [training.md](training.md). All options: {names}.\n"
+    page = "training.md" if command == "train" else "training_sb3.md"
+    return f"## chmarl-pb {command}\n\n{head}\n\n{told}; see [{page}]({page}). All options: {names}.\n"
 
 
 def learner_options(command: str, words: list[str]) -> set[str]:

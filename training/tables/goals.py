@@ -40,7 +40,7 @@ _POINTING_PICTURES = (
     "([measured](training_findings.md#what-pictures-cost))"
 )
 
-_SEEN = "test-seen"
+_SEEN, _GAP = "test-seen", "{gap}"
 #: Success and PLW on the headline's split, per cent; points of PLW more on test-seen; how many trainings.
 Reached = tuple[tuple[float, ...], str, str]
 
@@ -127,8 +127,7 @@ def _of_row(goal: Goal, records: Records) -> Reached:
     if not same:
         return (), "", NOT_RUN
     scores = tuple(100 * fmean(values(same, metric, split)) for metric in ("success_rate", "plw"))
-    seen = [] if goal.table == "grounded" else values(same, "plw", _SEEN)
-    gap = f"{100 * fmean(seen) - scores[1]:.0f}" if seen else ""
+    gap = f"{100 * fmean(values(same, 'plw', _SEEN)) - scores[1]:.0f}" if _GAP in goal.stops else ""
     return scores, gap, f"{len(same)} training{'s' * (len(same) > 1)}"
 
 

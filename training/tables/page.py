@@ -36,7 +36,7 @@ BUILT_IN = {**SHORTCUTS, **SEARCHES}
 TITLE = """# Results of the learners
 
 Written by `python -m training.table --show` from the files in `results/`; do not edit. How the runs are made:
-[training.md](training.md#the-tables). What is measured: [benchmark.md](benchmark.md#metrics).
+[training_tables.md](training_tables.md). What is measured: [benchmark.md](benchmark.md#metrics).
 """
 
 READING = f"""## How to read the tables
