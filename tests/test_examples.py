@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import gymnasium
+import numpy as np
 import pytest
 
 import chmarl_pb
@@ -78,6 +80,22 @@ def test_benchmarl_task(
     monkeypatch.setitem(sys.modules, "benchmarl_task", module)  # BenchMARL pickles the task
     module.main(["--algorithm", algorithm, "--frames", "120", "--split", "val-unseen", "--out", str(tmp_path)])
     assert f"{algorithm}: 120 frames, mean return" in capsys.readouterr().out
+
+
+def test_epymarl_env() -> None:
+    """What EPyMARL asks of an environment: as many lists as robots, spaces to match, and its own limit of time."""
+    example("epymarl_env")
+    env: Any = gymnasium.make("Household-v0", max_episode_steps=28, split="val-unseen", keys=("messages", "self"))
+    team, spaces = env.unwrapped, env.observation_space
+    vectors, _ = env.reset(seed=3)
+    assert [one.n for one in env.action_space] == [10, 9] and team.n_agents == len(vectors) == 2
+    for step in range(28):
+        assert all(space.contains(vector) for space, vector in zip(spaces, vectors, strict=True))
+        vectors, rewards, ended, cut, info = env.step(np.array([9, 8]))
+        assert len(rewards) == 2 and (ended, cut) == (False, step == 27) and info == {"success": 0.0}
+    other, _ = env.reset(seed=3)
+    assert np.array_equal(other[0], env.reset(seed=3)[0][0])
+    env.close()
 
 
 def test_cleanrl_ppo(capsys: pytest.CaptureFixture[str]) -> None:
