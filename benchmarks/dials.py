@@ -19,13 +19,14 @@ from typing import Any
 from rich.progress import Progress, TaskID
 
 from benchmarks.dials_drawing import draw
-from chmarl_pb.cli.evaluate import interval, percent, progress_bar
+from chmarl_pb.cli.evaluate import interval, percent
 from chmarl_pb.errors import ChmarlError
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN, USES
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.symbols import Symbols
 from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
 

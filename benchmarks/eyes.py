@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from benchmarks.dials import advance
-from chmarl_pb.cli.evaluate import percent, progress_bar
+from chmarl_pb.cli.evaluate import percent
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.learning.networks.frozen import frozen_encoder
@@ -18,6 +18,7 @@ from chmarl_pb.learning.policies.eyes import DetectorEyes
 from chmarl_pb.policies.eyes import Seeing
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
+from chmarl_pb.progress import progress_bar
 
 SPLITS = ("val-seen", "val-unseen")
 CONFIDENCES = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3)

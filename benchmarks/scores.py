@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.dials import advance
-from chmarl_pb.cli.evaluate import percent, progress_bar
+from chmarl_pb.cli.evaluate import percent
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import source_hash
@@ -17,6 +17,7 @@ from chmarl_pb.files import file_hash, write_atomically
 from chmarl_pb.learning.policies.learned import ValuePolicies
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.limits import whole_number
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.task import Task
 
 SPLITS = ("generated-val", "val-seen", "val-unseen")  # on a test split nothing is tried

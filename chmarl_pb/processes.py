@@ -21,7 +21,7 @@ from chmarl_pb.limits import whole_number
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
-#: What results of other processes end with where one has died; a block of :func:`pools` makes a sentence of it.
+#: The error with which results end when a process has died; a block of :func:`pools` makes a sentence of it.
 ProcessDiedError = BrokenProcessPool
 
 _AHEAD = 4  # jobs under way for each process

@@ -6,7 +6,15 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 T = TypeVar("T")
 
@@ -66,3 +74,14 @@ class LateProgress(Progress):
         """Leave the bar as it is; nothing is printed if it was never shown."""
         if self.live.is_started:
             super().stop()
+
+
+def progress_bar() -> LateProgress:
+    """Return a bar that counts, and estimates the time that is left."""
+    return LateProgress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+
+def run_bar(quiet: bool = False) -> Progress:
+    """Return the bar of a training, on stderr, which is shown from the start unless ``quiet``."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 from chmarl_pb.files import Lock, open_folder, remove_leftovers, replacing, write_atomically
 from chmarl_pb.learning.algorithms.gradient import check_finite
@@ -31,6 +31,7 @@ from chmarl_pb.learning.runs.interrupts import Signals, StopRequested, run_comma
 from chmarl_pb.learning.storage import checkpoint
 from chmarl_pb.learning.storage.seal import seal
 from chmarl_pb.learning.threads import threads
+from chmarl_pb.progress import progress_bar
 from training.onnx_file import read_detector, write_onnx
 
 KIND = "pretraining"
@@ -269,7 +270,7 @@ def _measure(chosen: argparse.Namespace) -> int:
     source = chosen.out or weights_file("detector")
     model, frozen = read_detector(source), FrozenEncoder("detector", read_weights(source, "detector"))
     folder = open_folder(own_file("detector").parent) / "labelled_views"
-    with _bar() as bar:
+    with progress_bar() as bar:
         figures = measured(model, frozen, _checked(chosen, partial(_drawn, bar, chosen.seed, folder, chosen.workers)))
     return _tell({"network": "detector", "fingerprint": frozen.fingerprint, **figures}, source, chosen.figures)
 
@@ -281,7 +282,7 @@ def _make(chosen: argparse.Namespace) -> int:
         read_detector(chosen.start)  # refused before all views are drawn
     folder = open_folder(out.parent) / "labelled_views"
     start = time.perf_counter()
-    with Lock(out), _bar() as bar:
+    with Lock(out), progress_bar() as bar:
         for written in (out, _unfinished(out)):
             remove_leftovers(written)
         draw = partial(_drawn, bar, chosen.seed, folder, chosen.workers)
@@ -290,10 +291,6 @@ def _make(chosen: argparse.Namespace) -> int:
         views, checked = read_views([file for part in files for file in part]), _checked(chosen, draw)
         figures = pretrain(chosen.network, out, views, checked, chosen.epochs, chosen.seed, bar, chosen.start, device)
     return _tell({**figures, "minutes": round((time.perf_counter() - start) / 60, 1)}, out, chosen.figures)
-
-
-def _bar() -> Progress:
-    return Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
 
 def _checked(chosen: argparse.Namespace, draw: Callable[..., list[Path]]) -> dict[str, Views]:

@@ -8,6 +8,7 @@ from torch import nn
 import chmarl_pb
 from chmarl_pb.cli.train import Play, parse
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
+from chmarl_pb.learning.algorithms.on_policy import new_episodes
 from chmarl_pb.learning.algorithms.pqn import PqnConfig
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import Config
@@ -79,8 +80,7 @@ def gradient_steps(config: RunConfig) -> int:
     while played < config.episodes:
         played += config.envs
         if isinstance(config, MappoConfig | PqnConfig):
-            new = played - learned
-            if new >= config.buffer_size or played >= config.episodes:
+            if new := new_episodes(config, played, learned):
                 steps, learned = steps + config.n_epochs * -(-new // config.batch_size), played
         elif isinstance(config, Config) and played >= min(config.learning_starts, config.episodes):
             steps += config.gradient_steps

@@ -16,12 +16,13 @@ from chmarl_pb.cli.arguments import (
     given_rules,
     seeds_of,
 )
-from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
+from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import Audit, Line
 from chmarl_pb.fingerprint import sha256_of
+from chmarl_pb.progress import progress_bar
 
 
 def add(parser: argparse.ArgumentParser) -> None:

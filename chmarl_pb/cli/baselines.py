@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.progress import Progress, TaskID
 
 from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, output_folder, seeds_of
-from chmarl_pb.cli.evaluate import interval, number, percent, progress_bar
+from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
@@ -18,6 +18,7 @@ from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, GENERATED_HOMES, load_tasks
 

@@ -7,14 +7,13 @@ from datetime import datetime
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
 from chmarl_pb.cli.arguments import WORKERS, add_workers, check_used, chosen_executor
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.rendering.view_store import Entry, view_store
 
 _MB = 2**20
@@ -106,7 +105,7 @@ def run_fill(homes: Sequence[str], size: int, executor: Executor) -> int:
     print(f"{', '.join(homes)}: all views take {filling.bytes / MB:,.1f} MB, {filling.missing:,} are missing")
     elsewhere = not isinstance(executor, Local)
     if jobs := filling.jobs(elsewhere):
-        with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+        with progress_bar() as bar:
             row = bar.add_task("drawing views", total=None if elsewhere else filling.missing)
             for count in draw(jobs, executor):
                 bar.advance(row, count)

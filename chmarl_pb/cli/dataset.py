@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Column, Table
 
 from chmarl_pb.cli.arguments import (
@@ -31,7 +30,7 @@ from chmarl_pb.data.store import default_root
 from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
 
 
@@ -168,7 +167,7 @@ def _print_statistics(facts: dict[str, Any]) -> None:
 @contextmanager
 def _bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
     """Show a progress bar; yield the function that moves it on."""
-    with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+    with progress_bar() as bar:
         row = bar.add_task(title, total=total)
         yield lambda count: bar.advance(row, count)
 

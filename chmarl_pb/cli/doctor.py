@@ -5,13 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
-
 from chmarl_pb.cli.arguments import OutputFile
 from chmarl_pb.compiled import COMPILES, kernels
 from chmarl_pb.files import cache_folder
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import progress_bar
 
 _MB = 2**20
 
@@ -34,7 +31,7 @@ def _run(options: argparse.Namespace) -> int:
     known = golden.recorded(options.against or golden.RECORDED)
     print("\n".join(_lines_of(versions(), machine(), known)))
     found = dict[str, str]()
-    with LateProgress(*Progress.get_default_columns(), MofNCompleteColumn(), console=Console(stderr=True)) as bar:
+    with progress_bar() as bar:
         row = bar.add_task("self-test", total=len(golden.ROLLOUTS))
         for name, value in golden.digests():
             found[name] = value

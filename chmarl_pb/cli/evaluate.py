@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from chmarl_pb.cli.arguments import (
@@ -41,7 +40,7 @@ from chmarl_pb.evaluation.tables import notes_of, where_of
 from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.policies.sources import Source, find_policy
-from chmarl_pb.progress import LateProgress, is_silent
+from chmarl_pb.progress import is_silent, progress_bar
 from chmarl_pb.robots.registry import TEAM, listed
 
 _MOST_HOMES = 20  # that are shown one by one
@@ -136,12 +135,6 @@ def _published(source: Source, report: Report) -> str:
     if played != rules:
         return ""
     return f"published: {100 * figures['success_rate']:.1f} / {100 * figures['plw']:.1f} (success / PLW on {split})"
-
-
-def progress_bar() -> LateProgress:
-    """Return a progress bar that counts episodes; it shows on standard error."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return LateProgress(*columns, console=Console(stderr=True))
 
 
 def print_report(console: Console, report: Report) -> None:

@@ -11,14 +11,13 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-from rich.progress import MofNCompleteColumn, Progress
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
 from chmarl_pb.files import Lock, replacing, write_atomically
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import check_workers, in_processes
-from chmarl_pb.progress import LateProgress
+from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.own_places import own_place
 from chmarl_pb.tasks.sampling import sample_task
 from chmarl_pb.tasks.simulation import Simulation
@@ -65,8 +64,7 @@ def build_all(folder: Path, workers: int) -> int:
 
 def _build_all(folder: Path, workers: int) -> None:
     taken: dict[bool, set[Kind]] = {False: set(), True: set()}  # limited layouts apart: they move nothing else
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with LateProgress(*columns) as bar:
+    with progress_bar() as bar:
         for split in reversed(SPLIT_SIZES):  # train comes last: it gives way to what the others have
             path, kinds = folder / f"{split}.csv", taken[split in LIMITED_SPLITS]
             row = bar.add_task(split, total=SPLIT_SIZES[split])

@@ -1,4 +1,4 @@
-"""The AEC view: the robots act one after the other, the world moves after the second."""
+"""The AEC view: the robots act one after the other, the world moves after the last."""
 
 from typing import Any
 
@@ -43,7 +43,7 @@ class TurnEnv(parallel_to_aec_wrapper):  # type: ignore[misc]
             }
 
     def step(self, action: int | None) -> None:
-        """Note the action of the robot whose turn it is; after the second, let both act.
+        """Note the action of the robot whose turn it is; after the last, let all act.
 
         Raises:
             ActionError: it is not a whole number, or out of range.

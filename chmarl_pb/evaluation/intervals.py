@@ -41,7 +41,7 @@ def rate_interval(values: Mapping[str, Sequence[float]]) -> tuple[float, float]:
     """Return the interval of the mean of values from 0 to 1; see :func:`interval`.
 
     Where all are 0, or all 1, no draw of them tells how many might have been otherwise; that end is then the one of
-    Clopper and Pearson 1934 for as many tasks, or drawn homes, without one that is otherwise.
+    Clopper and Pearson 1934 for as many tasks, or drawn homes, with no exception among them.
     """
     every = [value for home in values.values() for value in home]
     if min(every) != max(every) or every[0] not in (0, 1):

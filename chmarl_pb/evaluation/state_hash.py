@@ -12,7 +12,7 @@ _STEPS = 10_000  # numbers are rounded to 0.1 mm (positions, heights) and 0.0001
 def state_hash(env: HouseholdEnv) -> str:
     """Return the sha256 of an environment's present state as 64 hexadecimal digits.
 
-    It covers both robots' lattice poses, what is held, what carries each object, the objects' poses in
+    It covers all robots' lattice poses, what is held, what carries each object, the objects' poses in
     the world, the potential, and what each robot sees. Numbers are rounded, so that the last bits, in
     which machines may differ, do not count.
 

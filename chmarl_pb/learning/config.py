@@ -7,7 +7,7 @@ limits; its description stands in the docstring. The command line is made from b
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -113,10 +113,11 @@ class RunConfig:
             node is what the instruction calls X and Y, or "parsed": the same, as ``parse_instruction`` tells.
         word_vectors: whether words and classes come from static word vectors, so that unseen synonyms are understood.
         numbers_past: whether messages, the robot's own state and the goal also go past the encoder, to memory and head.
-        cells_past: whether so does what pointing and guiding take: the cells of the picture in which X and Y can be
-            taken, their directions from another robot, the room that is named; needs the grounded or the parsed pool.
-        history_past: whether so does the most that each of these numbers, and of the agent's own actions, has been so
-            far in the episode.
+        cells_past: whether what pointing and guiding take also goes past the encoder: the cells of the picture in which
+            X and Y can be taken, their directions from another robot, the room that is named; needs the grounded or the
+            parsed pool.
+        history_past: whether the most that each of these numbers, and of the agent's own actions, has been so far in
+            the episode also goes past it.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
             :mod:`chmarl_pb.learning.networks.match`.
         home_rollouts: rollouts in a row that an environment stays in one of endless homes, at most as many as it says.
@@ -124,6 +125,9 @@ class RunConfig:
         checkpoint_interval: episodes between two checkpoints.
         log_interval: episodes between two rows of metrics.
     """
+
+    #: Whether all kept episodes are learned from at once, so that memory has to hold them all.
+    on_policy: ClassVar[bool] = False
 
     seed: int = seed_number(0)
     episodes: int = count(6_000)
@@ -161,13 +165,10 @@ class RunConfig:
 
     @property
     def kept(self) -> int:
-        """Most episodes that the replay buffer has to hold, if memory allows."""
-        return self.buffer_size
-
-    @property
-    def on_policy(self) -> bool:
-        """Whether all kept episodes are learned from at once, so that memory has to hold them all."""
-        return False
+        """Most episodes that the replay buffer has to hold, if memory allows; on policy, those of whole rollouts."""
+        if not self.on_policy:
+            return self.buffer_size
+        return -(-max(self.buffer_size, self.learning_starts) // self.envs) * self.envs
 
     @property
     def first_weights(self) -> str:

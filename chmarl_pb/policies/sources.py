@@ -41,7 +41,7 @@ class Source:
             eyes have learned; None for what comes with the package, and where nothing tells it apart.
         privileged: whether it is given more than observations: the environment and whole infos.
         centralized: whether one object drives all robots.
-        needs_graphs: whether it is, too, where observations hold no scene graph.
+        needs_graphs: whether it is also privileged where observations hold no scene graph.
         rules: options of the environment that it was trained with, where they are not the paper's.
         observation: what it observes, if that is known.
         weights: what is published of it.

@@ -30,6 +30,7 @@ _BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an in
 _PLATE = 250
 _INK = (45, 45, 45)
 _COLOURS = {"error": (214, 32, 32), "warning": (236, 140, 0)}  # of the marks of problems
+_VIEW = 400  # width and height of each view of a model, pixels
 _SIDES = (30.0, 120.0, 210.0, 300.0)  # azimuths of the views of a model, degrees
 
 
@@ -63,13 +64,12 @@ def preview(
     return Path(out_png)
 
 
-def preview_model(urdf: Path, out_png: Path, size: int = 400) -> Path:
+def preview_model(urdf: Path, out_png: Path) -> Path:
     """Draw a model from four sides and return the picture's path.
 
     Args:
         urdf: of the model, which has been read and found good, see :mod:`chmarl_pb.homes.catalog_file`.
         out_png: the picture to write.
-        size: width and height of each view in pixels.
 
     Raises:
         OptionError: the picture's name does not end in .png.
@@ -80,7 +80,7 @@ def preview_model(urdf: Path, out_png: Path, size: int = 400) -> Path:
         with quiet():
             body = pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client.number)
         low, high = (np.array(corner) for corner in pybullet.getAABB(body, physicsClientId=client.number))
-        _write([_render(client.number, low, high, (side, 25.0), (size, size)) for side in _SIDES], out_png)
+        _write([_render(client.number, low, high, (side, 25.0), (_VIEW, _VIEW)) for side in _SIDES], out_png)
     return out_png
 
 

@@ -1,1 +1,1 @@
-"""The humanoid and the drone: bodies, what each action does, and the two executions."""
+"""The robots: bodies, what each action does, and the two executions."""

@@ -53,7 +53,6 @@ def find_path(
     goals: Sequence[Array],
     ways: Sequence[Array],
     limits: tuple[Array, Array] | None,
-    seed: int = 0,
 ) -> Path:
     """Return a free path to one of several postures, or the least bad one that is known.
 
@@ -63,7 +62,6 @@ def find_path(
         goals: where it shall be, the best first.
         ways: postures by which it may go.
         limits: lowest and highest posture that a random tree may draw; None: no tree is grown.
-        seed: of the tree.
     """
     # No deeper than where it has to begin or end.
     ends = depths(np.stack([start, *goals]), 0.0)
@@ -75,7 +73,7 @@ def find_path(
             best = _by_ways(depths, start, goals, some, margin, most)
             if best.depth <= most:
                 return Path(best.postures, _counted(best.depth), margin == MARGIN)
-    found = None if limits is None else search(depths, ([start], goals), ways, limits, seed)
+    found = None if limits is None else search(depths, ([start], goals), ways, limits)
     return best if found is None else found[2]
 
 

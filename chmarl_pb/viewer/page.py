@@ -80,7 +80,7 @@ def _step(recording: Recording, number: int, pictures: dict[str, Image], overlay
     return (
         f'<article class="step" id="step-{number}"><h2>{name}</h2><div class="columns">{robots}'
         f'<section class="card"><h3>Map</h3><div class="plan">{overlay}</div>'
-        f"{_score(recording, moment)}{_lamps(recording, moment)}</section></div></article>"
+        f"{_score(moment)}{_lamps(recording, moment)}</section></div></article>"
     )
 
 
@@ -112,7 +112,7 @@ def _seen(recording: Recording, moment: Moment, robot: str) -> str:
     return f"Sees {', '.join(words) or 'nothing'}"
 
 
-def _score(recording: Recording, moment: Moment) -> str:
+def _score(moment: Moment) -> str:
     reward = f"reward {wording.reward_words(moment.reward)}" if moment.actions else ""
     sign = "good" if moment.reward > 0 else "bad" if moment.reward < 0 else "none"
     return (

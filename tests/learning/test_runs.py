@@ -219,9 +219,8 @@ def test_zeros_are_settings_and_shares_have_bounds() -> None:
 
 
 def test_random_actions_fall_linearly_from_first_to_last_share() -> None:
-    config = replace(SMALL, episodes=100, exploration_fraction=0.5, exploration_final_eps=0.0)
-    assert [epsilon_after(episodes, config) for episodes in (0, 25, 50, 99)] == [1.0, 0.5, 0.0, 0.0]
-    assert epsilon_after(0, replace(config, exploration_fraction=0)) == 0
+    assert [epsilon_after(episodes, 50.0, 1.0, 0.0) for episodes in (0, 25, 50, 99)] == [1.0, 0.5, 0.0, 0.0]
+    assert epsilon_after(0, 0.0, 1.0, 0.0) == 0
 
 
 def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_robot_has_its_scene_graph_with_pixels(game: Game) -> None:
 
 
 def test_labels_say_what_is_too_small_to_count(game: Game) -> None:
-    labels = texts.seen_labels(game.recording, {"humanoid": {"kitchen/stove_1": 3}, "drone": {"kitchen/stove_1": 40}})
+    labels = texts.seen_labels({"humanoid": {"kitchen/stove_1": 3}, "drone": {"kitchen/stove_1": 40}})
     assert labels == {"kitchen/stove_1": "kitchen/stove_1: humanoid 3 px, below 4; drone 40 px"}
 
 

@@ -29,7 +29,10 @@ def check_finite(networks: nn.Module) -> None:
         DivergedError: some are infinite or no numbers.
     """
     if not all(bool(torch.isfinite(weight).all()) for weight in networks.parameters()):
-        raise DivergedError("some weights are infinite or no numbers after a gradient step; lower learning_rate")
+        raise DivergedError(
+            "some weights are infinite or no numbers after a gradient step; lower learning_rate, or see whether the "
+            "environment returns what is no number"
+        )
 
 
 def check_norms(loss: Tensor, norms: Iterable[Tensor]) -> None:

@@ -91,7 +91,7 @@ class Returns:
         return targets if self.scale is None else self.scale.normalize(targets)
 
     def update_scale(self, reward: Tensor, not_done: Tensor, mask: Tensor) -> None:
-        """Let the scale follow the returns that were had, as if an episode that was cut off went on alike.
+        """Let the scale follow the observed returns, as if an episode that was cut off went on alike.
 
         All are (B, T, M): rewards, whether there is a value after the step, and which steps were taken.
 

@@ -8,7 +8,7 @@ ended is worth nothing there.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from chmarl_pb.learning.algorithms.dagger import draw
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
-from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
+from chmarl_pb.learning.algorithms.on_policy import minibatches, new_episodes, set_learning_rates
 from chmarl_pb.learning.components import taken
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
@@ -57,10 +57,11 @@ class MappoConfig(RunConfig):
         critic_units: units of the critic's layers.
         critic_learning_rate: of Adam for the critic; both rates fall linearly, to 0 after the last gradient step.
         normalize_values: whether the critic gives values with mean 0 and deviation 1 (PopArt).
-        huber_delta: error of a value from which on the loss is linear; 0: the square everywhere, without the half that
-            Huber's has.
+        huber_delta: error of a value from which on the loss is linear; 0: the plain squared error, not halved.
         standardize_state: whether the critic sees the state with mean 0 and deviation 1.
     """
+
+    on_policy: ClassVar[bool] = True
 
     episodes: int = count(12_000)
     learning_starts: int = natural(0)
@@ -81,16 +82,6 @@ class MappoConfig(RunConfig):
     normalize_values: bool = True
     huber_delta: float = amount(10.0)
     standardize_state: bool = True
-
-    @property
-    def kept(self) -> int:
-        """Most episodes that are learned from at once: whole rollouts, from ``buffer_size`` on."""
-        return most_new(self)
-
-    @property
-    def on_policy(self) -> bool:
-        """All kept episodes are learned from at once."""
-        return True
 
     @property
     def first_weights(self) -> str:
@@ -160,7 +151,7 @@ class Mappo:
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that are due once there are enough new episodes, and at the end of the run."""
-        new = new_episodes(self.config, replay, self._learned)
+        new = new_episodes(self.config, replay.added, self._learned)
         if not new:
             return
         before, self._learned = self._learned, replay.added
@@ -172,7 +163,7 @@ class Mappo:
         learned = replace(learned, returns=self._normal(learned.returns, batch))
         alone = min(self.config.critic_starts, self.config.episodes // 2) if self.config.start else 0
         actors = before >= alone
-        for rows in minibatches(self.config, len(batch.states), rng):
+        for rows in minibatches(len(batch.states), self.config.n_epochs, self.config.batch_size, rng):
             part = batch.rows(rows)
             chosen = Advantages(learned.log_probabilities[rows], learned.advantages[rows], learned.returns[rows])
             yield part, self.update(part, chosen, actors)

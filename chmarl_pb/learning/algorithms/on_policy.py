@@ -1,53 +1,27 @@
 """When learners that keep no old episodes learn, and in which parts: PQN and MAPPO."""
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
+from chmarl_pb.learning.config import RunConfig
 
 
-class _Config(Protocol):
-    @property
-    def episodes(self) -> int: ...
+def new_episodes(config: RunConfig, played: int, learned: int) -> int:
+    """Return how many of the played episodes are learned from now, after ``learned`` ones; 0 until there are enough.
 
-    @property
-    def envs(self) -> int: ...
-
-    @property
-    def buffer_size(self) -> int: ...
-
-    @property
-    def learning_starts(self) -> int: ...
-
-    @property
-    def batch_size(self) -> int: ...
-
-    @property
-    def n_epochs(self) -> int: ...
-
-
-def most_new(config: _Config) -> int:
-    """Return the most episodes that are learned from at once: whole rollouts, from ``buffer_size`` on."""
-    return -(-max(config.buffer_size, config.learning_starts) // config.envs) * config.envs
-
-
-def new_episodes(config: _Config, replay: ReplayBuffer, learned: int) -> int:
-    """Return how many episodes are to be learned from now, after ``learned`` ones; 0 until they are enough.
-
-    They are as soon as they are ``buffer_size``, and at the end of the run.
+    There are enough once ``buffer_size`` have come, or when the run ends.
     """
-    new = replay.added - learned
-    return new if new >= config.buffer_size or replay.added >= config.episodes else 0
+    new = played - learned
+    return new if new >= config.buffer_size or played >= config.episodes else 0
 
 
-def minibatches(config: _Config, count: int, rng: np.random.Generator) -> Iterator[Tensor]:
-    """Yield the numbers of the episodes of each gradient step: ``n_epochs`` passes over ``count`` episodes."""
-    for _ in range(config.n_epochs):
-        yield from torch.from_numpy(rng.permutation(count)).split(config.batch_size)
+def minibatches(count: int, epochs: int, size: int, rng: np.random.Generator) -> Iterator[Tensor]:
+    """Yield the numbers of the episodes of each gradient step: ``epochs`` passes over ``count`` episodes."""
+    for _ in range(epochs):
+        yield from torch.from_numpy(rng.permutation(count)).split(size)
 
 
 def set_learning_rates(optimizer: torch.optim.Optimizer, rates: tuple[float, ...], left: float) -> None:

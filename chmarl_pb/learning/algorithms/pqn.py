@@ -7,7 +7,7 @@ they learn, and layer norm keeps that stable in the place of target networks.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from torch import nn
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import Returns, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
-from chmarl_pb.learning.algorithms.on_policy import minibatches, most_new, new_episodes, set_learning_rates
+from chmarl_pb.learning.algorithms.on_policy import minibatches, new_episodes, set_learning_rates
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.agents import make_agents
@@ -55,6 +55,8 @@ class PqnConfig(RunConfig):
         embedding: hidden units of the mixer.
     """
 
+    on_policy: ClassVar[bool] = True
+
     episodes: int = count(12_000)
     envs: int = count(16)
     batch_size: int = count(16)
@@ -70,16 +72,6 @@ class PqnConfig(RunConfig):
     exploration_final_eps: float = share(0.05)
     exploration_fraction: float = share(0.4)
     embedding: int = count(32)
-
-    @property
-    def kept(self) -> int:
-        """Most episodes that are learned from at once."""
-        return most_new(self)
-
-    @property
-    def on_policy(self) -> bool:
-        """All kept episodes are learned from at once."""
-        return True
 
 
 class Pqn:
@@ -117,11 +109,14 @@ class Pqn:
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
-        return epsilon_greedy(epsilon_after(episodes, self.config))
+        config = self.config
+        falling = config.exploration_fraction * config.episodes
+        first, last = config.exploration_initial_eps, config.exploration_final_eps
+        return epsilon_greedy(epsilon_after(episodes, falling, first, last))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that are due once there are enough new episodes, and at the end of the run."""
-        new = new_episodes(self.config, replay, self._learned)
+        new = new_episodes(self.config, replay.added, self._learned)
         if not new:
             return
         left = 1 - self._learned / self.config.episodes
@@ -131,7 +126,7 @@ class Pqn:
         with torch.no_grad():
             unrolled = unroll(self.agents, batch)
         y, mask = td_targets(unrolled, unrolled, self.mixer, batch, self._returns)
-        for rows in minibatches(self.config, new, rng):
+        for rows in minibatches(new, self.config.n_epochs, self.config.batch_size, rng):
             part = batch.rows(rows)
             yield part, self.update(part, y[rows], mask[rows])
 

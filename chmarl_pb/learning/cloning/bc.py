@@ -65,8 +65,7 @@ def clone(
     see pictures by frozen weights, and observe their own last action (``past_actions``). The best epoch is the one with
     the best PLW on validation tasks, not the one with the least loss.
 
-    The best are those of the epoch with the highest mean of the validation splits' PLW. A signal that asks the run
-    to end has it saved after the present batch; a killed run loses a minute at most.
+    A signal that asks the run to end has it saved after the present batch; a killed run loses a minute at most.
 
     Args:
         config: of the run.
@@ -88,7 +87,8 @@ def clone(
     recipe = Recipe(config.split, config.observation, config.noise, robots=listed(config.robots))
     signals, where = Signals(), find_device(device)
     with torch_threads(threads):
-        run = _Run(config, read_demonstrations(data or default_root(), recipe, config), folder, signals.check, where)
+        demonstrations = read_demonstrations(data or default_root(), recipe, config, quiet)
+        run = _Run(config, demonstrations, folder, signals.check, where)
         with closing(run.examiner), run_lock(folder, LAST, BEST):
             run.restore()
             with closing(Logger(folder, config.epochs, run.epoch, quiet, unit="epoch")) as logger, signals:

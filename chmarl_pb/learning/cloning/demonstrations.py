@@ -78,7 +78,7 @@ class Demonstrations:
             yield self.batch(torch.from_numpy(order[first : first + size]))
 
 
-def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> Demonstrations:
+def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig, quiet: bool = True) -> Demonstrations:
     """Read what a run of cloning needs of a data set into memory.
 
     The state after the last action is left out: nobody acts in it. Rows of padding that no graph of the data set fills
@@ -88,12 +88,13 @@ def read_demonstrations(root: Path, recipe: Recipe, config: CloningConfig) -> De
         root: folder of Minari data sets.
         recipe: of the data set.
         config: of the run.
+        quiet: whether no progress is shown while pictures are encoded.
 
     Raises:
         DatasetError: the data set is missing or damaged.
     """
     dataset = Dataset(dataset_folder(root, recipe.dataset_id))
-    ready = kept_features(dataset, frozen_encoder(config.image_encoder)) if config.uses_features else {}
+    ready = kept_features(dataset, frozen_encoder(config.image_encoder), quiet) if config.uses_features else {}
     columns: dict[str, list[np.ndarray]] = {"actions": [], "labels": []}
     with dataset.open() as file:
         every = list(file["episode_0/observations"])

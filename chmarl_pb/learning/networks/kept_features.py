@@ -21,6 +21,7 @@ from chmarl_pb.files import Lock, write_atomically, writing
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import IMAGE, named
 from chmarl_pb.learning.storage import seal
+from chmarl_pb.progress import run_bar
 
 if TYPE_CHECKING:
     from chmarl_pb.data.read import Dataset  # needs Minari
@@ -134,7 +135,7 @@ def kept_features(dataset: "Dataset", encoder: FrozenEncoder, quiet: bool = Fals
             raise DatasetError(f"{dataset.folder}: no pictures; generate the data set with `--observation visual`")
         shape = (dataset.steps, len(names), *encoder.shape)
         if not path.is_file():
-            with Progress(disable=quiet) as bar:
+            with run_bar(quiet) as bar:
                 _compute(path, file, names, shape, encoder, bar)
     whole = path.stat().st_size == 2 * math.prod(shape) + seal.LENGTH and seal.is_sealed(path)
     if reason := seal.fault(path) if whole else "not the features of all pictures":

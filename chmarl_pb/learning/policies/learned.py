@@ -1,4 +1,4 @@
-"""Checkpoints as policies, for ``chmarl-pb evaluate --policy CHECKPOINT``: entry point ``chmarl_pb.checkpoints``."""
+"""Checkpoints of learners that play, as policies."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -36,31 +36,10 @@ class Choose(Protocol):
         """
 
 
-class Exploring(Protocol):
-    """Settings of a share of random actions that falls linearly."""
-
-    @property
-    def episodes(self) -> int:
-        """To play in all."""
-
-    @property
-    def exploration_initial_eps(self) -> float:
-        """The share at first."""
-
-    @property
-    def exploration_final_eps(self) -> float:
-        """The share in the end."""
-
-    @property
-    def exploration_fraction(self) -> float:
-        """The share of the episodes over which it falls."""
-
-
-def epsilon_after(episodes: int, config: Exploring) -> float:
-    """Return the share of random actions after a number of episodes."""
-    falling = config.exploration_fraction * config.episodes
+def epsilon_after(episodes: int, falling: float, first: float, last: float) -> float:
+    """Return the share of random actions after a number of episodes, which falls linearly over ``falling`` of them."""
     progress = min(episodes / falling, 1.0) if falling else 1.0
-    return config.exploration_initial_eps + progress * (config.exploration_final_eps - config.exploration_initial_eps)
+    return first + progress * (last - first)
 
 
 def epsilon_greedy(epsilon: float) -> Choose:

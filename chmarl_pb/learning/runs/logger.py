@@ -4,11 +4,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
 from chmarl_pb.errors import ResultError
 from chmarl_pb.files import append_line, sealed, unsealed_or_plain, write_atomically, writing
+from chmarl_pb.progress import run_bar
 from chmarl_pb.reading import read_regular
 
 METRICS, BOARD = "metrics.jsonl", "tensorboard"
@@ -37,8 +35,7 @@ class Logger:
             kept = _lines(self._path)[:rows] if rows else []
             text = "".join(line.decode(errors="replace") for line in kept)  # readers leave damaged rows out
             write_atomically(self._path, text + "\n" * bool(text and text[-1] != "\n"))
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._progress = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
+        self._progress = run_bar(quiet)
         self._task = self._progress.add_task(unit, total=total)
         self._progress.start()
 

@@ -2,9 +2,9 @@
 
 from types import TracebackType
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
+
+from chmarl_pb.progress import run_bar
 
 
 class Bar(BaseCallback):
@@ -19,8 +19,7 @@ class Bar(BaseCallback):
             quiet: whether nothing is shown.
         """
         super().__init__()
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
+        self._bar = run_bar(quiet)
         self._task = self._bar.add_task("making environments", total=steps)
         self.say(title)
 

@@ -50,7 +50,7 @@ def load_policy(path: Path) -> "Sb3Policies":
     SB3's own ``load`` unpickles the rest of the zip, which can run any code: use it on files that you trust only.
 
     Raises:
-        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+        CheckpointError: the file is damaged, or was not written by ``chmarl-pb sb3``.
     """
     return Sb3Policies(path)
 
@@ -129,14 +129,14 @@ def read_model(path: Path) -> tuple[Config, dict[str, torch.Tensor]]:
     """Return settings and weights.
 
     Raises:
-        CheckpointError: the file is damaged, or was not written by ``training.sb3``.
+        CheckpointError: the file is damaged, or was not written by ``chmarl-pb sb3``.
     """
     check_whole(path)
     try:
         with zipfile.ZipFile(path) as archive:
             if _SETTINGS not in archive.namelist():
                 raise CheckpointError(
-                    f"{path}: was not written by training.sb3. Other models of Stable-Baselines3 can run code when "
+                    f"{path}: was not written by chmarl-pb sb3. Other models of Stable-Baselines3 can run code when "
                     "they are loaded; to evaluate one that you trust, load it in a module:callable and return "
                     "chmarl_pb.learning.sb3.policy_of(model)(env)"
                 )

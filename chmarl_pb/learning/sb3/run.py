@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
-from chmarl_pb.learning.algorithms.gradient import DivergedError
+from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
@@ -227,7 +227,7 @@ class Milestones(BaseCallback):
         Raises:
             DivergedError: a weight is infinite or no number.
         """
-        check_finite(self.model)
+        check_finite(self.model.policy)
         self.save()  # validation takes its time
         self.validation.on_step()
         self.finished = self.model.num_timesteps >= self.model._total_timesteps
@@ -255,19 +255,6 @@ class Milestones(BaseCallback):
         }
         save(self.path, KIND, content | where)
         self._saved = time.monotonic()
-
-
-def check_finite(model: BaseAlgorithm) -> None:
-    """Check that all weights of a model are finite.
-
-    Raises:
-        DivergedError: one is not.
-    """
-    if not all(bool(weights.isfinite().all()) for weights in model.policy.parameters()):
-        raise DivergedError(
-            f"after {model.num_timesteps} steps weights are no numbers any more; lower learning_rate, or see whether "
-            "the environment returns what is no number"
-        )
 
 
 class Log(KVWriter):

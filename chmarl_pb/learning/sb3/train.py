@@ -20,6 +20,7 @@ import chmarl_pb
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
+from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.benchmark_env import trained_in
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
@@ -30,7 +31,7 @@ from chmarl_pb.learning.sb3.bar import Bar
 from chmarl_pb.learning.sb3.checkpoint import save_model
 from chmarl_pb.learning.sb3.config import ALGORITHMS, PRESETS, Config
 from chmarl_pb.learning.sb3.journal import Journal
-from chmarl_pb.learning.sb3.run import Milestones, Validation, check_finite, make_logger
+from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
 from chmarl_pb.learning.storage.checkpoint import check_kept, is_whole
@@ -153,7 +154,7 @@ def _learn(
                 milestones.save()
                 raise signals.interrupted(f"{milestones.saved_steps} steps", folder / LAST) from None
             except ValueError:
-                check_finite(model)  # by which torch refuses to draw actions
+                check_finite(model.policy)  # by which torch refuses to draw actions
                 raise
     check_kept(folder / BEST)
     if is_over:

@@ -106,7 +106,7 @@ def load(path: Path, kind: str | None = None) -> dict[str, Any]:
         CheckpointError: the file is missing, damaged, or of another format or kind.
     """
     if not path.exists():
-        raise CheckpointError(f"{path}: no such checkpoint; `python -m training.train` writes checkpoints")
+        raise CheckpointError(f"{path}: no such checkpoint; `chmarl-pb train` writes checkpoints")
     check_whole(path)
     content = tensors_of(path, path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:

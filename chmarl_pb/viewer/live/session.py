@@ -276,7 +276,7 @@ class Session:
         self._house.show(scene)
         self._house.show_pictures(pictures)
         self._house.show_cones(self._panel.cones.value)
-        self._house.label(texts.seen_labels(recording, pixels) if self._panel.labels.value else {}, scene)
+        self._house.label(texts.seen_labels(pixels) if self._panel.labels.value else {}, scene)
         self._panel.show(recording, number, over, pictures, pixels, self._game.chosen if self._game else {})
         if self._thing:
             self._panel.show_thing(texts.thing_report(recording, number, self._thing))

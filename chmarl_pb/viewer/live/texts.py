@@ -82,11 +82,10 @@ def scene_graph(recording: Recording, number: int, robot: str, pixels: dict[str,
     return "\n".join(rows) if len(rows) > 2 else f"{robot} sees nothing."
 
 
-def seen_labels(recording: Recording, pixels: dict[str, dict[str, int]]) -> dict[str, str]:
+def seen_labels(pixels: dict[str, dict[str, int]]) -> dict[str, str]:
     """Return thing -> which robots see it, with how many pixels; fewer than the rule asks for do not count.
 
     Args:
-        recording: the episode.
         pixels: robot -> thing -> its pixels.
     """
     labels: dict[str, list[str]] = {}
