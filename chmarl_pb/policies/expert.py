@@ -1,8 +1,11 @@
 """Experts: policies that say in every state what to do, and go on from what was done instead."""
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
-from chmarl_pb.policies.policy import Infos, Observations, Policy
+import numpy as np
+
+from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 
 class Expert(Protocol):
@@ -20,6 +23,51 @@ class Expert(Protocol):
 
     def note(self, actions: dict[str, Any]) -> None:
         """Learn what the agents have done."""
+
+
+class Part(Protocol):
+    """One robot of a :class:`Team`: an expert for it alone, by its own observation and info."""
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+
+    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
+        """Return the number of the action that it should take now; nothing counts as done before it is noted."""
+
+    def note(self, action: int) -> None:
+        """Go on from the action that was taken, whatever was proposed."""
+
+
+class Team:
+    """Robots, each driven by an object of its own, as a policy and as an expert.
+
+    Attributes:
+        parts: robot -> what drives it.
+    """
+
+    def __init__(self, parts: Mapping[str, Part]):
+        """Take what drives each robot."""
+        self.parts = dict(parts)
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        for part in self.parts.values():
+            part.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return robot -> number of its action, each from its own observation and info alone."""
+        actions = self.propose(observations, infos)
+        self.note(actions)
+        return actions
+
+    def propose(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what all would do now; to be followed by :meth:`note`, of that or of what was done instead."""
+        return {name: self.parts[name].propose(seen, infos[name]) for name, seen in observations.items()}
+
+    def note(self, actions: Actions) -> None:
+        """Go on from what the robots have done."""
+        for name, action in actions.items():
+            self.parts[name].note(action)
 
 
 class PlainExpert:

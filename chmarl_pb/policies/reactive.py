@@ -6,6 +6,7 @@ import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed
+from chmarl_pb.policies.expert import Team
 from chmarl_pb.policies.narrow_views import Chooser, FullView, Narrowed, full_view
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
 from chmarl_pb.policies.search import SearchPolicy
@@ -48,20 +49,15 @@ class ReactivePolicy:
             name: ReactiveHumanoid(rooms) for name, names in actions.items() if grasps(names)
         }  # fmt: skip
         self._reactive = Narrowed(actions, rooms, partial(full_view, known=known), choosers)
-        searches = SearchPolicy(actions, rooms, known).searches
-        self._searches = {name: search for name, search in searches.items() if name not in choosers}
+        searches = SearchPolicy(actions, rooms, known).parts
+        self._others = Team({name: search for name, search in searches.items() if name not in choosers})
 
     def reset(self, seed: int | None) -> None:
         """Forget the last episode."""
         self._reactive.reset(seed)
-        for search in self._searches.values():
-            search.reset(seed)
+        self._others.reset(seed)
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return robot -> number of its action."""
-        searched = {
-            name: search.act(observations[name], infos[name])
-            for name, search in self._searches.items()
-            if name in observations
-        }
-        return {**self._reactive.act(observations, infos), **searched}
+        theirs = {name: seen for name, seen in observations.items() if name in self._others.parts}
+        return {**self._reactive.act(observations, infos), **self._others.act(theirs, infos)}

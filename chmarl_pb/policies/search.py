@@ -15,7 +15,8 @@ import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
-from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
+from chmarl_pb.policies.expert import Part, Team
+from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.sights import classes_in_view, messages_read, own_room
 from chmarl_pb.policies.tidying import Tidying
 from chmarl_pb.robots.pointing import Cell, verb_of
@@ -61,12 +62,6 @@ class HumanoidSearch:
         self._wanted, self._tried = frozenset[str](), ""
         self._away = False  # whether it has just put down what was picked by mistake
         self._tidying = Tidying()
-
-    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
-        """Return the number of the next action."""
-        action = self.propose(observation, info)
-        self.note(action)
-        return action
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
@@ -165,12 +160,6 @@ class DroneSearch:
         self._left = list(self._order)
         self._seen: set[str] = set()
 
-    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
-        """Return the number of the next action."""
-        action = self.propose(observation, info)
-        self.note(action)
-        return action
-
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         pairs = read_pairs(observation["instruction"], self._catalog)
@@ -197,7 +186,7 @@ class DroneSearch:
         return self._moves[-1]
 
 
-class SearchPolicy:
+class SearchPolicy(Team):
     """The searches of all robots together."""
 
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
@@ -208,27 +197,10 @@ class SearchPolicy:
             rooms: names of the rooms.
             known: the classes that instructions name.
         """
-        self.searches: dict[str, HumanoidSearch | DroneSearch] = {}
+        searches: dict[str, Part] = {}
         for kind, able in ((HumanoidSearch, True), (DroneSearch, False)):
             robots = [name for name, names in actions.items() if grasps(names) == able]
             for number, name in enumerate(robots):
                 first = number * len(rooms) // len(robots)
-                self.searches[name] = kind(actions[name], rooms, rooms[first:] + rooms[:first], known)
-
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        for search in self.searches.values():
-            search.reset(seed)
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return robot -> number of its action, each from its own observation and info alone."""
-        return {name: self.searches[name].act(seen, infos[name]) for name, seen in observations.items()}
-
-    def propose(self, observations: Observations, infos: Infos) -> Actions:
-        """Return what all would do now; a teacher's proposals need not be followed."""
-        return {name: self.searches[name].propose(seen, infos[name]) for name, seen in observations.items()}
-
-    def note(self, actions: Actions) -> None:
-        """Go on from what the robots have done."""
-        for name, action in actions.items():
-            self.searches[name].note(action)
+                searches[name] = kind(actions[name], rooms, rooms[first:] + rooms[:first], known)
+        super().__init__(searches)

@@ -214,7 +214,8 @@ def test_it_goes_on_in_the_direction_that_was_told_and_not_where_it_is_blocked(e
     for _ in range(6):
         seen["bearings"] = np.full((2, 4), UNKNOWN)
         seen["bearings"][0, 0] = float(np.arctan2(*observations["humanoid"]["self"][-2:-4:-1]))
-        number = part.act(seen, {})
+        number = part.propose(seen, {})
+        part.note(number)
         actions.append(env.action_names["humanoid"][number])
     assert actions[:2] == ["goto_kitchen", "move_forward"], "nothing is to be seen there"
     assert "move_forward" not in actions[2:4], "the view has not changed, so something is in the way"
@@ -237,7 +238,8 @@ def test_each_robot_acts_on_its_own(env: HouseholdEnv) -> None:
         for name, part in apart.parts.items():
             keys = ("instruction", "self", "messages", "node_class", "node_state", "edges")
             own = {key: observations[name][key] for key in keys}
-            assert part.act(own, {}) == chosen[name], "it read more than it says"
+            assert part.propose(own, {}) == chosen[name], "it read more than it says"
+            part.note(chosen[name])
         if not env.agents:
             break
         observations, *_, infos = env.step(chosen)

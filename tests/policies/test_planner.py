@@ -210,8 +210,9 @@ def test_each_search_depends_on_its_own_robot_alone(env: HouseholdEnv, tasks: li
     other.reset(0)
     while env.agents:
         actions = policy.act(observations, infos)
-        for name, search in other.searches.items():
-            assert search.act(observations[name], infos[name]) == actions[name]
+        for name, search in other.parts.items():
+            assert search.propose(observations[name], infos[name]) == actions[name]
+            search.note(actions[name])
         observations, _, _, _, infos = env.step(actions)
 
 

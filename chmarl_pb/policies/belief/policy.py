@@ -6,7 +6,7 @@ recognise first. Feedback is not used, and nothing is drawn at random.
 """
 
 from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from chmarl_pb.policies.belief.scouts import MOVES, STAY, Scouts
 from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import statistics
 from chmarl_pb.policies.code import BEARINGS, SHARED, Bearing, Guiding
-from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
+from chmarl_pb.policies.expert import Team
+from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.policies.sights import messages_read
 from chmarl_pb.tasks.language import read_pairs
@@ -41,12 +42,6 @@ class Scout:
         """Forget the last episode; nothing is drawn at random."""
         self._scouts: Scouts | None = None
         self._guide = Guide(self.rooms, self._guided_class, self._catalog)
-
-    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
-        """Return the number of the next action."""
-        action = self.propose(observation, info)
-        self.note(action)
-        return action
 
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now."""
@@ -97,17 +92,7 @@ class Scout:
         return float(np.arctan2(y, x)) if np.hypot(x, y) > _ABOVE else None
 
 
-class _Part(Protocol):
-    def reset(self, seed: int | None) -> None: ...
-
-    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int: ...
-
-    def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int: ...
-
-    def note(self, action: int) -> None: ...
-
-
-class BeliefPolicy:
+class BeliefPolicy(Team):
     """All robots, each by an object of its own that gets its own observation and info alone.
 
     As a policy it does what it proposes. A teacher's proposals are followed or not: each robot's object goes on from
@@ -132,7 +117,7 @@ class BeliefPolicy:
         """
         graspers = [name for name, names in actions.items() if grasps(names)]
         flyers = tuple(name for name, names in actions.items() if MOVES.keys() <= set(names) and name not in graspers)
-        self.parts: dict[str, _Part] = {**SearchPolicy(actions, rooms, known).searches}
+        super().__init__(SearchPolicy(actions, rooms, known).parts)
         for number, name in enumerate(graspers):
             counted = () if alone else flyers
             self.parts[name] = Searcher(actions[name], rooms, counted, (number, len(graspers)), known)
@@ -144,21 +129,3 @@ class BeliefPolicy:
     def bearings(self) -> dict[str, tuple[Bearing, Guiding]]:
         """Robot that flies -> what tells directions, from rooms' middles and from robots."""
         return {name: (part.bearing, part.guiding) for name, part in self.parts.items() if isinstance(part, Scout)}
-
-    def reset(self, seed: int | None) -> None:
-        """Forget the last episode."""
-        for part in self.parts.values():
-            part.reset(seed)
-
-    def act(self, observations: Observations, infos: Infos) -> Actions:
-        """Return robot -> number of its action, each from its own observation and info alone."""
-        return {name: self.parts[name].act(seen, infos[name]) for name, seen in observations.items()}
-
-    def propose(self, observations: Observations, infos: Infos) -> Actions:
-        """Return what all would do now; to be followed by :meth:`note`."""
-        return {name: self.parts[name].propose(seen, infos[name]) for name, seen in observations.items()}
-
-    def note(self, actions: Actions) -> None:
-        """Go on from what the robots have done."""
-        for name, action in actions.items():
-            self.parts[name].note(action)

@@ -86,12 +86,6 @@ class Searcher:
         self._wandered: Counter[tuple[bool, int]] = Counter()  # times that it went on into rooms, for X and for Y
         self._seen = np.empty(0)  # what tells that a pace has led nowhere
 
-    def act(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
-        """Return the number of the next action."""
-        action = self.propose(observation, info)
-        self.note(action)
-        return action
-
     def propose(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> int:
         """Return the number of the action that is to be taken now; nothing counts as done before it is noted."""
         self._way = []
