@@ -19,8 +19,9 @@ from chmarl_pb.policies.eyes import Seeing
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.progress import progress_bar
+from chmarl_pb.tasks.splits import VALIDATION
 
-SPLITS = ("val-seen", "val-unseen")
+SPLITS = VALIDATION["train"]
 CONFIDENCES = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from chmarl_pb.extras import needs
 from chmarl_pb.files import write_atomically
+from chmarl_pb.tasks.splits import VALIDATION
 
 with needs("benchmarks.grounding", "train", script=True):
     import torch  # noqa: F401
@@ -41,7 +42,7 @@ from chmarl_pb.learning.threads import threads
 from chmarl_pb.tasks import language
 from chmarl_pb.tasks.task import Task
 
-SPLITS = ("val-seen", "val-unseen")
+SPLITS = VALIDATION["train"]
 KIND = "demonstrations"
 ENVS, HORIZON = 4, 28
 

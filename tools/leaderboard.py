@@ -22,7 +22,7 @@ from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS
-from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
+from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
 from chmarl_pb.policies.registry import DETERMINISTIC
@@ -110,7 +110,7 @@ def _fault(report: Report) -> str:
         return "it does not say whether its policy draws its actions; evaluate again with this version"
     if seeds != list(range(max(len(seeds), 1 if once else len(SEEDS)))):
         return f"it has the seeds {seeds}; leave out --seeds: a policy that draws its actions plays {len(SEEDS)}"
-    if settings["homes_sha256"] != {home: home_hash(home) for home in {task.home for task in load_tasks(split)}}:
+    if settings["homes_sha256"] != home_hashes(load_tasks(split)):
         return "its homes are of another version; evaluate again with this one"
     return ""
 

@@ -26,7 +26,7 @@ from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import Validate, by_home, by_tasks
 from chmarl_pb.policies.registry import make_expert
 from chmarl_pb.robots.registry import TEAM, listed
-from chmarl_pb.tasks.splits import STREAM
+from chmarl_pb.tasks.splits import VALIDATION
 
 with needs("chmarl-pb train", "train"):
     import tyro
@@ -319,7 +319,7 @@ def _validation(env: Env) -> Validate:
     if env.home:
         lookalikes = env.options.lookalikes
         return by_home(env.home, robots=listed(env.robots), catalog=env.catalog, lookalikes=lookalikes)
-    return by_tasks(("generated-val",)) if env.options.split == STREAM else by_tasks()
+    return by_tasks(VALIDATION.get(env.options.split, VALIDATION["train"]))
 
 
 def run_name(command: Command) -> str:

@@ -11,7 +11,7 @@ from chmarl_pb.envs.options import OBSERVATIONS, Options
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.drawn import draw_tasks, stream_tasks
-from chmarl_pb.evaluation.provenance import home_hash, source_hash, tasks_hash
+from chmarl_pb.evaluation.provenance import home_hashes, source_hash, tasks_hash
 from chmarl_pb.homes.generate.names import seed_of
 from chmarl_pb.homes.home import home_names, home_path
 from chmarl_pb.robots.registry import TEAM, team_of
@@ -128,7 +128,7 @@ class Recipe:
             "format": FORMAT,
             "max_steps": MAX_STEPS,
             "tasks_sha256": tasks_hash(self.tasks),
-            "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in self.tasks})},
+            "homes_sha256": home_hashes(self.tasks),
         }
 
     def differing(self, stored: dict[str, Any]) -> list[str]:

@@ -15,7 +15,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from chmarl_pb.evaluation.metrics import Played, path_weighted
-from chmarl_pb.evaluation.provenance import home_hash, tasks_hash
+from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.tasks.language import WORDINGS, wording_of_task
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -162,7 +162,7 @@ def read_reference(split: str, folder: Path | None = None) -> Reference | None:
         return None
     data = json.loads(path.read_text(encoding="utf-8"))
     tasks = evaluated_tasks(split)
-    if data["tasks"] != tasks_hash(tasks) or data["homes"] != _home_hashes(tasks):
+    if data["tasks"] != tasks_hash(tasks) or data["homes"] != home_hashes(tasks):
         return None
     return Reference(data["max_steps"], {task: data["lengths"][task.id] for task in tasks})
 
@@ -177,7 +177,7 @@ def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[P
         before: text that the file has; what other policies did on the same tasks stays in it.
     """
     tasks = evaluated_tasks(split)
-    head = {"split": split, "max_steps": max_steps, "tasks": tasks_hash(tasks), "homes": _home_hashes(tasks)}
+    head = {"split": split, "max_steps": max_steps, "tasks": tasks_hash(tasks), "homes": home_hashes(tasks)}
     others = _lengths_in(before, head)
     lengths = {name: _lengths(of_policy) for name, of_policy in episodes.items()}
     of_task = {
@@ -195,10 +195,6 @@ def _lengths_in(text: str, head: dict[str, Any]) -> dict[str, Any]:
         if {name: kept[name] for name in head} == head:
             return dict(kept["lengths"])
     return {}
-
-
-def _home_hashes(tasks: Sequence[AnyTask]) -> dict[str, str]:
-    return {home: home_hash(home) for home in sorted({task.home for task in tasks})}
 
 
 def _lengths(episodes: Sequence[Played]) -> dict[AnyTask, list[int | None]]:

@@ -24,7 +24,7 @@ from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import (
-    home_hash,
+    home_hashes,
     machine,
     packaged_things_hash,
     robots_hash,
@@ -259,7 +259,7 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         "seeds": list(seeds),
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),
-        "homes_sha256": {home: home_hash(home) for home in sorted({task.home for task in tasks})},
+        "homes_sha256": home_hashes(tasks),
         "robots_sha256": robots_hash(options.models.values()),
         "catalog_sha256": options.things.content or packaged_things_hash(),
         "source_sha256": source_hash(),

@@ -41,6 +41,15 @@ def home_hash(home: str) -> str:
     return fixed_homes().get(home) or load_home(home).content
 
 
+def home_hashes(tasks: Iterable[AnyTask]) -> dict[str, str]:
+    """Return home -> its hash, see :func:`home_hash`, of all homes of tasks.
+
+    Raises:
+        HomeError: a home cannot be used.
+    """
+    return {home: home_hash(home) for home in sorted({task.home for task in tasks})}
+
+
 def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
     """Return kind of robot -> sha256 of what is known of it and of its files."""
 

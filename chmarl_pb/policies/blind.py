@@ -13,6 +13,7 @@ from chmarl_pb.policies.groping import Groper
 from chmarl_pb.policies.narrow_views import BlindView, Chooser, Narrowed, blind_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.search import sweep_of
+from chmarl_pb.policies.spots import turned_by
 from chmarl_pb.robots.pointing import VERBS
 
 _ROUND = 11  # turns of 30 degrees after the first look
@@ -88,7 +89,7 @@ class BlindHumanoid(Generic[View]):
             return [verb, _BACK[self._last], verb]
         anchor, turned = self._before
         if self._last.startswith("goto_") and anchor:
-            return [f"goto_{anchor}", *_turns(turned), verb]
+            return [f"goto_{anchor}", *turned_by(turned), verb]
         return [verb]
 
     def _look_around(self, view: View, known: Sequence[str]) -> str:
@@ -170,7 +171,3 @@ def _humanoid(actions: Sequence[str], rooms: tuple[str, ...], feedback: bool) ->
 
 def _shuffled(rooms: Sequence[str], rng: np.random.Generator) -> list[str]:
     return [rooms[number] for number in rng.permutation(len(rooms))]
-
-
-def _turns(turned: int) -> list[str]:
-    return ["turn_left" if turned > 0 else "turn_right"] * abs(turned)

@@ -34,17 +34,18 @@ class Spot(NamedTuple):
             room: whose anchor it is.
             turned: turns to the left since the robot came there.
         """
-        turns = self.turned - turned if room == self.room else 0
-        if room == self.room and abs(turns) <= 1 + abs(self.turned):
-            return _turns(turns)
-        return [f"goto_{self.room}", *_turns(self.turned)]
+        left = self.turned - turned
+        if room == self.room and abs(left) <= 1 + abs(self.turned):
+            return turned_by(left)
+        return [f"goto_{self.room}", *turned_by(self.turned)]
 
     def actions(self, verb: str) -> list[str]:
         """Return the actions that pick, or place, there."""
         return [*self.way("", 0), named(verb, self.cell)]
 
 
-def _turns(count: int) -> list[str]:
+def turned_by(count: int) -> list[str]:
+    """Return the actions that turn so many times, to the left if it is above 0."""
     return ["turn_left" if count > 0 else "turn_right"] * abs(count)
 
 

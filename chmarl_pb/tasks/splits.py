@@ -31,6 +31,13 @@ GENERATED_HOMES = {"generated-val": 50, "generated-test": 100}
 #: benchmark. Tasks of the last two differ from those of the first in home, object or target.
 LIMITED_SPLITS = ("train-limited", "val-limited", "test-limited")
 SPLITS = (*BENCHMARK_SPLITS, *GENERATED_HOMES, STREAM, *LIMITED_SPLITS)
+#: Split that is trained in -> those on which its weights are chosen; limited layouts are to be known by heart, so in
+#: these homes alone.
+VALIDATION = {
+    "train": ("val-seen", "val-unseen"),
+    STREAM: ("generated-val",),
+    "train-limited": ("val-limited",),
+}
 #: The splits on which nothing is chosen.
 TEST_SPLITS = ("test-seen", "test-unseen", "generated-test", "test-limited")
 #: The splits whose words are those of training.

@@ -43,12 +43,11 @@ from chmarl_pb.learning.runs.validation import spread_tasks
 from chmarl_pb.learning.storage import checkpoint
 from chmarl_pb.learning.threads import threads as torch_threads
 from chmarl_pb.robots.registry import TEAM, listed
+from chmarl_pb.tasks.splits import VALIDATION
 
 BEST, LAST = "best.pt", "last.pt"
 _NOTHING = {"score": -1.0}  # figures before the first validation
 UNFINISHED = "bc-unfinished"  # kind of ``last.pt``
-#: Split of the data -> those that the best epoch is chosen on: where homes are to be known by heart, these homes alone.
-VALIDATION = {"train": ("val-seen", "val-unseen"), "train-limited": ("val-limited",)}
 
 
 def clone(

@@ -19,7 +19,7 @@ from chmarl_pb.learning.rollouts.collect import Collector, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.outcome import Outcome
-from chmarl_pb.tasks.splits import TEST_SPLITS, load_tasks
+from chmarl_pb.tasks.splits import TEST_SPLITS, VALIDATION, load_tasks
 from chmarl_pb.tasks.task import Task
 
 #: Returns figures of agents, among them "score", which is the greater the better.
@@ -42,7 +42,7 @@ def by_return(episodes: int = 32) -> Validate:
     return validate
 
 
-def by_tasks(splits: Sequence[str] = ("val-seen", "val-unseen"), most: int = 50) -> Validate:
+def by_tasks(splits: Sequence[str] = VALIDATION["train"], most: int = 50) -> Validate:
     """Return a validation by PLW on the benchmark's validation tasks; the score is the mean over the splits.
 
     Args:

@@ -13,10 +13,11 @@ from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.runs.validation import home_tasks, spread_tasks
 from chmarl_pb.robots.registry import TEAM
+from chmarl_pb.tasks.splits import STREAM, VALIDATION
 from chmarl_pb.tasks.task import Task
 
 #: Track -> splits that weights are chosen on.
-SPLITS = {PAPER: ("val-seen", "val-unseen"), GROUNDED: ("generated-val",)}
+SPLITS = {PAPER: VALIDATION["train"], GROUNDED: VALIDATION[STREAM]}
 
 
 class PathWeighted(gymnasium.Wrapper):
