@@ -13,7 +13,7 @@ from chmarl_pb.cli.idle_options import idle_in_sb3, refuse_idle
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.extras import needs
-from chmarl_pb.learning.benchmark_env import Observation
+from chmarl_pb.learning.benchmark_env import ObservationName
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.sb3.config import Config, EnvId
 from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
@@ -45,7 +45,7 @@ class Command:
 
     config: Annotated[Config, tyro.conf.arg(name="")]
     env: EnvId | None = None
-    observation: Observation | None = None
+    observation: ObservationName | None = None
     humanoid_only: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     workers: int | None = None
     device: str = "cpu"

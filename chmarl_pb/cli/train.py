@@ -17,7 +17,7 @@ from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, find_algorithm
-from chmarl_pb.learning.benchmark_env import Observation, benchmark, rules_of
+from chmarl_pb.learning.benchmark_env import ObservationName, benchmark, rules_of
 from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
@@ -57,7 +57,7 @@ class Env:
         rules: the track, and what differs from it; read as `chmarl-pb evaluate` does.
     """
 
-    observation: Observation = "scene_graph"
+    observation: ObservationName = "scene_graph"
     goal: bool = False
     image_size: int = count(128)
     robots: str = ",".join(TEAM)

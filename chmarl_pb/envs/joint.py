@@ -24,7 +24,7 @@ Step = tuple[dict[str, np.ndarray], float, bool, bool, Info]
 PARTNERS = ("search", "belief")
 
 
-class PairOfActions(spaces.MultiDiscrete):
+class JointActions(spaces.MultiDiscrete):
     """A number for each robot. Learners that know single numbers only, as DQN, show its text when they refuse it."""
 
     def __repr__(self) -> str:
@@ -64,7 +64,7 @@ class JointEnv(gymnasium.Env):
         own = [self.parallel.symbols] if self.parallel.symbols else []  # after each robot's action its symbol
         counts = [count for names in self.parallel.action_names.values() for count in (len(names), *own)]
         self._counts = counts
-        self.action_space = spaces.Discrete(int(np.prod(counts))) if self.flat_actions else PairOfActions(counts)
+        self.action_space = spaces.Discrete(int(np.prod(counts))) if self.flat_actions else JointActions(counts)
         own_spaces = {name: self.parallel.observation_space(name).spaces for name in self._robots}
         joint_spaces = joined(own_spaces)
         if len(joint_spaces) < sum(map(len, own_spaces.values())):

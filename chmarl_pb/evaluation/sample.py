@@ -6,7 +6,7 @@ from typing import TypeVar
 from chmarl_pb.tasks.splits import TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Task
 
-AnyTask = TypeVar("AnyTask")
+T = TypeVar("T")
 
 TRAIN_SAMPLE = 250  # of the training split the first ones are evaluated, a uniform sample over its homes
 
@@ -20,6 +20,6 @@ def evaluated_tasks(split: str) -> list[Task]:
     return sample_of(split, load_tasks(split))
 
 
-def sample_of(split: str, tasks: Sequence[AnyTask]) -> list[AnyTask]:
+def sample_of(split: str, tasks: Sequence[T]) -> list[T]:
     """Return those of a split's tasks that are evaluated: all, but of those for training the first 250."""
     return [*tasks[:TRAIN_SAMPLE]] if split in TRAINING_SPLITS else [*tasks]

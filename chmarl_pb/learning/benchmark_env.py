@@ -20,7 +20,7 @@ from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.rendering.renderer import VISIBILITY_SIZE
 from chmarl_pb.tasks.symbols import Talk
 
-Observation = Literal["scene_graph", "visual"]
+ObservationName = Literal["scene_graph", "visual"]
 
 #: Options that change what is learned, but neither what is observed nor how weights are played.
 _TRAINED_IN = ("split", "task", "execution", "robots")

@@ -16,9 +16,9 @@ from chmarl_pb.tasks.splits import load_tasks
 from training.tables.attribution import PARTS, attribution
 from training.tables.cells import NOT_RUN, Records
 from training.tables.goals import GOALS, goals
-from training.tables.hundred_homes import BUILT_IN, hundred_homes
+from training.tables.hundred_homes import SHOWN, hundred_homes
 from training.tables.page import write_page
-from training.tables.row import LIMITED, LIMITED_SPLITS, Row
+from training.tables.row import LIMITED, LIMITED_SCORED, Row
 from training.tables.rows import TABLES
 from training.tables.runs import FORMAT
 from training.tables.without_feedback import without_feedback
@@ -113,14 +113,14 @@ def test_published_weights_in_a_hundred_homes_stand_beside_policies_that_learn_n
     blind = float(others[0].split(" | ")[2].split()[0])
     assert ours.startswith("| ours-graphs | 75.0 [70.0 to 80.0] | 75.0 [70.0 to 80.0] | ")
     assert float(ours.split(" | ")[3].split()[0]) == pytest.approx(75 - blind, abs=0.11)
-    assert [line.split(" | ")[0].strip("| ") for line in others] == [f"*{name}*" for name in BUILT_IN]
+    assert [line.split(" | ")[0].strip("| ") for line in others] == [f"*{name}*" for name in SHOWN]
     path.write_text(sealed(kept | {"evaluation": kept["evaluation"] | {"splits": {}}}))
     with pytest.raises(ResultError, match="it is not of generated-test"):
         hundred_homes(tmp_path)
 
 
 def test_limited_layouts_stand_beside_the_benchmarks(tmp_path: Path) -> None:
-    for table, splits in (("scene-graph", SPLITS), (LIMITED, LIMITED_SPLITS)):
+    for table, splits in (("scene-graph", SPLITS), (LIMITED, LIMITED_SCORED)):
         row = row_of(table, "BC decentralized + messages, grounded")
         summaries = {
             split: {"summary": {"success_rate": {"mean": 0.5}, "plw": {"mean": 0.1 * number}}, "tasks_sha256": "0"}

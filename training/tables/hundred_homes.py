@@ -15,7 +15,7 @@ from training.tables.published import read_published
 
 SPLIT, FOLDER = "generated-test", "generated-test"  # a folder of the results' folder: NAME.json
 #: Policies that do not learn, from those that see nothing or do not read to the teacher of our learner.
-BUILT_IN = ("blind", "instruction-blind", "search", "belief")
+SHOWN = ("blind", "instruction-blind", "search", "belief")
 BLIND = "blind"
 
 NOTE = """## In a hundred homes
@@ -53,7 +53,7 @@ def hundred_homes(results: Path) -> list[str]:
         shares = [_with_interval(found["summary"][metric]) for metric in ("success_rate", "plw")]
         gained = "" if more else _gain({task: found["plw_of_tasks"][task.id] for task in blind}, blind)
         lines.append(f"| {name}{', told the goal' if more else ''} | {' | '.join(shares)} | {gained} |")
-    lines += [_built_in(name, reference, blind) for name in BUILT_IN]
+    lines += [_built_in(name, reference, blind) for name in SHOWN]
     return [NOTE.strip(), "\n".join(lines)]
 
 

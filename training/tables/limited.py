@@ -6,7 +6,7 @@ from statistics import fmean
 from chmarl_pb.evaluation.paper import SPLITS
 from training.tables.cells import METRICS, Records, both, runs_of, values
 from training.tables.made_with import seeds
-from training.tables.row import LIMITED_SPLITS, Row
+from training.tables.row import LIMITED_SCORED, Row
 from training.tables.rows import TABLES
 
 TITLE = "Limited layouts"
@@ -24,13 +24,13 @@ those of training to test-unseen.
 """
 
 #: Split of the data -> splits with tasks like those of training.
-_ALIKE = {"train": SPLITS[2], "train-limited": LIMITED_SPLITS[0]}
+_ALIKE = {"train": SPLITS[2], "train-limited": LIMITED_SCORED[0]}
 
 
 def table(rows: Sequence[Row], records: Records) -> str:
     """Return the table as Markdown: each row below that of the same name which learned from the benchmark's data."""
-    lines = [f"| | learned from | seeds | {' | '.join(LIMITED_SPLITS)} | falls |"]
-    lines.append("|---|---|---|" + "--:|" * (len(LIMITED_SPLITS) + 1))
+    lines = [f"| | learned from | seeds | {' | '.join(LIMITED_SCORED)} | falls |"]
+    lines.append("|---|---|---|" + "--:|" * (len(LIMITED_SCORED) + 1))
     for row in rows:
         same_name = [other for other in TABLES["scene-graph"] if other.name == row.name]
         lines += [_line(one, records) for one in (*same_name, row)]
@@ -41,5 +41,5 @@ def _line(row: Row, records: Records) -> str:
     same = runs_of(row, records)
     alike, unseen = (values(same, METRICS["PLW"], split) for split in (_ALIKE[row.data], SPLITS[-1]))
     falls = f"{100 * (fmean(alike) - fmean(unseen)):.1f}" if same else ""
-    cells = " | ".join(both(same, split) for split in LIMITED_SPLITS)
+    cells = " | ".join(both(same, split) for split in LIMITED_SCORED)
     return f"| {row.name} | {row.data} | {seeds(row, same)} | {cells} | {falls} |"

@@ -31,7 +31,7 @@ TITLES = {"scene-graph": "Scene graphs", "visual": "Pictures", "feedback": "Mess
 TITLES |= {GROUNDED: "The grounded track"}
 GROUNDED_SPLIT = HEADLINE_SPLITS[GROUNDED]
 #: Built-in policies below the learners -> what they do.
-BUILT_IN = {**SHORTCUTS, **SEARCHES}
+DESCRIBED = {**SHORTCUTS, **SEARCHES}
 
 TITLE = """# Results of the learners
 
@@ -165,7 +165,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
         lines.append(f"| {name(row)} | {seeds(row, same)} | {made_with(row, same)} |{''.join(cells)}")
         ahead = gained(same)
         lines[-1] += f" {points(ahead.mean if ahead else None)} |" * gains
-    for policy, does in BUILT_IN.items():
+    for policy, does in DESCRIBED.items():
         scores = [built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
             told = ", told the true classes" * (table == "visual" and policy in SEEING)
@@ -204,7 +204,7 @@ def _by_wording(rows: Sequence[Row], records: Records) -> list[str]:
         cells = (", ".join(cell(_apart(known, split, name)) for name in WORDINGS) for split in SPLITS)
         lines += [f"| {shown_name(row)}{_some(row, known, records)} | {' | '.join(cells)} |"] if known else []
     scores = {split: reference_scores_by_wording(split, MAX_STEPS) for split in SPLITS}
-    for policy in BUILT_IN:
+    for policy in DESCRIBED:
         if all(policy in same for of_split in scores.values() for same in of_split.values()):
             cells = (", ".join(f"{100 * same[policy].plw:.1f}" for same in scores[split].values()) for split in SPLITS)
             lines.append(f"| *{policy}* | {' | '.join(cells)} |")

@@ -8,7 +8,7 @@ from chmarl_pb.evaluation import paper
 #: Name of the table of clones that learn in limited layouts (chmarl_pb/tasks/own_places.py), their data set, and the
 #: splits that they are scored on: homes seen with objects where they always lie, or elsewhere, then two unseen homes.
 LIMITED, LIMITED_DATA = "limited", "train-limited"
-LIMITED_SPLITS = ("test-limited", "test-seen", "val-unseen", "test-unseen")
+LIMITED_SCORED = ("test-limited", "test-seen", "val-unseen", "test-unseen")
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Row:
 def splits_of(table: str) -> tuple[str, ...]:
     """Return the splits that the rows of a table are evaluated on."""
     if table == LIMITED:
-        return LIMITED_SPLITS
+        return LIMITED_SCORED
     return (HEADLINE_SPLITS[table],) if table in TRACKS else paper.SPLITS
 
 
