@@ -36,7 +36,7 @@ from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.runs.validation import play_tasks, spread_tasks
+from chmarl_pb.learning.runs.validation import examine, spread_tasks
 from chmarl_pb.learning.storage import checkpoint
 from chmarl_pb.learning.threads import threads
 from chmarl_pb.tasks import language
@@ -149,7 +149,7 @@ def measure(
             learner.update(batch if row.goal else without_goal(batch))
         seconds = time.process_time() - start
         learner.agents.eval()
-        played = {task: one for of in tasks.values() for task, one in zip(of, play_tasks(collector, learner.agents, of),
+        played = {task: one for of in tasks.values() for task, one in zip(of, examine(collector, learner.agents, of),
                                                                           strict=True)}  # fmt: skip
     groups = {
         **tasks,

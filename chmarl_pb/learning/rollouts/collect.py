@@ -18,9 +18,6 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
 NO_LABEL = -1  # nobody has said what would have been right
 
-#: Called after the reset and after each step with the number of the episode and its environment, which it may read.
-OnStep = Callable[[int, Any], None]
-
 
 class Choose(Protocol):
     """How actions are chosen from what the networks give for them."""
@@ -71,6 +68,7 @@ class Collector:
     Attributes:
         envs: the environments.
         interface: what a learner has to know of them.
+        check: called before every joint step; may raise an error to end the episodes.
         episodes_in_a_home: so many seeds in a row, from a multiple of this on, spare them a change of homes.
     """
 
@@ -94,7 +92,7 @@ class Collector:
         Raises:
             ValueError: ``env_fn`` returns one environment several times, or what no learner can learn from.
         """
-        self._horizon, self._check = horizon, check
+        self._horizon, self.check = horizon, check
         self.envs = [env_fn() for _ in range(count)]
         spaces_of(self.envs[0])
         if len({id(getattr(env, "unwrapped", env)) for env in self.envs}) < count:
@@ -112,7 +110,6 @@ class Collector:
         seeds: Sequence[int],
         options: Sequence[dict[str, Any] | None] | None = None,
         ask_experts: bool = False,
-        on_step: OnStep = lambda number, env: None,
     ) -> list[Episode]:
         """Play one episode in each of the first environments.
 
@@ -123,17 +120,15 @@ class Collector:
             seeds: of the resets, one for each episode, at most as many as there are environments.
             options: of the resets.
             ask_experts: whether the experts, if there are any, say what they would do.
-            on_step: watches.
 
         Raises:
             ValueError: an episode goes on after ``horizon`` steps.
         """
         envs, episodes = self.envs[: len(seeds)], [Episode() for _ in seeds]
         experts = self._experts[: len(seeds)] if ask_experts else []
-        explorer = Explorer(agents, choose, rng, experts, self._check)
+        explorer = Explorer(agents, choose, rng, experts, self.check)
         for number, actions, result in play_together(envs, explorer, seeds, options or [None] * len(seeds)):
             episode, env = episodes[number], envs[number]
-            on_step(number, env)
             if actions is None:
                 begin(self.interface, episode, env, result)
                 continue

@@ -1,24 +1,20 @@
 """Greedy episodes during training; the best checkpoint is chosen by their score. Test splits are not for this."""
 
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from torch import nn
 
-from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.envs.rollout import core_of_parallel
-from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.recognition import Recognition, recognition, total
-from chmarl_pb.learning.rollouts.collect import Collector, greedy
+from chmarl_pb.learning.policies.side_by_side import End, play_tasks
+from chmarl_pb.learning.rollouts.collect import Collector, Explorer, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.robots.registry import TEAM
-from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.splits import TEST_SPLITS, VALIDATION, load_tasks
 from chmarl_pb.tasks.task import Task
 
@@ -95,7 +91,7 @@ def _by(tasks: Mapping[str, Sequence[Task]]) -> Validate:
         figures: dict[str, float] = {}
         noted: list[Recognition] = []
         for split, chosen in tasks.items():
-            played = play_tasks(collector, agents, chosen, known)
+            played = examine(collector, agents, chosen, known)
             noted += [one.recognition for one in played]
             figures[f"{split}_sr"] = float(np.mean([one.success for one in played]))
             figures[f"{split}_plw"] = float(np.mean([one.score for one in played]))
@@ -114,23 +110,7 @@ class PlayedTask(NamedTuple):
     recognition: Recognition
 
 
-class Outcomes:
-    """Notes the outcomes of episodes that are played side by side.
-
-    Attributes:
-        noted: number of an episode -> its outcomes, with that of the reset.
-    """
-
-    def __init__(self) -> None:
-        """Begin with none."""
-        self.noted: dict[int, list[Outcome]] = defaultdict(list)
-
-    def note(self, number: int, env: Any) -> None:
-        """Note what an episode has come to."""
-        self.noted[number].append(core_of_parallel(env).outcome)
-
-
-def play_tasks(
+def examine(
     collector: Collector, agents: nn.ModuleDict, tasks: Sequence[Task], known: dict[str, int] | None = None
 ) -> list[PlayedTask]:
     """Play each of some tasks once, without exploration.
@@ -141,40 +121,25 @@ def play_tasks(
         tasks: which.
         known: task's id -> L*, of tasks that were solved before; others are added.
     """
-    known, width = {} if known is None else known, len(collector.envs)
+    known, envs = {} if known is None else known, collector.envs
+    policy = Explorer(agents, greedy, np.random.default_rng(0), check=collector.check)  # draws nothing
     found: list[PlayedTask] = []
-    for first in range(0, len(tasks), width):
-        found += _play_side_by_side(collector, agents, tasks[first : first + width], known)
+    for first in range(0, len(tasks), len(envs)):
+        some = tasks[first : first + len(envs)]
+        ends = play_tasks(policy, envs, some, [episode_seed(task, 0) for task in some])
+        judged = {end.number: _judged(end, known) for end in ends}
+        found += [judged[number] for number in range(len(some))]
     return found
 
 
-def _play_side_by_side(
-    collector: Collector, agents: nn.ModuleDict, tasks: Sequence[Task], known: dict[str, int]
-) -> list[PlayedTask]:
-    outcomes, rng = Outcomes(), np.random.default_rng(0)  # draws nothing
-    seeds, options = [episode_seed(task, 0) for task in tasks], [{"task": task} for task in tasks]
-    episodes = collector.play(agents, greedy, rng, seeds, options, on_step=outcomes.note)
-    cores = [core_of_parallel(env) for env in collector.envs[: len(tasks)]]
-    return [
-        _judged(core, episode, outcomes.noted[number], known)
-        for number, (core, episode) in enumerate(zip(cores, episodes, strict=True))
-    ]
-
-
-def _judged(core: HouseholdEnv, episode: Episode, outcomes: list[Outcome], known: dict[str, int]) -> PlayedTask:
+def _judged(end: End, known: dict[str, int]) -> PlayedTask:
     """Return how a task was played, in an environment where its episode has just ended."""
-    success, score = bool(episode.info[core.possible_agents[0]]["success"]), 0.0
-    recognized = recognition(core, outcomes, _without_words(core, episode)) or Recognition()
-    if success:
+    core, score = end.core, 0.0
+    if success := core.outcome.success:
         task = core.task.id
         known[task] = known.get(task) or optimum(core).steps
-        score = path_weighted(True, len(episode), known[task])
-    return PlayedTask(success, score, recognized)
-
-
-def _without_words(core: HouseholdEnv, episode: Episode) -> list[dict[str, int]]:
-    """Return robot -> number of its action, in every step of an episode."""
-    return [{name: action_number(name, row[name], core.symbols) for name in row} for row in episode.actions]
+        score = path_weighted(True, core.steps, known[task])
+    return PlayedTask(success, score, recognition(core, end.outcomes, end.actions) or Recognition())
 
 
 def play_greedily(collector: Collector, agents: nn.ModuleDict, seeds: Sequence[int]) -> list[Episode]:
