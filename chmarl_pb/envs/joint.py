@@ -33,7 +33,33 @@ class JointActions(spaces.MultiDiscrete):
         return f"{text} (make the environment with flat_actions=True for Discrete({self.nvec.prod()}))"
 
 
-class JointEnv(gymnasium.Env):
+class Viewing:
+    """What all views of a :class:`HouseholdEnv`, which is their attribute ``parallel``, have in common."""
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
+
+    parallel: HouseholdEnv
+
+    @property
+    def world(self) -> World:
+        """The world of the home that the present episode is played in."""
+        return self.parallel.world
+
+    @property
+    def episodes_in_a_home(self) -> int:
+        """See :attr:`HouseholdEnv.episodes_in_a_home`."""
+        return self.parallel.episodes_in_a_home
+
+    def render(self) -> np.ndarray | None:
+        """Return or show a frame; see :meth:`HouseholdEnv.render`."""
+        return self.parallel.render()
+
+    def close(self) -> None:
+        """Disconnect from physics."""
+        self.parallel.close()
+
+
+class JointEnv(Viewing, gymnasium.Env):
     """All robots as one agent.
 
     Observation: the keys of all robots with the prefixes ``humanoid_`` and ``drone_``. Action:
@@ -47,8 +73,6 @@ class JointEnv(gymnasium.Env):
     (True, True)
     >>> env.close()
     """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     def __init__(self, flat_actions: bool = False, **options: Any):
         """Make the view; see :class:`chmarl_pb.envs.parallel.HouseholdEnv` for the options.
@@ -77,16 +101,6 @@ class JointEnv(gymnasium.Env):
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
         make = partial(type(self), flat_actions=self.flat_actions, **vars(self.parallel.options))
         return make, (), {"spec": self.spec}
-
-    @property
-    def world(self) -> World:
-        """The world of the home that the present episode is played in."""
-        return self.parallel.world
-
-    @property
-    def episodes_in_a_home(self) -> int:
-        """See :attr:`HouseholdEnv.episodes_in_a_home`."""
-        return self.parallel.episodes_in_a_home
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -124,16 +138,8 @@ class JointEnv(gymnasium.Env):
             return dict(zip(self._robots, numbers.reshape(-1, 2), strict=True))
         return {name: numbers[index] for index, name in enumerate(self._robots)}
 
-    def render(self) -> np.ndarray | None:
-        """Return or show a frame; see :meth:`HouseholdEnv.render`."""
-        return self.parallel.render()
 
-    def close(self) -> None:
-        """Disconnect from physics."""
-        self.parallel.close()
-
-
-class HumanoidEnv(gymnasium.Env):
+class HumanoidEnv(Viewing, gymnasium.Env):
     """The humanoid, or the first robot that grasps, as the only agent; the others follow a built-in policy.
 
     Observation: its keys without a prefix. Action: ``Discrete(10)``. Info: its own, with ``is_success``.
@@ -143,8 +149,6 @@ class HumanoidEnv(gymnasium.Env):
     >>> observation, reward, terminated, truncated, info = env.step(9)
     >>> env.close()
     """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     def __init__(self, partner: str = "search", **options: Any):
         """Make the view.
@@ -170,16 +174,6 @@ class HumanoidEnv(gymnasium.Env):
         """Let copies and pickles be made anew, see :meth:`HouseholdEnv.__reduce__`."""
         make = partial(type(self), partner=self.partner, **vars(self.parallel.options))
         return make, (), {"spec": self.spec}
-
-    @property
-    def world(self) -> World:
-        """The world of the home that the present episode is played in."""
-        return self.parallel.world
-
-    @property
-    def episodes_in_a_home(self) -> int:
-        """See :attr:`HouseholdEnv.episodes_in_a_home`."""
-        return self.parallel.episodes_in_a_home
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -212,14 +206,6 @@ class HumanoidEnv(gymnasium.Env):
             {name: seen for name, seen in observations.items() if name in others},
             {name: info for name, info in infos.items() if name in others},
         )
-
-    def render(self) -> np.ndarray | None:
-        """Return or show a frame; see :meth:`HouseholdEnv.render`."""
-        return self.parallel.render()
-
-    def close(self) -> None:
-        """Disconnect from physics."""
-        self.parallel.close()
 
 
 class Registered:
