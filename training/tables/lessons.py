@@ -156,14 +156,16 @@ def _over_blind(own_runs: Sequence[Record], table: str, records: Records) -> str
     ahead = [same for same in rows if fmean(values(same, "plw", HEADLINE)) > level]
     told = [gain for same in ahead if (gain := gained(same)) and gain.low is not None]
     surely = sum(gain.low > 0 for gain in told if gain.low is not None)
+    intervals = "their runs do not keep the PLW of each task, which an interval of the gain takes"
+    if told:
+        intervals = f"an interval of the gain is known for {len(told)} of these, and lies above 0 for {surely}"
     own = gained(own_runs)
     blind = f"(*{best.name}*, {100 * level:.1f})"
     between = f" ({text})" if own and (text := interval_text(own)) else ""
     score = f"**{points(own.mean if own else None)}**{between} points"
     return (
         f"Gain over the best blind policy {blind}: {score}. {len(rows)} rows of learners are told no more than it; "
-        f"{len(ahead)} of them score above it. {len(told)} of those keep the PLW of each task of all trainings, which "
-        f"the gain's interval takes: in {surely} it lies above 0."
+        f"{len(ahead)} of them score above it; {intervals}."
     )
 
 
