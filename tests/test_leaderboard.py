@@ -118,6 +118,31 @@ def test_the_page_takes_no_forged_result_and_no_copy(tmp_path: Path, monkeypatch
     replace(report, settings={**report.settings, "source_sha256": "0" * 64}).save(tmp_path / "copy.json")
     with pytest.raises(ResultError, match="a copy is no second training"):
         entries()
+    own = {**report.settings, "policy": "mine:Policy"}
+    for name, observation in (("mine", "scene_graph"), ("copy", "visual")):
+        replace(report, settings={**own, "observation": observation}).save(tmp_path / f"{name}.json")
+    with pytest.raises(ResultError, match="a copy is no second training"):
+        entries()
+
+
+def test_episodes_may_be_alike_with_and_without_what_a_policy_does_not_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path)
+    report = load_result(GOOD)
+    report.save(tmp_path / "with.json")
+    options = {**report.settings["options"], "feedback": False}
+    replace(report, settings={**report.settings, "options": options}).save(tmp_path / "without.json")
+    assert [entry.given for entry in entries() if entry.name == "belief"] == ["", "no feedback"]
+
+
+def test_what_is_not_of_a_track_is_told_before_it_is_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path)
+    report = load_result(GOOD)
+    options = {**report.settings["options"], "robots": ["gone.toml", "drone"]}
+    replace(report, settings={**report.settings, "options": options}).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=r"mine.json: its rules are not the track's \(robots gone.toml, drone\)"):
+        entries()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
-from chmarl_pb.policies.registry import DETERMINISTIC
+from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC
 from chmarl_pb.tasks.splits import load_tasks
 from training.tables.cells import ALONE, is_told_more
 
@@ -171,19 +171,21 @@ def entries() -> list[Entry]:
         ResultError: a result cannot be one, or is there twice.
     """
     files = sorted(SENT.glob("*.json"))
-    first = dict[object, Path]()
+    first, found = dict[object, Path](), []
     for path in files:
+        found.append(sent(path))
         report = load_result(path)
         if differs := what_differs(report):
             raise ResultError(f"{path}: {differs}; evaluate again")
         if (other := first.setdefault(_played(report), path)) is not path:
             raise ResultError(f"{path}: the same episodes as {other}; a copy is no second training")
-    return [*trained(), *map(sent, files)]
+    return [*trained(), *found]
 
 
 def _played(report: Report) -> object:
-    """Return what was done in a result, whatever it says of its making."""
-    return report.settings["observation"], tuple((*episode.job, episode.actions) for episode in report.episodes)
+    """Return what was done in a result, whatever it says of its making; own policies have no two observations."""
+    observed = report.settings["observation"] if report.settings["policy"] in BUILT_IN else ""
+    return observed, (*report.without,), tuple((*episode.job, episode.actions) for episode in report.episodes)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

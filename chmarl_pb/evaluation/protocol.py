@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.options import Observed, Options
 from chmarl_pb.envs.own_parts import checked_kind
 from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
@@ -60,7 +60,7 @@ Plays = Callable[[Setup, Sequence[Job]], Iterator[Played]]
 def evaluate(
     policy: str | os.PathLike[str] | Factory | Policy,
     split: str = OF_TRACK,
-    observation: str | None = None,
+    observation: Observed | None = None,
     seeds: Sequence[int] = SEEDS,
     workers: int = 2,
     tasks: Sequence[AnyTask | str] | None = None,
@@ -134,14 +134,15 @@ def evaluate(
     settings = _settings(source, setup, chosen, seeds)
     if file is not None:
         _warn_of_unknown(settings)
-    if kept := _kept(file, settings, reuse, label):
+    kept = _kept(file, settings, reuse)
+    if kept and label in (None, kept.run.get("label")):
         return kept
     homes = list(dict.fromkeys(task.home for task in chosen))
     jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
     start = time.perf_counter()
     with nullcontext() if file is None else Lock(file):
-        if kept := _kept(file, settings, reuse, label):  # another process may just have written it
-            return kept
+        if file is not None and (kept := _kept(file, settings, reuse)):  # another process may just have written it
+            return _labelled(kept, label, file)
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
         run = _run(label, executor.workers, time.perf_counter() - start, fixed)
@@ -152,17 +153,17 @@ def evaluate(
     return report
 
 
-def _kept(file: Path | None, settings: dict[str, Any], reuse: bool, label: str | None) -> Report | None:
-    """Return the result that a file holds already, if it is to be used and was made with the same settings.
-
-    It gets the label, as that is what it is shown by.
-    """
+def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
+    """Return the result that a file holds already, if it is to be used and was made with the same settings."""
     if file is None or not reuse or not file.is_file():
         return None
     kept = load_result(file)
-    if kept.settings != settings:
-        return None
-    if label is None or kept.run.get("label") == label:
+    return kept if kept.settings == settings else None
+
+
+def _labelled(kept: Report, label: str | None, file: Path) -> Report:
+    """Return a kept result with the label that it is to be shown by, in its file, too."""
+    if label in (None, kept.run.get("label")):
         return kept
     named = replace(kept, run={**kept.run, "label": label})
     named.save(file)

@@ -109,9 +109,9 @@ class Report:
     @property
     def privileged(self) -> bool:
         """Whether the policy is given more than its robots' observations; of built-in ones the file is not asked."""
-        policy = str(self.settings["policy"])
-        if policy in BUILT_IN:
-            return is_told_more(policy, str(self.settings["observation"]))
+        policy, observation = (str(self.settings[name]) for name in ("policy", "observation"))
+        if policy in BUILT_IN and ":" not in observation:  # of a sensor of one's own nothing else is known
+            return is_told_more(policy, observation)
         return bool(self.settings.get("privileged"))
 
     @property

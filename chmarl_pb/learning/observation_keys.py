@@ -13,6 +13,7 @@ NODE_CLASS, _, EDGES = GRAPH = ("node_class", "node_state", "edges")
 INSTRUCTION, FEEDBACK, IMAGE = "instruction", "feedback", "image"
 MESSAGES, SELF, GOAL, GOAL_ATTRIBUTES = "messages", "self", "goal", "goal_attributes"
 NODE_COLOR, NODE_VIEW = "node_color", "node_view"
+_NAMES = {*GRAPH, INSTRUCTION, FEEDBACK, IMAGE, MESSAGES, SELF, GOAL, GOAL_ATTRIBUTES, NODE_COLOR, NODE_VIEW}
 
 _KINDS = dict.fromkeys((*TEAM, *packaged()))
 _NUMBERS = ("", *(f"{number}_" for number in range(MOST)))  # where a kind repeats
@@ -35,7 +36,10 @@ def named(keys: Collection[str], *names: str) -> list[str]:
 
 def are_of_all(keys: Collection[str]) -> bool:
     """Return whether keys are those of all robots seen as one, with a robot's name before each."""
-    return any(key.startswith(prefix) for prefix in prefixes(keys) if prefix for key in keys)
+    if not _NAMES.isdisjoint(keys):
+        return False
+    ends = tuple(f"_{name}" for name in _NAMES)
+    return any(key.endswith(ends) or key.startswith(_PACKAGED[1:]) for key in keys)
 
 
 def is_ids(space: spaces.Space[Any], rank: int) -> bool:

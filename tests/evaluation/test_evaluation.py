@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.cli import main
 from chmarl_pb.cli.baselines import success_within
 from chmarl_pb.envs.parallel import HouseholdEnv
-from chmarl_pb.errors import OptionError, ResultError, TaskError
+from chmarl_pb.errors import BusyError, OptionError, ResultError, TaskError
 from chmarl_pb.evaluation import cooperation as accounting
 from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, read_reference, reference_json
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
@@ -28,11 +29,13 @@ from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
+from chmarl_pb.files import Lock
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
 from chmarl_pb.policies.variants import Noting, Unheard
 from chmarl_pb.robots.registry import team_of
+from chmarl_pb.sensing.sensors import SceneGraphSensor
 from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
@@ -775,3 +778,22 @@ def test_going_on_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     with pytest.raises(KeyboardInterrupt):
         evaluate("open-loop", "val-unseen", tasks=tasks, workers=1, out=out, progress=stop)
     assert main(command) == 0 and "going on: 2 of 3 episodes are there already" in capsys.readouterr().err
+
+
+def test_what_own_sensors_tell_is_what_the_result_says() -> None:
+    class Graphs(SceneGraphSensor):
+        """Scene graphs by a sensor of one's own."""
+
+    report = evaluate("search", observation=Graphs(BENCHMARK), workers=1, tasks=TASKS[:1], seeds=[0])
+    assert "privileged" not in report.settings and not report.privileged
+    assert evaluate("search", observation="visual", workers=1, tasks=TASKS[:1], seeds=[0], max_steps=2).privileged
+
+
+def test_a_result_gets_a_label_by_one_process_at_a_time(tmp_path: Path) -> None:
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "seeds": [0], "out": tmp_path / "r.json", "reuse": True}
+    evaluate("belief", label="one", **given)
+    with Lock(tmp_path / "r.json"):
+        assert evaluate("belief", label="one", **given).run["label"] == "one"
+        with pytest.raises(BusyError):
+            evaluate("belief", label="other", **given)
+    assert load_result(tmp_path / "r.json").run["label"] == "one"

@@ -3,14 +3,16 @@
 import json
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pettingzoo.utils import BaseParallelWrapper
 
 import chmarl_pb
 from chmarl_pb.cli.program import main
 from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.learning import Config, train
-from chmarl_pb.learning.runs.validation import SEEDS_FROM, by_home, home_tasks
+from chmarl_pb.learning.runs.validation import SEEDS_FROM, by_home, by_tasks, home_tasks
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
 from chmarl_pb.robots.registry import TEAM
 from tests.helpers.small_homes import home_text
@@ -66,3 +68,31 @@ def test_an_episode_in_a_home_is_saved_and_replayed(
     assert main(["episode", "replay", str(file)]) == 0
     assert main(["episode", "save", "--out", str(file)]) != 0
     assert "give either --task" in capsys.readouterr().err
+
+
+class Lone(BaseParallelWrapper):  # type: ignore[misc]
+    """The humanoid alone; its drone stays."""
+
+    def __init__(self, env: Any):
+        super().__init__(env)
+        self.possible_agents = ["humanoid"]
+
+    @property
+    def agents(self) -> list[str]:
+        return [name for name in self.env.agents if name == "humanoid"]
+
+    @agents.setter
+    def agents(self, value: list[str]) -> None: ...
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
+        return tuple({"humanoid": part["humanoid"]} for part in self.env.reset(seed=seed, options=options))
+
+    def step(self, actions: dict[str, int]) -> tuple[Any, ...]:
+        stay = self.env.unwrapped.action_names["drone"].index("stay")
+        return tuple({"humanoid": part["humanoid"]} for part in self.env.step({**actions, "drone": stay}))
+
+
+def test_a_view_with_fewer_agents_than_the_home_is_validated_by_tasks() -> None:
+    config = Config(episodes=2, envs=2, horizon=28, batch_size=2, learning_starts=2, features=8, hidden=8)
+    validate = by_tasks(("val-unseen",), most=1)
+    assert train(lambda: Lone(chmarl_pb.parallel_env()), "iql", config, validate=validate).best_score >= 0

@@ -21,6 +21,7 @@ import chmarl_pb
 from chmarl_pb.errors import OptionError
 from chmarl_pb.learning.networks import DictEncoder, build_encoder
 from chmarl_pb.learning.networks.numbers import GoalEncoder
+from chmarl_pb.learning.observation_keys import are_of_all
 from chmarl_pb.learning.sb3 import GoalFeatures, HouseholdFeatures, policy_of
 
 torch.set_num_threads(1)
@@ -270,3 +271,15 @@ def test_tasks_of_several_objects_have_longer_instructions() -> None:
     space = env.observation_space
     env.close()
     assert isinstance(space, spaces.Dict) and HouseholdFeatures(space, 8).features_dim == 8
+
+
+@pytest.mark.parametrize(
+    ("keys", "are_all"),
+    [
+        (("image",), False), (("node_state",), False), (("messages", "drone_battery"), False), (("battery",), False),
+        (("humanoid_image", "drone_image"), True), (("walker_messages", "glider_messages"), True),
+        (("walker_self", "walker_battery"), True), (("drone_battery",), True),
+    ],
+)  # fmt: skip
+def test_keys_tell_whether_they_are_of_all_robots(keys: tuple[str, ...], are_all: bool) -> None:
+    assert are_of_all(keys) == are_all

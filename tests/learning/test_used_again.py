@@ -54,7 +54,7 @@ class Taking(Pairs):
 class Reusing(Constant):
     """An expert that counts its questions in one array, and proposes for those who are gone as well."""
 
-    row = np.zeros(2, np.int64)
+    row: Any = np.zeros(2, np.int64)
 
     def act(self, observations: Any, infos: Any) -> dict[str, Any]:
         self.row[:] = 1, (self.row[1] + 1) % 4
@@ -103,6 +103,21 @@ def test_actions_stay_what_was_chosen_whatever_becomes_of_them_in_the_step() -> 
     assert np.array_equal(taken.acted, kept.acted) and taken.episode_return == kept.episode_return
 
 
+class ReusingTensor(Reusing):
+    """The same with one tensor."""
+
+    row = torch.zeros(2, dtype=torch.int64)
+
+    def act(self, observations: Any, infos: Any) -> dict[str, Any]:
+        self.row[0], self.row[1] = 1, (self.row[1] + 1) % 4
+        return {"long": self.row}
+
+
+def test_labels_in_a_tensor_stay_too() -> None:
+    labels = play(Pairs, partial(ReusingTensor, actions={})).labels
+    assert [tuple(label["long"].tolist()) for label in labels] == [(1, 1), (1, 2), (1, 3), (1, 0)]
+
+
 def test_labels_stay_what_was_proposed_and_are_of_those_who_are_there() -> None:
     labels = play(Pairs, partial(Reusing, actions={})).labels
     assert [tuple(label["long"]) for label in labels] == [(1, 1), (1, 2), (1, 3), (1, 0)]
@@ -124,6 +139,10 @@ def test_labels_stay_what_was_proposed_and_are_of_those_who_are_there() -> None:
 def test_steps_are_those_of_a_parallel_env(change: Any, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         play(partial(Changed, change))
+
+
+def test_steps_may_be_lists() -> None:
+    assert play(partial(Changed, lambda env, step: [*step])).episode_return > 0
 
 
 def test_agents_that_have_ended_leave() -> None:

@@ -120,7 +120,7 @@ GROUNDED_ENCODER = ("--graph-pool", "grounded", "--word-vectors", "--grounding-c
 PARSED_ENCODER = ("--graph-pool", "parsed", "--word-vectors", "--numbers-past")
 
 #: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
-#: learners, whose networks are the paper's; chosen on validation tasks (docs/training.md).
+#: learners, whose networks are the paper's; chosen on validation tasks (docs/training_findings.md).
 LONGER = (
     "--episodes", "12000", "--envs", "16", "--gradient-steps", "16", "--td-lambda", "0.6", "--tau", "0.01",
     "--target-update-interval", "1",

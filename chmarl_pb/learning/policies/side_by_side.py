@@ -81,7 +81,11 @@ def play_tasks(
         end.outcomes.append(core.outcome)
         if actions is not None:
             end.actions.append(
-                {name: action_number(name, actions[name], core.symbols) for name in core.possible_agents}
+                {
+                    name: action_number(name, actions[name], core.symbols)
+                    for name in core.possible_agents
+                    if name in actions
+                }
             )
             if not envs[number].agents:
                 yield end

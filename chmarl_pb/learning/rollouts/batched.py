@@ -8,7 +8,7 @@ episode of our checkpoints has shown it (``tests/learning/test_batched_policies.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import copy
+from copy import deepcopy
 from typing import Any, Protocol
 
 from chmarl_pb.learning.networks.kept_features import reset_all, step_all
@@ -141,15 +141,12 @@ def play_together(
     while running := [number for number, env in enumerate(envs) if env.agents]:
         seen = [{name: latest[number][0][name] for name in envs[number].agents} for number in running]
         actions = policy.act(running, seen, [latest[number][1] for number in running])
-        results = step_all([envs[number] for number in running], [_copied(one) for one in actions])
+        results = step_all(
+            [envs[number] for number in running], deepcopy(actions)
+        )  # which an environment may use as it likes
         for number, action, result in zip(running, actions, results, strict=True):
             latest[number] = _observed(result, envs[number])
             yield number, action, result
-
-
-def _copied(actions: Actions) -> Actions:
-    """Return actions in a dict and arrays of their own, which an environment may use as it likes."""
-    return {name: copy(action) for name, action in actions.items()}
 
 
 def _observed(step: Any, env: Any) -> tuple[Any, Any]:
@@ -158,7 +155,7 @@ def _observed(step: Any, env: Any) -> tuple[Any, Any]:
     Raises:
         ValueError: it is not what a ParallelEnv returns, or does not say what those who are there observe.
     """
-    if not isinstance(step, tuple) or len(step) != 5 or not all(isinstance(one, Mapping) for one in step):
+    if not isinstance(step, tuple | list) or len(step) != 5 or not all(isinstance(one, Mapping) for one in step):
         raise ValueError(
             f"step() returns {_kinds(step)}; return five dicts by the names of agents, as PettingZoo's ParallelEnv "
             "does: observations, rewards, terminations, truncations, infos"

@@ -1,7 +1,7 @@
 """Play episodes side by side in one process, with agents that act in one batch."""
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
+from copy import deepcopy
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -217,7 +217,7 @@ class Explorer:
                 f"the expert proposes {proposed!r}; let it return a dict of actions by the names of agents: "
                 f"{', '.join(self._counts)}"
             )
-        return {name: copy(action) for name, action in proposed.items() if name in observations}
+        return {name: deepcopy(action) for name, action in proposed.items() if name in observations}
 
     def _labels_of(self, name: str, episodes: Sequence[int], mask: np.ndarray) -> np.ndarray:
         """Return what experts would do in an agent's place, (B, K), or ``NO_LABEL``; a mask is (B, K, A).
