@@ -74,9 +74,8 @@ def add_lookalikes(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str = "paper") -> None:
-    """Add the options that name the track, with its default and what is said of that, and its rules one by one."""
-    add_track(parser, default, text)
+def add_messages(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what robots hear of each other."""
     words = parser.add_mutually_exclusive_group()
     for flag, value, text in (
         ("--messages", True, "the message board (default of the track paper)"),
@@ -84,6 +83,19 @@ def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str =
         ("--symbols", SYMBOLS, "no board; robots have own words (default of the track grounded)"),
     ):
         words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
+
+
+def add_max_steps(parser: argparse.ArgumentParser) -> None:
+    """Add the option that limits an episode."""
+    parser.add_argument(
+        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
+    )
+
+
+def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str = "paper") -> None:
+    """Add the options that name the track, with its default and what is said of that, and its rules one by one."""
+    add_track(parser, default, text)
+    add_messages(parser)
     told = parser.add_mutually_exclusive_group()
     told.add_argument(
         "--feedback", nargs="?", const=True, choices=("paper", "planner"), default=OF_TRACK,
@@ -101,9 +113,7 @@ def add_rules(parser: argparse.ArgumentParser, default: str = PAPER, text: str =
     parser.add_argument(
         "--templates", type=int, choices=REVISIONS, default=OF_TRACK, help="2: mended sentences (default of grounded)"
     )
-    parser.add_argument(
-        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps in an episode (default: the track's)"
-    )
+    add_max_steps(parser)
 
 
 def given_rules(options: argparse.Namespace) -> dict[str, Any]:

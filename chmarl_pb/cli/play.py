@@ -8,9 +8,17 @@ from collections.abc import Sequence
 from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
-from chmarl_pb.cli.arguments import GOAL, add_catalog, add_home, add_robots, add_track, check_home
-from chmarl_pb.envs.options import SENSORS, SYMBOLS
-from chmarl_pb.envs.tracks import OF_TRACK
+from chmarl_pb.cli.arguments import (
+    GOAL,
+    add_catalog,
+    add_home,
+    add_max_steps,
+    add_messages,
+    add_robots,
+    add_track,
+    check_home,
+)
+from chmarl_pb.envs.options import SENSORS
 from chmarl_pb.extras import check
 from chmarl_pb.policies.sources import find_policy
 
@@ -28,16 +36,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--task", metavar="ID", help="task to begin with, e.g. test-unseen-007 (default: a good one)")
     add_home(parser, "a task is drawn for it")
     add_track(parser)
-    words = parser.add_mutually_exclusive_group()
-    for flag, value, text in (
-        ("--messages", True, "the message board"),
-        ("--no-messages", False, "no messages"),
-        ("--symbols", SYMBOLS, "own words"),
-    ):
-        words.add_argument(flag, dest="messages", action="store_const", const=value, default=OF_TRACK, help=text)
-    parser.add_argument(
-        "--max-steps", type=int, default=OF_TRACK, metavar="N", help="joint steps (default: the track's)"
-    )
+    add_messages(parser)
+    add_max_steps(parser)
     add_robots(parser)
     add_catalog(parser)
     parser.add_argument(
