@@ -4,10 +4,11 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import viser
 
@@ -26,7 +27,19 @@ from chmarl_pb.viewer.live.replay_page import replay_page
 from chmarl_pb.viewer.live.worker import Worker
 from chmarl_pb.viewer.record import record_file
 
+Method = TypeVar("Method", bound=Callable[..., None])
+
 IMAGE_SIZE = 128  # pixels of the robots' pictures, as environments give them by default
+
+
+def _in_worker(method: Method) -> Method:
+    """Let a method of a session work in its worker's thread, whichever calls it."""
+
+    @wraps(method)
+    def asked(self: "Session", *args: Any, **options: Any) -> None:
+        self._do(partial(method, self, *args, **options))
+
+    return cast(Method, asked)
 
 
 class Session:
@@ -60,127 +73,100 @@ class Session:
         """The id of the task that is played."""
         return self._recording.task.id
 
+    @_in_worker
     def act(self, robot: str, action: str, symbol: int) -> None:
         """Let a robot do something: at once, or in the next step."""
-
-        def work() -> None:
-            if self._game:
-                self._game.choose(robot, action, symbol)
-                if self._panel.at_once.value:
-                    self._step()
-                self._refresh()
-
-        self._do(work)
+        if self._game:
+            self._game.choose(robot, action, symbol)
+            if self._panel.at_once.value:
+                self._step()
+            self._refresh()
 
     def step(self) -> None:
         """Play a step."""
         self._do(self._step)
 
+    @_in_worker
     def back(self) -> None:
         """Take a step back."""
+        if self._game:
+            self._game.back()
+            self._show_end()
 
-        def work() -> None:
-            if self._game:
-                self._game.back()
-                self._show_end()
-
-        self._do(work)
-
+    @_in_worker
     def hint(self) -> None:
         """Tell the planner's next move."""
+        if self._game:
+            words = ", ".join(f"{robot} **{action}**" for robot, action in self._game.hint().items())
+            self._panel.say(f"The planner's next move: {words}")
 
-        def work() -> None:
-            if self._game:
-                words = ", ".join(f"{robot} **{action}**" for robot, action in self._game.hint().items())
-                self._panel.say(f"The planner's next move: {words}")
-
-        self._do(work)
-
+    @_in_worker
     def hand_over(self, robot: str, driver: str) -> None:
         """Let a policy or a person drive a robot."""
-
-        def work() -> None:
-            if self._game:
-                try:
-                    self._game.hand_over(robot, driver)
-                finally:
-                    self._panel.show_driver(robot, self._game.drivers[robot])
-                self._refresh()
-
-        self._do(work)
+        if self._game:
+            try:
+                self._game.hand_over(robot, driver)
+            finally:
+                self._panel.show_driver(robot, self._game.drivers[robot])
+            self._refresh()
 
     def run(self) -> None:
         """Play on as long as that is ticked."""
         self._do(self._go_on)
 
+    @_in_worker
     def look_at(self, number: int) -> None:
         """Show a moment."""
-
-        def work() -> None:
-            self._number = min(number, self._recording.steps)
-            self._refresh()
-
-        self._do(work)
+        self._number = min(number, self._recording.steps)
+        self._refresh()
 
     def redraw(self) -> None:
         """Show the same again, as what is to be shown has changed."""
         self._do(self._refresh)
 
+    @_in_worker
     def begin(self, **chosen: Any) -> None:
         """Begin another episode."""
+        self._panel.say("Laying out the task …")
+        again = chosen["task"] is None and chosen["home"] == self._choice.home
+        before = {"track": self._choice.track, **self._choice.rules}
+        rules = rules_with(before, {"track": chosen.pop("track")})
+        choice = replace(
+            self._choice, **chosen, track=rules.pop("track"), rules=rules,
+            draw=self._choice.draw + 1 if again else 0,
+        )  # fmt: skip
+        game = choice.begin()
+        self._leave()
+        self._game, self._choice = game, choice
+        self._open(game.recording)
 
-        def work() -> None:
-            self._panel.say("Laying out the task …")
-            again = chosen["task"] is None and chosen["home"] == self._choice.home
-            before = {"track": self._choice.track, **self._choice.rules}
-            rules = rules_with(before, {"track": chosen.pop("track")})
-            choice = replace(
-                self._choice, **chosen, track=rules.pop("track"), rules=rules,
-                draw=self._choice.draw + 1 if again else 0,
-            )  # fmt: skip
-            game = choice.begin()
-            self._leave()
-            self._game, self._choice = game, choice
-            self._open(game.recording)
-
-        self._do(work)
-
+    @_in_worker
     def save(self, client: viser.ClientHandle) -> None:
         """Send the episode file to a page."""
+        if self._game:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "episode.json"
+                save_episode(self._game.file(), path)
+                client.send_file_download(f"{self.task}.json", path.read_bytes(), save_immediately=True)
 
-        def work() -> None:
-            if self._game:
-                with tempfile.TemporaryDirectory() as folder:
-                    path = Path(folder) / "episode.json"
-                    save_episode(self._game.file(), path)
-                    client.send_file_download(f"{self.task}.json", path.read_bytes(), save_immediately=True)
-
-        self._do(work)
-
+    @_in_worker
     def save_page(self, client: viser.ClientHandle) -> None:
         """Send the replay page of the episode to a page."""
+        self._panel.say("Writing the replay page …")
+        page = replay_page(self._recording)
+        client.send_file_download(f"{self.task}.html", page.encode(), save_immediately=True)
+        self._panel.say("")
 
-        def work() -> None:
-            self._panel.say("Writing the replay page …")
-            page = replay_page(self._recording)
-            client.send_file_download(f"{self.task}.html", page.encode(), save_immediately=True)
-            self._panel.say("")
-
-        self._do(work)
-
+    @_in_worker
     def load(self, content: bytes) -> None:
         """Show an episode file."""
-
-        def work() -> None:
-            self._panel.say("Playing the episode again …")
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "uploaded"
-                path.write_bytes(content)
-                recording = record_file(load_episode(path))
-            self._leave()
-            self._open(recording)
-
-        self._do(work)
+        self._panel.say("Playing the episode again …")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "uploaded"
+            path.write_bytes(content)
+            recording = record_file(load_episode(path))
+        self._leave()
+        self._open(recording)
 
     def close(self) -> None:
         """Let the work in hand end, and disconnect from physics."""
