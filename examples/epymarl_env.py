@@ -4,8 +4,9 @@ In a checkout of EPyMARL (https://github.com/uoe-agents/epymarl), with this pack
 PYTHONPATH=path/to/chmarl_pb/examples python src/main.py --config=qmix --env-config=gymma \
     with env_args.time_limit=28 env_args.key="epymarl_env:Household-v0"
 
-Further `env_args` are options of `chmarl_pb.flat_env`, as `env_args.split=generated`. This file by itself plays an
-episode at random: python examples/epymarl_env.py
+`HouseholdGoal-v0` tells the classes of X and Y and whether they are in view, in 22 numbers; for other options of
+`chmarl_pb.flat_env` register an id of your own, as below, since EPyMARL takes no further `env_args`. This file by itself
+plays an episode at random: python examples/epymarl_env.py
 """
 
 from typing import Any
@@ -55,6 +56,12 @@ class Household(gymnasium.Env[Vectors, Any]):
 
 
 gymnasium.register("Household-v0", entry_point=Household, disable_env_checker=True)
+gymnasium.register(
+    "HouseholdGoal-v0",
+    entry_point=Household,
+    disable_env_checker=True,
+    kwargs={"goal": True, "keys": ("goal", "messages", "self")},
+)
 
 
 if __name__ == "__main__":
