@@ -5,8 +5,8 @@ PYTHONPATH=path/to/chmarl_pb/examples python src/main.py --config=qmix --env-con
     with env_args.time_limit=28 env_args.key="epymarl_env:Household-v0"
 
 `HouseholdGoal-v0` tells the classes of X and Y and whether they are in view, in 22 numbers; for other options of
-`chmarl_pb.flat_env` register an id of your own, as below, since EPyMARL takes no further `env_args`. This file by itself
-plays an episode at random: python examples/epymarl_env.py
+`chmarl_pb.flat_env` register an id of your own, as below, since EPyMARL takes no further `env_args`. This file by
+itself plays an episode at random: python examples/epymarl_env.py
 """
 
 from typing import Any

@@ -536,7 +536,7 @@ def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:
 
     foreign, broken = tmp_path / "foreign.zip", tmp_path / "broken.zip"
     PPO("MlpPolicy", "CartPole-v1", device="cpu").save(foreign)
-    with pytest.raises(CheckpointError, match="not written by training"):
+    with pytest.raises(CheckpointError, match="not written by chmarl-pb sb3"):
         load_policy(foreign)
     broken.write_bytes(foreign.read_bytes()[:1000])
     with pytest.raises(CheckpointError, match="not a whole checkpoint"):
