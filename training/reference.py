@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+import chmarl_pb
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import RunConfig
@@ -85,6 +86,11 @@ GAMES = {
         {"gamma": 0.9, "td_lambda": 0.0, "learning_rate": 0.002, "exploration_fraction": 0.1},
     ),
     "foraging": Game(Foraging, 50, 0.0, 1.0, {}),
+    # This benchmark as EPyMARL plays it in examples/epymarl_env.py; a solved task ends, so rewards keep their mean.
+    "household": Game(
+        partial(chmarl_pb.flat_env, goal=True, keys=("goal", "messages", "self")), 28, 0.9, 1.0, {},
+        {"gamma": 0.97, "standardize_rewards": False},
+    ),
 }  # fmt: skip
 
 

@@ -25,7 +25,7 @@ def test_every_learner_has_settings_for_every_game(game: str, algorithm: str) ->
     assert config.seed == 3 and config.episodes * GAMES[game].horizon <= 50_000
 
 
-@pytest.mark.parametrize("game", GAMES)
+@pytest.mark.parametrize("game", ["simple_spread", "foraging"])
 def test_a_game_that_is_not_installed_is_named(game: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("mpe2", "lbforaging"):
         monkeypatch.setitem(sys.modules, name, None)
@@ -48,7 +48,8 @@ def test_random_actions_earn_what_the_table_says(game: str) -> None:
                 break
         assert not env.agents
     env.close()
-    assert np.mean(returns) == pytest.approx(GAMES[game].random, abs=25 if game == "simple_spread" else 0.1)
+    spread = {"simple_spread": 25, "foraging": 0.1, "household": 1.5}[game]
+    assert np.mean(returns) == pytest.approx(GAMES[game].random, abs=spread)
 
 
 @needs_games
