@@ -171,21 +171,25 @@ def entries() -> list[Entry]:
         ResultError: a result cannot be one, or is there twice.
     """
     files = sorted(SENT.glob("*.json"))
-    first, found = dict[object, Path](), []
+    before, found = list[tuple[Path, Report]](), []
     for path in files:
         found.append(sent(path))
         report = load_result(path)
         if differs := what_differs(report):
             raise ResultError(f"{path}: {differs}; evaluate again")
-        if (other := first.setdefault(_played(report), path)) is not path:
-            raise ResultError(f"{path}: the same episodes as {other}; a copy is no second training")
+        for other, earlier in before:
+            if _is_copy(report, earlier):
+                raise ResultError(f"{path}: the same episodes as {other}; a copy is no second training")
+        before.append((path, report))
     return [*trained(), *found]
 
 
-def _played(report: Report) -> object:
-    """Return what was done in a result, whatever it says of its making; own policies have no two observations."""
-    observed = report.settings["observation"] if report.settings["policy"] in BUILT_IN else ""
-    return observed, (*report.without,), tuple((*episode.job, episode.actions) for episode in report.episodes)
+def _is_copy(one: Report, other: Report) -> bool:
+    """Return whether two results are one; built-in policies may do the same whatever they observe."""
+    played = [[(*episode.job, episode.actions) for episode in report.episodes] for report in (one, other)]
+    built_in = all(report.settings["policy"] in BUILT_IN for report in (one, other))
+    observed = one.settings["observation"] == other.settings["observation"]
+    return played[0] == played[1] and one.without == other.without and (observed or not built_in)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""`python -m training.reference`: our learners on games from elsewhere, beside what others have published of theirs.
+"""`python -m training.reference`: our learners on games that others play, beside what they have published.
 
 Published are the maximum returns of Papoudakis et al. 2021 (https://arxiv.org/abs/2006.07869, table 3): mean and half
 of the 95 % interval over five seeds; their agents share weights, and learn from 2 million steps with a replay buffer,
@@ -8,7 +8,7 @@ paper's table itself. For foraging we found no such source, so there is none her
 
 A run's greatest return is made as theirs: the best of its validations, which play greedily. A best of several noisy
 means is a little too high, so the last validation stands beside it. The same command goes on with what is missing.
-Needs ``pip install mpe2 lbforaging``.
+Needs ``pip install mpe2 lbforaging``, but for the game ``household``: this benchmark as EPyMARL plays it.
 """
 
 import argparse

@@ -38,8 +38,8 @@ def are_of_all(keys: Collection[str]) -> bool:
     """Return whether keys are those of all robots seen as one, with a robot's name before each."""
     if not _NAMES.isdisjoint(keys):
         return False
-    ends = tuple(f"_{name}" for name in _NAMES)
-    return any(key.endswith(ends) or key.startswith(_PACKAGED[1:]) for key in keys)
+    names_robots = any(key.startswith(prefix) for prefix in prefixes(keys) if prefix for key in keys)
+    return names_robots or any(sum(key.endswith(f"_{name}") for key in keys) > 1 for name in _NAMES)
 
 
 def is_ids(space: spaces.Space[Any], rank: int) -> bool:

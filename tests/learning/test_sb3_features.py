@@ -278,7 +278,7 @@ def test_tasks_of_several_objects_have_longer_instructions() -> None:
     [
         (("image",), False), (("node_state",), False), (("messages", "drone_battery"), False), (("battery",), False),
         (("humanoid_image", "drone_image"), True), (("walker_messages", "glider_messages"), True),
-        (("walker_self", "walker_battery"), True), (("drone_battery",), True),
+        (("walker_self", "walker_battery"), True), (("drone_battery",), True), (("force_feedback",), False),
     ],
 )  # fmt: skip
 def test_keys_tell_whether_they_are_of_all_robots(keys: tuple[str, ...], are_all: bool) -> None:

@@ -18,6 +18,7 @@ from chmarl_pb.learning import train
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, Algorithm
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.networks.encoders import build_encoder
+from chmarl_pb.learning.rollouts.batched import play_together
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.runs.run import LAST, _success
@@ -116,6 +117,38 @@ class ReusingTensor(Reusing):
 def test_labels_in_a_tensor_stay_too() -> None:
     labels = play(Pairs, partial(ReusingTensor, actions={})).labels
     assert [tuple(label["long"].tolist()) for label in labels] == [(1, 1), (1, 2), (1, 3), (1, 0)]
+
+
+def test_each_environment_has_actions_of_its_own() -> None:
+    class Sharing:
+        """One row for all robots of all episodes."""
+
+        row = np.array([1, 2])
+
+        def reset(self, seeds: Any) -> None: ...
+
+        def act(self, episodes: Any, observations: Any, infos: Any) -> list[dict[str, Any]]:
+            self.row[:] = 1, 2
+            return [dict.fromkeys(seen, self.row) for seen in observations]
+
+    seen = [[list(map(int, row)) for row in one.values()] for one in played_by(Sharing())]
+    assert seen == [[[1, 2]] * len(one) for one in seen] and len(seen) == 8
+
+
+def played_by(policy: Any) -> list[dict[str, Any]]:
+    """Return the actions that two environments, which change what they are given, are stepped with."""
+    given: list[dict[str, Any]] = []
+
+    class Noting(Taking):
+        """Notes what it is given."""
+
+        def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
+            given.append({name: np.array(pair) for name, pair in actions.items()})
+            return super().step(actions)
+
+    for _ in play_together([Noting(), Noting()], policy, [0, 1], [None, None]):
+        pass
+    return given
 
 
 def test_labels_stay_what_was_proposed_and_are_of_those_who_are_there() -> None:

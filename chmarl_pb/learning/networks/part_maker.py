@@ -7,7 +7,7 @@ from torch import nn
 
 from chmarl_pb.catalog import BENCHMARK, COLOURS
 from chmarl_pb.learning.lookup import look_up
-from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
+from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, Kind
 from chmarl_pb.learning.networks.graphs import GraphEncoder
 from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -71,13 +71,15 @@ class PartMaker:
 
     def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
         """Return what reads the features of a picture; those are known under our own key alone."""
-        if self._image_encoder not in FROZEN_ENCODERS and ":" not in self._image_encoder:
+        own = ":" in self._image_encoder
+        kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS) if own else None
+        kind = kind or FROZEN_ENCODERS.get(self._image_encoder)
+        if not isinstance(kind, Kind):
             raise ValueError(
                 f"{key!r} holds float16, as what a frozen network makes of pictures does, and "
                 f"image_encoder={self._image_encoder!r} is none of these; name one of {', '.join(FROZEN_ENCODERS)}, or "
                 "give numbers of your own as float32"
             )
-        kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS)
         if features.shape not in kind.shapes:
             raise ValueError(
                 f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: "

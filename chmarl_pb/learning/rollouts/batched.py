@@ -141,9 +141,8 @@ def play_together(
     while running := [number for number, env in enumerate(envs) if env.agents]:
         seen = [{name: latest[number][0][name] for name in envs[number].agents} for number in running]
         actions = policy.act(running, seen, [latest[number][1] for number in running])
-        results = step_all(
-            [envs[number] for number in running], deepcopy(actions)
-        )  # which an environment may use as it likes
+        own = [{name: deepcopy(action) for name, action in one.items()} for one in actions]  # for them to change
+        results = step_all([envs[number] for number in running], own)
         for number, action, result in zip(running, actions, results, strict=True):
             latest[number] = _observed(result, envs[number])
             yield number, action, result
