@@ -71,18 +71,17 @@ class PartMaker:
 
     def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
         """Return what reads the features of a picture; those are known under our own key alone."""
-        own = ":" in self._image_encoder
-        kind = look_up("image_encoder", self._image_encoder, FROZEN_ENCODERS) if own else None
-        kind = kind or FROZEN_ENCODERS.get(self._image_encoder)
+        name = self._image_encoder
+        kind = look_up("image_encoder", name, FROZEN_ENCODERS) if ":" in name else FROZEN_ENCODERS.get(name)
         if not isinstance(kind, Kind):
             raise ValueError(
                 f"{key!r} holds float16, as what a frozen network makes of pictures does, and "
-                f"image_encoder={self._image_encoder!r} is none of these; name one of {', '.join(FROZEN_ENCODERS)}, or "
+                f"image_encoder={name!r} is none of these; name one of {', '.join(FROZEN_ENCODERS)}, or "
                 "give numbers of your own as float32"
             )
         if features.shape not in kind.shapes:
             raise ValueError(
-                f"pictures have features of shape {features.shape}, not those of {self._image_encoder}: "
+                f"pictures have features of shape {features.shape}, not those of {name}: "
                 + " or ".join(map(str, kind.shapes))
             )
         words = self._space.spaces.get(instruction_beside(key))

@@ -134,8 +134,14 @@ def train(
     """
     row, folder = find_algorithm(algorithm), None if folder is None else Path(folder)
     config = row.config() if config is None else config
-    given = {"env_fn": env_fn, "config": config, "expert": expert, "setting": setting, "validate": validate}
-    given["folder"] = folder
+    given = {
+        "env_fn": env_fn,
+        "config": config,
+        "expert": expert,
+        "setting": setting,
+        "validate": validate,
+        "folder": folder,
+    }
     _check_arguments(algorithm, row, given)
     if isinstance(config, DAggerConfig) and expert is not None:
         config = replace(config, expert=expert_name(expert))
@@ -167,10 +173,10 @@ def train(
             except ProcessDiedError as error:
                 run.save()
                 kept = f"the same command goes on from {last}; fewer workers need another folder" if last else ""
-                why = "out of memory?" if run.episodes else "out of memory, or a script that calls train without "
-                why += "" if run.episodes else "if __name__ == '__main__': before it?"
+                unguarded = "" if run.episodes else ", or a script that calls train without if __name__ == '__main__':"
                 raise WorkerError(
-                    f"a process died after {run.episodes} episodes ({why}); {kept or 'nothing is kept'}"
+                    f"a process died after {run.episodes} episodes (out of memory{unguarded}?); "
+                    f"{kept or 'nothing is kept'}"
                 ) from error
         if folder is not None:
             check_kept(folder / BEST)
