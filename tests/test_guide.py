@@ -19,16 +19,15 @@ pytest.importorskip("torch")
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
-STEP = re.compile(r"(?:^`([^`\n]+)`:\n\n)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-AFTER = "line after "
+STEP = re.compile(r"(?:^(Below the line with )?`([^`\n]+)`:\n\n)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SLOW = ("chmarl-pb demo", "chmarl-pb homes build cabin.toml --watch")  # tested by themselves elsewhere, too
 
 
 def follow(folder: Path, run: Callable[[str], None]) -> None:
     """Do what the guide says in a folder: write files, insert lines, run commands."""
-    for label, language, text in STEP.findall(GUIDE):
-        if label.startswith(AFTER):
-            insert(folder / "cabin.toml", label.removeprefix(AFTER), text)
+    for below, label, language, text in STEP.findall(GUIDE):
+        if below:
+            insert(folder / "cabin.toml", label, text)
         elif label:
             (folder / label).write_text(text, encoding="utf-8")
         else:

@@ -108,7 +108,7 @@ def lessons(records: Records, folder: Path) -> list[str]:
         scores = [_score(records, *row) for row in lesson.rows]
         if all(scores):
             lines.append(f"- {lesson.sentence.format(*scores)}")
-    text = f"## What one learns from them\n\nPLW on {HEADLINE}, per cent, if nothing else is said."
+    text = f"## What one learns from them\n\nPLW on {HEADLINE}, per cent, if nothing else is said; ranges in brackets are 95 % intervals over tasks, one for each training."
     return [text, "\n".join(lines), *_draw(records, folder)]
 
 
@@ -156,7 +156,7 @@ def _over_blind(own_runs: Sequence[Record], table: str, records: Records) -> str
     ahead = [same for same in rows if fmean(values(same, "plw", HEADLINE)) > level]
     told = [gain for same in ahead if (gain := gained(same)) and gain.low is not None]
     surely = sum(gain.low > 0 for gain in told if gain.low is not None)
-    intervals = "their runs do not keep the PLW of each task, which an interval of the gain takes"
+    intervals = "no interval of their gain is known, as their runs did not keep the PLW of each task"
     if told:
         intervals = f"an interval of the gain is known for {len(told)} of these, and lies above 0 for {surely}"
     own = gained(own_runs)
