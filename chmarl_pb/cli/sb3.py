@@ -99,7 +99,7 @@ def _env_id(observation: str | None, humanoid_only: bool) -> str:
 def _name(config: Config) -> str:
     """Return the name of a run's folder."""
     parts = [config.algo, config.env_id.removeprefix("CHMARL/").removesuffix("-v0").lower()]
-    parts += [word for word in ("messages", "feedback") if getattr(config, word)]
+    parts += [word for word in ("messages", "feedback") if config.env_options[word]]
     robots = listed(config.robots)
     parts += [Path(robot).stem for robot in robots] if robots != TEAM else []
     parts += [Path(file).stem for file in (config.home, config.catalog) if file]

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from chmarl_pb.envs.options import check_one_of, plain_value
+from chmarl_pb.envs.options import Options, check_one_of, plain_value
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import ActionError, OptionError
@@ -39,6 +39,11 @@ class Viewing:
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 4}  # noqa: RUF012
 
     parallel: HouseholdEnv
+
+    @property
+    def options(self) -> Options:
+        """How the environment was made; see :attr:`HouseholdEnv.options`."""
+        return self.parallel.options
 
     @property
     def world(self) -> World:

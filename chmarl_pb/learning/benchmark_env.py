@@ -5,13 +5,14 @@ from functools import partial
 from typing import Any, Literal
 
 import chmarl_pb
+from chmarl_pb.catalog import ROOM_KINDS
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, MEANING, RULES, TRAINED_IN
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, MEANING, ROOMS, RULES, TRAINED_IN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -71,10 +72,19 @@ def _setting(options: Options, frozen: FrozenEncoder | None) -> dict[str, Any]:
     own: dict[str, Any] = {CATALOG: known} if known else {}  # as in checkpoints from before there was a choice
     own |= {GOAL: True} if options.goal else {}
     own |= {HOME: str(options.home)} if options.home else {}
+    own |= {ROOMS: rooms} if (rooms := other_rooms(options)) else {}
     own |= {RULES: rules} if (rules := rules_of(options)) else {}
     own |= {MEANING: meaning} if (meaning := meaning_of(options)) != meaning_in(own) else {}
     own |= {TRAINED_IN: trained_in(options)}
     return {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
+
+
+def other_rooms(options: Options) -> str:
+    """Return the rooms that actions and messages name, with a comma between; nothing for those of the benchmark."""
+    if options.home is None:
+        return ""
+    rooms = load_home(options.home, options.things).goto_rooms
+    return "" if rooms == ROOM_KINDS else ",".join(rooms)
 
 
 def trained_in(options: Options) -> dict[str, Any]:

@@ -17,6 +17,7 @@ HOME = "home"  # the only home that was trained in, by name or path; absent wher
 RULES = "rules"  # options of the environment by which a policy plays again; absent by the paper's rules
 MEANING = "meaning"  # what actions and observations mean; only where an object of an option makes it another than RULES
 CATALOG = "catalog_sha256"  # the same of a catalogue file and all that it names; absent without one
+ROOMS = "rooms"  # those that actions and messages name, with a comma between; absent where they are the benchmark's
 
 
 def count(default: int) -> Any:

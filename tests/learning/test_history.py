@@ -71,6 +71,14 @@ def test_step_by_step_is_as_all_at_once(agent: Agent) -> None:
             player.remember("it", everyone, actions[:, step + 1])
 
 
+def test_the_memory_lies_in_one_piece_as_cudnn_wants_it(agent: Agent) -> None:
+    given: list[Tensor | None] = []
+    agent.memory.register_forward_pre_hook(lambda _, inputs: given.append(inputs[1]))
+    state = agent(heard(1, episodes=3), no_actions(3))[2]
+    agent(heard(1, episodes=3), no_actions(3), state)
+    assert given[0] is None and given[1] is not None and given[1].is_contiguous()
+
+
 def test_padding_after_the_end_changes_nothing(agent: Agent) -> None:
     real = torch.arange(STEPS).expand(2, STEPS) < torch.tensor([[STEPS], [3]])
     cut = agent(heard(1, episodes=2), no_actions(2), real=real)[0]

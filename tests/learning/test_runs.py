@@ -367,8 +367,10 @@ def test_a_run_whose_weights_were_chosen_by_other_scores_is_refused(tmp_path: Pa
         return {"score": 1.0}
 
     train(UnevenEnv, "vdn", SMALL, tmp_path, by_return())
-    train(UnevenEnv, "vdn", SMALL, tmp_path, by_return(4))
-    with pytest.raises(CheckpointError, match=r"chosen by by_return.*, not by .*by_length"):
+    train(UnevenEnv, "vdn", SMALL, tmp_path, by_return())
+    with pytest.raises(CheckpointError, match=r"chosen by another one.*the same arguments"):
+        train(UnevenEnv, "vdn", SMALL, tmp_path, by_return(4))
+    with pytest.raises(CheckpointError, match=r"chosen by mean_return, not by .*by_length"):
         train(UnevenEnv, "vdn", SMALL, tmp_path, by_length)
     older = load(tmp_path / LAST)
     del older["validated_by"]

@@ -151,6 +151,27 @@ def test_drone_is_the_one_that_the_id_names(env_id: str, tmp_path: Path) -> None
     env.close()
 
 
+def test_a_model_in_memory_hears_what_it_heard_in_training() -> None:
+    from stable_baselines3 import PPO
+
+    envs = chmarl_pb.sb3_vec_env(1, BESIDE_BELIEF, 0, split="val-unseen", goal=True, messages=False)
+    model = PPO("MultiInputPolicy", envs, policy_kwargs={"features_extractor_class": GoalFeatures}, device="cpu")
+    silent = policy_of(model)
+    envs.close()
+    deaf = policy_of(model, "belief")  # closed environments do not tell
+    assert silent._unheard == ("messages",) and deaf._unheard == () and silent.fingerprint != deaf.fingerprint
+    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
+    policy = silent(env)
+    seen, infos = env.reset(seed=0)
+    heard = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
+    chosen = []
+    for observations in (seen, heard):
+        policy.reset(0)
+        chosen.append(policy.act(observations, infos))
+    assert chosen[0] == chosen[1]
+    env.close()
+
+
 def test_a_model_in_memory_knows_its_drone_by_its_environments() -> None:
     from stable_baselines3 import PPO
 
@@ -194,6 +215,7 @@ def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
     config = Config("ppo", env_id, "goal-encoder", steps=8, interval=8, **TINY)
     assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
     run(config, tmp_path, workers=0)
+    assert read_model(tmp_path / BEST)[0].feedback is False, "there is none, whatever was asked for"
     register_loader(".zip", load_policy)
     assert find_policy(str(tmp_path / BEST)).rules == {
         "track": "grounded",
@@ -308,6 +330,8 @@ def test_folders_are_named_after_homes_and_robots() -> None:
         ["--robots", "humanoid,scout.toml"],
     )}  # fmt: skip
     assert len(folders) == 5 and "out/sb3/ppo-scenegraph-messages-feedback-goal-seed0" in folders
+    grounded = parse(["--algo", "ppo", "--env", GROUNDED])[1]
+    assert grounded.name == "ppo-groundedscenegraphhumanoid-messages-goal-seed0", "no feedback, as there is none"
 
 
 @pytest.mark.parametrize("damaged", [False, True])

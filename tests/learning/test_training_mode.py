@@ -1,18 +1,23 @@
 """Networks that draw or count while they learn, as those with dropout and batch normalisation do."""
 
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning import train
+from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.networks.encoders import build_encoder
 from chmarl_pb.learning.rollouts.collect import Collector
+from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_return
+from chmarl_pb.learning.spaces import interface_of
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.uneven_env import UnevenEnv
@@ -29,6 +34,16 @@ class Dropping(nn.Module):
     def forward(self, observation: Any) -> Tensor:
         found: Tensor = self.behind(self.inner(observation))
         return found
+
+
+class Noting(Dropping):
+    """The same; notes whether it draws where nothing is learned from its features."""
+
+    notes: ClassVar[list[tuple[bool, bool]]] = []
+
+    def forward(self, observation: Any) -> Tensor:
+        self.notes.append((torch.is_grad_enabled(), self.training))
+        return super().forward(observation)
 
 
 def _sum(agents: nn.Module) -> float:
@@ -59,6 +74,28 @@ def test_networks_are_played_and_validated_as_they_are_evaluated() -> None:
     config = replace(SMALL, encoder=f"{__name__}:{Dropping.__name__}")
     result = train(UnevenEnv, "vdn", config, validate=validate)
     assert learning and not any(learning) and not result.agents.training
+
+
+@pytest.mark.parametrize("algorithm", ["vdn", "pqn", "mappo"])
+def test_targets_and_what_actions_are_compared_with_draw_nothing(algorithm: str) -> None:
+    Noting.notes.clear()
+    train(UnevenEnv, algorithm, replace(CONFIGS[algorithm], encoder=f"{__name__}:{Noting.__name__}"))
+    assert set(Noting.notes) == {(True, True), (False, False)}
+
+
+def test_targets_begin_as_weights_that_were_given_after_they_were_made() -> None:
+    config, interface = replace(SMALL, target_update_interval=1000), interface_of(UnevenEnv())
+    learner = ValueLearner("vdn", interface, config)
+    with torch.no_grad():
+        for weight in learner.networks.parameters():
+            weight.fill_(0.25)
+    given = {name: value.clone() for name, value in learner.networks.state_dict().items()}
+    replay = ReplayBuffer(interface, config.horizon, 8, 1.0)
+    with closing(Collector(UnevenEnv, 4, horizon=config.horizon)) as collector:
+        for episode in collector.play(learner.agents, learner.choose(0), np.random.default_rng(0), range(4)):
+            replay.add(episode)
+    assert len(list(learner.learn(replay, np.random.default_rng(0)))) == config.gradient_steps
+    assert all(torch.equal(value, given[name]) for name, value in learner._targets.state_dict().items())
 
 
 def test_targets_have_the_counts_of_the_networks_that_they_copy() -> None:

@@ -108,7 +108,8 @@ def lessons(records: Records, folder: Path) -> list[str]:
         scores = [_score(records, *row) for row in lesson.rows]
         if all(scores):
             lines.append(f"- {lesson.sentence.format(*scores)}")
-    text = f"## What one learns from them\n\nPLW on {HEADLINE}, per cent, if nothing else is said; ranges in brackets are 95 % intervals over tasks, one for each training."
+    read = "if nothing else is said; ranges in brackets are 95 % intervals over tasks, one for each training."
+    text = f"## What one learns from them\n\nPLW on {HEADLINE}, per cent, {read}"
     return [text, "\n".join(lines), *_draw(records, folder)]
 
 

@@ -1,7 +1,8 @@
 """One gradient step, as all learners that play take it."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -20,6 +21,19 @@ def add_grounding(metrics: dict[str, Tensor], agents: nn.ModuleDict, batch: Batc
     """Return figures whose ``loss`` also teaches encoders the classes that instructions name; see ``grounding``."""
     taught = grounding(agents, batch, weight)
     return metrics | taught | {"loss": metrics["loss"] + sum(taught.values())}
+
+
+@contextmanager
+def evaluating(*networks: nn.Module) -> Iterator[None]:
+    """Put networks that are being trained into evaluation mode, as when they act: without dropout, say."""
+    training = [network for network in networks if network.training]
+    for network in training:
+        network.eval()
+    try:
+        yield
+    finally:
+        for network in training:
+            network.train()
 
 
 def check_finite(networks: nn.Module) -> None:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import draw
-from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend, evaluating
 from chmarl_pb.learning.algorithms.losses import lambda_returns, unroll
 from chmarl_pb.learning.algorithms.normalizer import Normalizer, update_and_preserve
 from chmarl_pb.learning.algorithms.on_policy import minibatches, new_episodes, set_learning_rates
@@ -193,7 +193,14 @@ class Mappo:
 
     @torch.no_grad()
     def compute_gae(self, batch: Batch) -> Advantages:
-        """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016)."""
+        """Return advantages and returns of all steps by generalised advantage estimation (Schulman et al. 2016).
+
+        Networks are in evaluation mode for it, as they were when the actions were drawn.
+        """
+        with evaluating(self.agents, self.critic):
+            return self._compute_gae(batch)
+
+    def _compute_gae(self, batch: Batch) -> Advantages:
         reward, not_done, team_mask = batch.team()
         mask, values = team_mask.squeeze(-1), self.value(batch.states)
         following, config = values[:, 1:].unsqueeze(-1), self.config

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
+from chmarl_pb.learning.algorithms.gradient import add_grounding, descend, evaluating
 from chmarl_pb.learning.algorithms.losses import Returns, q_loss, td_targets, unroll
 from chmarl_pb.learning.algorithms.mixers import MIXERS, Mixer
 from chmarl_pb.learning.algorithms.on_policy import minibatches, new_episodes, set_learning_rates
@@ -123,9 +123,9 @@ class Pqn:
         set_learning_rates(self._optimizer, (self.config.learning_rate,), left)
         self._learned = replay.added
         batch = replay.sample(new, rng, newest=new)
-        with torch.no_grad():
+        with torch.no_grad(), evaluating(self._networks):
             unrolled = unroll(self.agents, batch)
-        y, mask = td_targets(unrolled, unrolled, self.mixer, batch, self._returns)
+            y, mask = td_targets(unrolled, unrolled, self.mixer, batch, self._returns)
         for rows in minibatches(new, self.config.n_epochs, self.config.batch_size, rng):
             part = batch.rows(rows)
             yield part, self.update(part, y[rows], mask[rows])

@@ -140,6 +140,8 @@ class ValueLearner:
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes, and yield each batch with its figures."""
+        if not self.updates:  # the networks may have been given weights since they were made
+            self._targets.load_state_dict(self.networks.state_dict())
         for _ in range(self.config.gradient_steps):
             batch = replay.sample(self.config.batch_size, rng)
             yield batch, self.update(batch)

@@ -23,7 +23,7 @@ from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.gradient import check_finite, check_norms
 from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
-from chmarl_pb.learning.config import CATALOG, FROZEN
+from chmarl_pb.learning.config import CATALOG, FROZEN, ROOMS
 from chmarl_pb.learning.policies.cloned import (
     KIND,
     BCActor,
@@ -183,7 +183,7 @@ class _Run:
 
     def _save_best(self) -> None:
         facts = {"config": asdict(self.config), "figures": self.best, FROZEN: weights_of(self.config)}
-        facts[CATALOG] = self.examiner.env.catalog.content
+        facts |= {CATALOG: self.examiner.env.catalog.content, ROOMS: ",".join(self.examiner.env.rooms)}
         checkpoint.save(self.folder / BEST, KIND, {**facts, "actors": self.actors.state_dict()})
 
     def save(self) -> None:

@@ -72,7 +72,8 @@ class Agent(nn.Module):
             history = _most_so_far(torch.cat([numbers, acted], dim=-1), before[1])
             features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
         features = self.norms[0](features) if self.norms else features
-        histories, state = self.memory(torch.cat([features, acted], dim=-1), before[0])
+        memory = None if before[0] is None else before[0].contiguous()  # a part of the state, which cuDNN takes only so
+        histories, state = self.memory(torch.cat([features, acted], dim=-1), memory)
         read = self.norms[1](histories) if self.norms else histories
         outputs = self.head(torch.cat([read, numbers], dim=-1))
         if self._history:

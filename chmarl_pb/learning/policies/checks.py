@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from chmarl_pb.catalog import ROOM_KINDS
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.learning.benchmark_env import meaning_in, meaning_of
-from chmarl_pb.learning.config import CATALOG, MEANING, RULES
+from chmarl_pb.learning.config import CATALOG, HOME, MEANING, ROOMS, RULES
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 _PART = re.compile(r"'([^']+)': (\w+\(.*?\))(?=, '|\)$)")  # of the text of a Dict space
@@ -61,8 +62,10 @@ def differences(theirs: Mapping[str, str], own: Mapping[str, str]) -> str:
     return f"those of the {robot} {'; '.join(told)}; {mend}"
 
 
-def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
-    """Check that the classes of things are those of the training; ids and words would mean others.
+def check_names(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
+    """Check that the classes of things, and the rooms that robots go to and tell of, are those of the training.
+
+    Ids, words, actions and messages would mean others. Older checkpoints of one home do not tell its rooms.
 
     Raises:
         CheckpointError: they are not.
@@ -70,6 +73,12 @@ def check_catalog(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> 
     if setting.get(CATALOG, "") != env.catalog.content:
         wanted = "the catalogue file that it was trained with" if setting.get(CATALOG) else "no catalog"
         raise CheckpointError(f"{path}: was trained with other classes of things; give {wanted}")
+    own = ",".join(env.rooms)
+    rooms = setting.get(ROOMS) or (own if setting.get(HOME) else ",".join(ROOM_KINDS))
+    if rooms != own:
+        raise CheckpointError(
+            f"{path}: was trained where actions and messages name the rooms {rooms}, not {own}; play it in such a home"
+        )
 
 
 def check_rules(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:

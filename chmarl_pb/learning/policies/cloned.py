@@ -19,7 +19,7 @@ from chmarl_pb.learning.networks.encoders import check_found
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder, trained_with
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
-from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size
+from chmarl_pb.learning.policies.checks import check_names, check_rules, check_size
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.spaces import stack, tensors
 from chmarl_pb.learning.storage import checkpoint
@@ -247,7 +247,7 @@ class BCPolicies:
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, {"image_size": IMAGE_SIZE}, self.path)
         if CATALOG in content:  # older ones do not say
-            check_catalog(env, content, self.path)
+            check_names(env, content, self.path)
         check_rules(env, {}, self.path)  # data sets are of the paper's rules
         config, encoder = self.config, None
         if config.uses_features:

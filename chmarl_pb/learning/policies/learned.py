@@ -17,7 +17,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import FeatureEnv, all_with_features
 from chmarl_pb.learning.observation_keys import GOAL
 from chmarl_pb.learning.policies.checks import (
-    check_catalog,
+    check_names,
     check_rules,
     check_size,
     differences,
@@ -95,7 +95,7 @@ class ValuePolicies:
 
     def _policy(self, env: HouseholdEnv, content: dict[str, Any]) -> Policy:
         check_size(env, content["setting"], self.path)
-        check_catalog(env, content["setting"], self.path)
+        check_names(env, content["setting"], self.path)
         config, frozen = self._config(content), content["setting"].get(FROZEN, "")
         encoder = trained_with(config.image_encoder, frozen, self.path) if frozen else None
         check_rules(env, content["setting"], self.path)

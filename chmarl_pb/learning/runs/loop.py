@@ -10,6 +10,7 @@ from typing import Any
 from torch import nn
 
 from chmarl_pb.errors import WorkerError
+from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.learner import Learner
 from chmarl_pb.learning.algorithms.registry import Algorithm, check_first_weights, find_algorithm
@@ -32,12 +33,18 @@ from chmarl_pb.processes import ProcessDiedError
 
 
 def expert_name(expert: Callable[[Any], Expert | Policy]) -> str:
-    """Return the name of what makes an expert: of a built-in policy its own, of others ``module:name``."""
+    """Return the name of what makes an expert: of a built-in policy its own, of others ``module:name``.
+
+    A hash follows where the name does not tell all, as of a partial with its arguments, or of a function in another.
+    """
     make = expert.func if isinstance(expert, partial) else expert
     if isinstance(expert, partial) and make in (make_policy, make_expert):
         return str((*expert.args, expert.keywords.get("name"))[0])
     named = make if hasattr(make, "__qualname__") else type(make)
-    return f"{named.__module__}:{named.__qualname__}"
+    name = f"{named.__module__}:{named.__qualname__}"
+    told = named is expert and "<locals>" not in name
+    held = None if told else fingerprint(expert, code=False)
+    return f"{name} {held[:16]}" if held else name
 
 
 def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 
 from chmarl_pb.files import file_hash
+from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import TRAINED_IN, RunConfig
@@ -68,6 +69,7 @@ class Run:
         """
         self.config, self.folder, self.setting = config, folder, setting
         self._collector, self._play_rollout, self._validate = collector, play, validate
+        self._validated_by = scores_of(validate)
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
         self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
         self._device = device or torch.device("cpu")
@@ -134,12 +136,6 @@ class Run:
             "unreported": self._unreported, "begun_with": self._begun_with, "validated_by": self._validated_by,
         }  # fmt: skip
 
-    @property
-    def _validated_by(self) -> str:
-        """Name of what tells the scores that weights are chosen by."""
-        validate = self._validate.func if isinstance(self._validate, partial) else self._validate
-        return str(getattr(validate, "__qualname__", type(validate).__qualname__))
-
     def restore(self, state: dict[str, Any], path: Path) -> None:
         """Go on from a state; an older one, which does not tell the split that it was trained in, with whatever split.
 
@@ -161,11 +157,14 @@ class Run:
             own |= asdict(self.config)
         known = {"agents": own["agents"], **theirs}  # older runs do not tell the order of agents
         check_same({**known, "config": None}, {**own, "config": None}, path)
-        before = state.get("validated_by", self._validated_by)
-        if before != self._validated_by and state["best_score"] > -np.inf:
+        before, now = state.get("validated_by", self._validated_by), self._validated_by
+        if isinstance(before, str):  # older ones tell the name alone, which says too little
+            before = now
+        if before != now and state["best_score"] > -np.inf:
+            other = f"by {before['name']}, not by {now['name']}," if before["name"] != now["name"] else "by another one"
             raise CheckpointError(
-                f"{path}: its weights were chosen by {before}, not by {self._validated_by}, whose scores may "
-                "be others; give the same `validate`, or use another folder"
+                f"{path}: its weights were chosen {other} whose scores may be others; give the same `validate`, with "
+                f"the same arguments, or use another folder"
             )
         self.learner.restore(state["learner"], path)
         if state["replay"] is not None:
@@ -312,6 +311,16 @@ def origin(weights: Path) -> dict[str, Any]:
     content = load(weights, "value")
     kept = {key: content.get(key) for key in ("algorithm", "config", "episodes", "validation")}
     return {"sha256": file_hash(weights), **kept}
+
+
+def scores_of(validate: Validate) -> dict[str, str]:
+    """Return what tells the scores by which weights are chosen: the name of the function, and a hash of what it holds.
+
+    Functions of one name differ by their arguments, as validations on other splits; the hash is "" where none is known.
+    """
+    function: Any = validate.func if isinstance(validate, partial) else validate
+    name = str(getattr(function, "__qualname__", type(function).__qualname__))
+    return {"name": name, "sha256": fingerprint(validate, code=False) or ""}
 
 
 def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:

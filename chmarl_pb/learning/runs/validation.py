@@ -1,7 +1,8 @@
 """Greedy episodes during training; the best checkpoint is chosen by their score. Test splits are not for this."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from torch import nn
@@ -29,13 +30,14 @@ def by_return(episodes: int = 32) -> Validate:
 
     Where homes are generated as they are needed, each is in a home of its own.
     """
+    return partial(mean_return, episodes=episodes)
 
-    def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
-        seeds = [SEEDS_FROM + number * collector.episodes_in_a_home for number in range(episodes)]
-        played = play_greedily(collector, agents, seeds)
-        return {"score": float(np.mean([episode.episode_return for episode in played]))}
 
-    return validate
+def mean_return(collector: Collector, agents: nn.ModuleDict, episodes: int) -> dict[str, float]:
+    """Return the mean return of some episodes as the score; see :func:`by_return`."""
+    seeds = [SEEDS_FROM + number * collector.episodes_in_a_home for number in range(episodes)]
+    played = play_greedily(collector, agents, seeds)
+    return {"score": float(np.mean([episode.episode_return for episode in played]))}
 
 
 def by_tasks(splits: Sequence[str] = VALIDATION["train"], most: int = 50) -> Validate:
@@ -50,7 +52,7 @@ def by_tasks(splits: Sequence[str] = VALIDATION["train"], most: int = 50) -> Val
     """
     if not set(splits).isdisjoint(TEST_SPLITS):
         raise ValueError(f"splits={list(splits)}: checkpoints are not chosen on a test split")
-    return _by({split: spread_tasks(split, most) for split in splits})
+    return _ByTasks({split: spread_tasks(split, most) for split in splits})
 
 
 def by_home(
@@ -73,7 +75,7 @@ def by_home(
         HomeError: the home cannot be used.
         TaskError: the home offers no task that can be solved.
     """
-    return _by({"home": home_tasks(home, most, robots, catalog, lookalikes)})
+    return _ByTasks({"home": home_tasks(home, most, robots, catalog, lookalikes)})
 
 
 def home_tasks(
@@ -83,23 +85,27 @@ def home_tasks(
     return list(draw_tasks(home, most, 0, catalog, robots, SEEDS_FROM, lookalikes))
 
 
-def _by(tasks: Mapping[str, Sequence[Task]]) -> Validate:
-    """Return a validation by PLW on tasks by their split; the score is the mean over the splits."""
-    known: dict[str, int] = {}  # task's id -> L*
+class _ByTasks:
+    """A validation by PLW on tasks by their split; the score is the mean over the splits."""
 
-    def validate(collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
+    def __init__(self, tasks: Mapping[str, Sequence[Task]]):
+        self._tasks = tasks
+        self._known: dict[str, int] = {}  # task's id -> L*
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What it holds are its tasks; what it finds out of them makes it no other."""
+        return type(self), (self._tasks,)
+
+    def __call__(self, collector: Collector, agents: nn.ModuleDict) -> dict[str, float]:
         figures: dict[str, float] = {}
         noted: list[Recognition] = []
-        for split, chosen in tasks.items():
-            played = examine(collector, agents, chosen, known)
+        for split, chosen in self._tasks.items():
+            played = examine(collector, agents, chosen, self._known)
             noted += [one.recognition for one in played]
             figures[f"{split}_sr"] = float(np.mean([one.success for one in played]))
             figures[f"{split}_plw"] = float(np.mean([one.score for one in played]))
-        return (
-            {"score": float(np.mean([figures[f"{split}_plw"] for split in tasks]))} | figures | total(noted).figures()
-        )
-
-    return validate
+        score = float(np.mean([figures[f"{split}_plw"] for split in self._tasks]))
+        return {"score": score} | figures | total(noted).figures()
 
 
 class PlayedTask(NamedTuple):

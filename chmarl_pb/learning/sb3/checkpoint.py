@@ -22,7 +22,7 @@ from chmarl_pb.learning.config import RULES
 from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
-from chmarl_pb.learning.policies.checks import check_catalog, check_rules, check_size, image_size_of, silenced
+from chmarl_pb.learning.policies.checks import check_names, check_rules, check_size, image_size_of, silenced
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from chmarl_pb.learning.sb3.policy import Sb3Policy, flat_counts
@@ -86,7 +86,7 @@ class Sb3Policies:
     def _policy(self, env: HouseholdEnv) -> Policy:
         config, weights = read_model(self.path)
         check_size(env, asdict(config), self.path)
-        check_catalog(env, asdict(config), self.path)
+        check_names(env, asdict(config), self.path)
         check_rules(env, {RULES: self.rules}, self.path)
         if PRESETS[config.preset].goal and not env.options.goal:
             raise CheckpointError(
@@ -97,7 +97,7 @@ class Sb3Policies:
         fill(network, weights, self.path)
         network.set_training_mode(False)
         network.requires_grad_(False)
-        silent = silenced(asdict(config))
+        silent = silenced(config.env_options)
         return BatchOfOne(Sb3Policy(network, env, config.sampled, silent, encoder, config.partner))
 
 

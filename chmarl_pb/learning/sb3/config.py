@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from chmarl_pb.envs.joint import PARTNERS
 from chmarl_pb.envs.registration import options_of
 from chmarl_pb.envs.tracks import PAPER, TRACKS
-from chmarl_pb.learning.config import CATALOG, amount, check, count, seed_number
+from chmarl_pb.learning.config import CATALOG, ROOMS, amount, check, count, seed_number
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.encoders import GRAPH_POOLS
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS
@@ -117,7 +117,8 @@ PRESETS = {
 
 #: Settings of runs that were written before there was a choice.
 BEFORE_PRESETS = {
-    "preset": "encoder", "robots": ",".join(TEAM), "home": None, "catalog": None, CATALOG: "", "word_vectors": False,
+    "preset": "encoder", "robots": ",".join(TEAM), "home": None, "catalog": None, CATALOG: "", ROOMS: "",
+    "word_vectors": False,
 }  # fmt: skip
 
 
@@ -155,6 +156,7 @@ class Config:
         home: name or path of a home to train in instead of the split's.
         catalog: catalogue file of own things.
         catalog_sha256: of that file and all that it names, which ``run`` finds out; empty without it.
+        rooms: that actions and messages name, which ``run`` finds out, too; empty where they are the benchmark's.
     """
 
     algo: AlgorithmName
@@ -179,6 +181,7 @@ class Config:
     home: str | None = None
     catalog: str | None = None
     catalog_sha256: Hidden = ""
+    rooms: Hidden = ""
 
     def __post_init__(self) -> None:
         """Refuse values outside the fields' limits, unknown names, and actions that an algorithm cannot choose."""

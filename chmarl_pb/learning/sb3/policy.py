@@ -13,11 +13,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 
 from chmarl_pb.envs.joint import PARTNERS, joined
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import IMAGE, are_of_all, named
+from chmarl_pb.learning.policies.checks import silenced
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
@@ -31,6 +33,8 @@ _TRAINING = {"lr_schedule", "optimizer_class", "optimizer_kwargs"}  # what a net
 def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicies":
     """Return what makes the policy of a model in memory, for ``chmarl_pb.evaluate(policy_of(model), workers=1, ...)``.
 
+    Messages and feedback read as zeros where the model's environments, if it still has open ones, were made without.
+
     Args:
         model: of Stable-Baselines3, trained on one of the ids; wrappers may have left keys out, but not changed them.
         partner: policy of the others beside a humanoid that learned alone, "search" or "belief"; None: that of the
@@ -43,7 +47,7 @@ def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicie
     normalised = model.get_vec_normalize_env()
     if normalised is not None and normalised.norm_obs:
         raise ValueError("the model knows normalised observations only; train it with VecNormalize(norm_obs=False)")
-    return ModelPolicies(model, partner or _partner_of(model))
+    return ModelPolicies(model, partner or _partner_of(model), _unheard_by(model))
 
 
 def _partner_of(model: BaseAlgorithm) -> str:
@@ -58,12 +62,22 @@ def _partner_of(model: BaseAlgorithm) -> str:
         raise ValueError(f"the model's environments are closed; say what drove the drone there: {known}") from error
 
 
+def _unheard_by(model: BaseAlgorithm) -> tuple[str, ...]:
+    """Return the keys that read as zeros in a model's environments."""
+    env = model.get_env()
+    try:
+        options = env.get_attr("options")[0] if env is not None and env.has_attr("options") else None
+    except ClosedEnvironmentError:
+        options = None
+    return silenced(vars(options)) if isinstance(options, Options) else ()
+
+
 class ModelPolicies:
     """Makes the policies of a model."""
 
-    def __init__(self, model: BaseAlgorithm, partner: str):
-        """Remember a model, and the policy of those that it does not drive."""
-        self._network, self._partner = model.policy, partner
+    def __init__(self, model: BaseAlgorithm, partner: str, unheard: tuple[str, ...] = ()):
+        """Remember a model, the policy of those that it does not drive, and the keys that read as zeros."""
+        self._network, self._partner, self._unheard = model.policy, partner, unheard
         self.deterministic = not hasattr(self._network, "get_distribution")  # as `evaluate` asks
         keys = _keys_of(self._network)
         self.centralized = are_of_all(keys)
@@ -75,7 +89,8 @@ class ModelPolicies:
         network = self._network
         shape = {key: value for key, value in network._get_constructor_parameters().items() if key not in _TRAINING}
         spoken = {key: repr(value) if isinstance(value, spaces.Space) else value for key, value in shape.items()}
-        return fingerprint((type(network), spoken, dict(network.state_dict()), self._partner))
+        own = (self._partner, *self._unheard)
+        return fingerprint((type(network), spoken, dict(network.state_dict()), *own))
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -89,7 +104,8 @@ class ModelPolicies:
             raise OptionError(f"the model observes {', '.join(missing)}, too; give the option, e.g. goal=True")
         self._check_spaces(env, given)
         self._network.set_training_mode(False)
-        return BatchOfOne(Sb3Policy(self._network, env, not self.deterministic, partner=self._partner))
+        policy = Sb3Policy(self._network, env, not self.deterministic, self._unheard, partner=self._partner)
+        return BatchOfOne(policy)
 
     def _check_spaces(self, env: HouseholdEnv, given: Mapping[str, spaces.Space[Any]]) -> None:
         """Refuse an environment in which the model's numbers would mean something else.

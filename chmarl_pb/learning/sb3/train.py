@@ -21,7 +21,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.learning.algorithms.gradient import check_finite
-from chmarl_pb.learning.benchmark_env import trained_in
+from chmarl_pb.learning.benchmark_env import other_rooms, trained_in
 from chmarl_pb.learning.config import TRAINED_IN
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, frozen_encoder
 from chmarl_pb.learning.runs.device import find_device
@@ -91,11 +91,12 @@ def run(
 
 
 def _completed(config: Config) -> Config:
-    """Return settings with what the files hold that they name: the weights of a frozen encoder, a catalogue."""
+    """Return settings with what is really had: feedback, and what the files hold that settings name."""
     frozen = config.observation == "visual" and config.image_encoder in FROZEN_ENCODERS and not config.keys
+    own = Options(home=config.home, catalog=config.catalog)
     return replace(
         config, frozen=frozen_encoder(config.image_encoder).fingerprint if frozen else "",
-        catalog_sha256=Options(catalog=config.catalog).things.content,
+        catalog_sha256=own.things.content, rooms=other_rooms(own), feedback=config.env_options["feedback"],
     )  # fmt: skip
 
 
