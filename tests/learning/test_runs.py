@@ -141,20 +141,24 @@ def test_of_equal_validations_the_last_weights_are_kept(scores: list[float], tmp
     assert load(tmp_path / "best.pt")["episodes"] == 4 * (best + 1)
 
 
-def test_best_weights_that_are_gone_are_written_again_or_missed(tmp_path: Path) -> None:
-    def validate(*_: Any) -> dict[str, float]:
-        score = next(scores)
-        if score < 0:
-            raise KeyboardInterrupt
-        return {"score": score}
+SCORES: list[float] = []
 
+
+def by_scores(*_: Any) -> dict[str, float]:
+    score = SCORES.pop(0)
+    if score < 0:
+        raise KeyboardInterrupt
+    return {"score": score}
+
+
+def test_best_weights_that_are_gone_are_written_again_or_missed(tmp_path: Path) -> None:
     config = replace(SMALL, episodes=12, envs=4, validation_interval=4)
-    go_on = partial(train, UnevenEnv, "vdn", config, tmp_path, validate)
-    scores = iter([0.5, -1.0])
+    go_on = partial(train, UnevenEnv, "vdn", config, tmp_path, by_scores)
+    SCORES[:] = [0.5, -1.0]
     with pytest.raises(KeyboardInterrupt):
         go_on()
     (tmp_path / BEST).unlink()
-    scores = iter([0.2, 0.1])
+    SCORES[:] = [0.2, 0.1]
     assert go_on().best_score == 0.2 and load(tmp_path / BEST)["episodes"] == 8
     (tmp_path / BEST).unlink()
     with pytest.raises(CheckpointError, match=rf"{BEST}: the best weights are gone, and the run is over"):
