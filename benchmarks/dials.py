@@ -25,7 +25,7 @@ from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.registry import BUILT_IN, USES
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.symbols import Symbols
 from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
@@ -85,7 +85,7 @@ class Point:
 
 def pairs_of(source: str, messages: Sequence[str], feedback: Sequence[str]) -> list[tuple[str, str]]:
     """Return the settings that a policy is played with; what does not read feedback gets none."""
-    reads = source not in BUILT_IN or "feedback" in USES.get(source, ("feedback",))
+    reads = source not in BUILT_IN or "feedback" in BUILT_IN[source].uses
     return [(words, advice) for words in messages for advice in (feedback if reads else ["none"])]
 
 

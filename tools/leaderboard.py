@@ -25,7 +25,7 @@ from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
-from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC
+from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import load_tasks
 from training.tables.cells import ALONE, is_told_more
 
@@ -105,7 +105,8 @@ def _fault(report: Report) -> str:
     if (pixels := settings["options"].get("image_size", Options.image_size)) != Options.image_size:
         return f"its pictures have {pixels} pixels; leave out --image-size"
     seeds = settings["seeds"]
-    once = report.run.get("deterministic") or settings["policy"] in DETERMINISTIC
+    known = BUILT_IN.get(settings["policy"])
+    once = report.run.get("deterministic") or (known is not None and known.deterministic)
     if seeds == [0] and not once and "deterministic" not in report.run:
         return "it does not say whether its policy draws its actions; evaluate again with this version"
     if seeds != list(range(max(len(seeds), 1 if once else len(SEEDS)))):

@@ -1,7 +1,6 @@
 """`python -m training.score`: evaluate one checkpoint on the splits of the tables; killed, it goes on."""
 
 import argparse
-import importlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -25,15 +24,11 @@ from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.run import origin
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, reading
 from chmarl_pb.learning.threads import threads
-from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.robots.registry import TEAM, listed
 from chmarl_pb.tasks.splits import GENERATED_HOMES, LIMITED_SPLITS
 
 SCORES = "scores.json"
-LOADERS = {
-    ".pt": "chmarl_pb.learning.policies.load",
-    ".zip": "chmarl_pb.learning.sb3",
-}  # ending of checkpoints -> module of ``load_policy``
+_ENDINGS = (".pt", ".zip")  # of the checkpoints of this package, whose facts are kept
 
 
 def score(
@@ -60,9 +55,8 @@ def score(
         ChmarlError: the checkpoint cannot be used.
         BusyError: another process plays for this folder.
     """
-    if checkpoint.suffix not in LOADERS:
-        raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(LOADERS)}; name such a file")
-    register_loader(checkpoint.suffix, importlib.import_module(LOADERS[checkpoint.suffix]).load_policy)
+    if checkpoint.suffix not in _ENDINGS:
+        raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(_ENDINGS)}; name such a file")
     with Lock(folder / SCORES):
         rules = {"messages": messages, "feedback": feedback, "robots": listed(robots)}
         return _score(checkpoint, observation, folder, splits, rules)
@@ -71,11 +65,10 @@ def score(
 def _score(
     checkpoint: Path, observation: str, folder: Path, splits: Sequence[str], rules: dict[str, Any]
 ) -> dict[str, Any]:
-    goal = _observes_goal(checkpoint)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, out=folder / f"{split}.json", reuse=True,
-            progress=partial(_show, split), plays=_plays(split), goal=goal, **rules,
+            progress=partial(_show, split), plays=_plays(split), **rules,
         )
         for split in splits
     }  # fmt: skip
@@ -88,15 +81,6 @@ def _score(
 def _plays(split: str) -> Plays | None:
     """Return how a split is played: side by side, unless each environment would have to enter many homes by itself."""
     return None if split in GENERATED_HOMES else play_side_by_side
-
-
-def _observes_goal(checkpoint: Path) -> bool:
-    """Return whether a checkpoint was trained with the goal among its observations."""
-    if checkpoint.suffix != ".zip":
-        return bool(load(checkpoint).get("setting", {}).get("goal"))
-    from chmarl_pb.learning.sb3.checkpoint import read_model
-
-    return "goal" in read_model(checkpoint)[0].env_options
 
 
 def _facts(checkpoint: Path) -> dict[str, Any]:

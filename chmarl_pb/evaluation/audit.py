@@ -19,7 +19,7 @@ from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.executors import Executor
-from chmarl_pb.policies.registry import PARTS, TALKING, USES
+from chmarl_pb.policies.registry import BUILT_IN, PARTS
 from chmarl_pb.tasks.symbols import Talk
 
 #: What the rows stand beside: policies that use all, and the planner, which knows the world.
@@ -137,9 +137,9 @@ def _deprived(policy: str, setting: Options) -> Iterator[Row]:
 
 def uses(policy: str, setting: Options) -> tuple[str, ...]:
     """Return the parts of what a robot is given that a built-in policy's choices depend on, in a setting."""
-    heard = bool(setting.messages) and (policy in TALKING or not isinstance(setting.channel, Talk))
+    heard = bool(setting.messages) and (BUILT_IN[policy].talks or not isinstance(setting.channel, Talk))
     absent = {*(() if heard else ("messages", "partner")), *(() if setting.feedback else ("feedback",))}
-    return tuple(part for part in PARTS if part in USES[policy] and part not in absent)
+    return tuple(part for part in PARTS if part in BUILT_IN[policy].uses and part not in absent)
 
 
 def _line(row: Row, setting: Options, report: Report) -> Line:

@@ -17,7 +17,7 @@ from chmarl_pb.evaluation.metrics import Played, Summary, of_tasks, summarize, s
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.recognition import Recognition, total
 from chmarl_pb.files import write_atomically
-from chmarl_pb.policies.registry import BUILT_IN, PRIVILEGED, is_told_more
+from chmarl_pb.policies.registry import BUILT_IN, is_told_more
 from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
@@ -113,7 +113,7 @@ class Report:
         Of built-in ones the file is not asked, but for what sensors of one's own show.
         """
         policy, observation = (str(self.settings[name]) for name in ("policy", "observation"))
-        if policy in PRIVILEGED or (policy in BUILT_IN and ":" not in observation):
+        if policy in BUILT_IN and (BUILT_IN[policy].privileged or ":" not in observation):
             return is_told_more(policy, observation)
         return bool(self.settings.get("privileged"))
 

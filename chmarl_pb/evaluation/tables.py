@@ -16,7 +16,7 @@ from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.evaluation.sample import evaluated_tasks
-from chmarl_pb.policies.registry import SEARCHES, SEEING, SHORTCUTS
+from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import STREAM, homes_of
 
@@ -86,7 +86,7 @@ def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
     for name, what in {**SHORTCUTS, **SEARCHES}.items():
         if name not in given and all(name in of_split for of_split in scores.values()):
             cells = "".join(_reference_cell(split, name, metric) for metric in Score._fields for split in SPLITS)
-            told = ", told the true classes" * (observation != "scene_graph" and name in SEEING)
+            told = ", told the true classes" * (observation != "scene_graph" and BUILT_IN[name].reads_graphs)
             note = f"<br><small>{what}{told}</small>"
             rows.append(f'<tr class="built-in"><th>{name}{note}</th><td class="whose">built in</td>{cells}</tr>')
     return rows

@@ -1,5 +1,6 @@
 """The policies that come with the benchmark, by name."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from chmarl_pb.errors import OptionError
@@ -16,16 +17,37 @@ from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.policies.variants import Noting, Staying, Told, Unheard
 
-#: Policies that do without most of what a robot is given -> what they do with; weak ones first.
-SHORTCUTS = {
-    "open-loop": "reads the instruction, then plays a fixed tour",
-    "reactive": "sees and reads, remembers nothing",
-    "blind": "sees nothing, reads nothing",
-    "instruction-blind": "sees, ignores the instruction",
-}
+#: Parts of what a robot is given.
+PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
 
-#: Policies that search with all that robots are given -> how.
-SEARCHES = {"search": "looks for X and Y by rule", "belief": "looks where X and Y most likely are"}
+
+@dataclass(frozen=True)
+class BuiltIn:
+    """A policy that comes with the benchmark.
+
+    Attributes:
+        make: makes it for an environment.
+        uses: the ``PARTS`` that its choices depend on, where there are such; the planner knows the world instead.
+        deterministic: whether it plays a task the same way for every seed.
+        privileged: whether it is given more than its robots' observations: the planner the world, others what is truly
+            in view, or the rooms of X and Y.
+        reads_graphs: whether it reads what is in view from scene graphs, and is given the truth where observations
+            hold none.
+        reads_board: whether it is made for the message board, and refuses channels that are neither it nor own words.
+        talks: whether it has a code for own words; others neither say nor understand any.
+        shortcut: of one that does without most of what a robot is given, what it does with the rest.
+        search: of one that searches with all that robots are given, how.
+    """
+
+    make: Factory
+    uses: tuple[str, ...]
+    deterministic: bool = False
+    privileged: bool = False
+    reads_graphs: bool = False
+    reads_board: bool = True
+    talks: bool = False
+    shortcut: str = ""
+    search: str = ""
 
 
 def _talking(env: PolicyEnv, policy: Policy) -> Policy:
@@ -83,37 +105,62 @@ def _belief_told(env: PolicyEnv) -> Policy:
     return _talking(env, Told(BeliefPolicy(env.action_names, env.rooms, env.catalog), env))
 
 
-#: Name -> what makes the policy for an environment.
-BUILT_IN: dict[str, Factory] = {
-    "random": lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
-    "open-loop": lambda env: OpenLoopPolicy(env.action_names, env.catalog),
-    "reactive": lambda env: _without_words(env, ReactivePolicy(env.action_names, env.rooms, env.catalog)),
-    "blind": _blind,
-    "instruction-blind": _instruction_blind,
-    "feedback-only": _feedback_only,
-    "partner-blind": lambda env: Staying(_unheard(env, _lone_belief(env)), env.action_names),
-    "search-alone": lambda env: _alone(env, _search(env)),
-    "search-silent": lambda env: Unheard(_search(env)),
-    "search": _search,
-    "belief-alone": lambda env: _alone(env, _talking(env, _lone_belief(env))),
-    "belief-silent": lambda env: Unheard(_belief(env)),
-    "belief": _belief,
-    "belief-told": _belief_told,
-    "planner": PlannerPolicy,
-}
+_ALL_BUT_FEEDBACK = ("eyes", "instruction", "messages", "partner")
 
-#: Those that play a task the same way for every seed.
-DETERMINISTIC = frozenset(
-    {"open-loop", "partner-blind", "belief-alone", "belief-silent", "belief", "belief-told", "planner"}
-)
+#: Name -> the policy; weak ones first.
+BUILT_IN: dict[str, BuiltIn] = {
+    "random": BuiltIn(
+        lambda env: RandomPolicy({robot: len(names) for robot, names in env.action_names.items()}),
+        uses=(), reads_board=False,
+    ),
+    "open-loop": BuiltIn(
+        lambda env: OpenLoopPolicy(env.action_names, env.catalog), uses=("instruction",), deterministic=True,
+        reads_board=False, shortcut="reads the instruction, then plays a fixed tour",
+    ),
+    "reactive": BuiltIn(
+        lambda env: _without_words(env, ReactivePolicy(env.action_names, env.rooms, env.catalog)),
+        uses=_ALL_BUT_FEEDBACK, reads_graphs=True, shortcut="sees and reads, remembers nothing",
+    ),
+    "blind": BuiltIn(_blind, uses=("messages", "feedback", "partner"), shortcut="sees nothing, reads nothing"),
+    "instruction-blind": BuiltIn(
+        _instruction_blind, uses=("eyes", "messages", "feedback", "partner"), reads_graphs=True,
+        shortcut="sees, ignores the instruction",
+    ),
+    "feedback-only": BuiltIn(_feedback_only, uses=("feedback",), reads_board=False),
+    "partner-blind": BuiltIn(
+        lambda env: Staying(_unheard(env, _lone_belief(env)), env.action_names), uses=("eyes", "instruction"),
+        deterministic=True, reads_graphs=True,
+    ),
+    "search-alone": BuiltIn(
+        lambda env: _alone(env, _search(env)), uses=("eyes", "instruction", "messages"), privileged=True, talks=True,
+    ),
+    "search-silent": BuiltIn(
+        lambda env: Unheard(_search(env)), uses=("eyes", "instruction"), reads_graphs=True, talks=True,
+    ),
+    "search": BuiltIn(
+        _search, uses=_ALL_BUT_FEEDBACK, reads_graphs=True, talks=True, search="looks for X and Y by rule",
+    ),
+    "belief-alone": BuiltIn(
+        lambda env: _alone(env, _talking(env, _lone_belief(env))), uses=("eyes", "instruction", "messages"),
+        deterministic=True, privileged=True, talks=True,
+    ),
+    "belief-silent": BuiltIn(
+        lambda env: Unheard(_belief(env)), uses=("eyes", "instruction"), deterministic=True, reads_graphs=True,
+        talks=True,
+    ),
+    "belief": BuiltIn(
+        _belief, uses=_ALL_BUT_FEEDBACK, deterministic=True, reads_graphs=True, talks=True,
+        search="looks where X and Y most likely are",
+    ),
+    "belief-told": BuiltIn(_belief_told, uses=_ALL_BUT_FEEDBACK, deterministic=True, privileged=True, talks=True),
+    "planner": BuiltIn(PlannerPolicy, uses=(), deterministic=True, privileged=True, reads_board=False),
+}  # fmt: skip
 
-#: Those that are given more than their robots' observations: the planner the world, the other what is truly in view.
-PRIVILEGED = frozenset({"planner", "search-alone", "belief-alone", "belief-told"})
+#: Policies that do without most of what a robot is given -> what they do with the rest.
+SHORTCUTS = {name: policy.shortcut for name, policy in BUILT_IN.items() if policy.shortcut}
 
-#: Those that read what is in view from scene graphs, and are given the truth where observations hold none.
-SEEING = frozenset(
-    {"search", "search-silent", "belief", "belief-silent", "reactive", "instruction-blind", "partner-blind"}
-)
+#: Policies that search with all that robots are given -> how.
+SEARCHES = {name: policy.search for name, policy in BUILT_IN.items() if policy.search}
 
 
 def is_told_more(name: str, observation: str) -> bool:
@@ -123,31 +170,8 @@ def is_told_more(name: str, observation: str) -> bool:
         name: of the policy.
         observation: what is observed, with a "+" between several, as results have it.
     """
-    return name in PRIVILEGED or (name in SEEING and "scene_graph" not in observation.split("+"))
-
-
-#: Parts of what a robot is given.
-PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
-
-#: Policy -> the parts that its choices depend on, where there are such; the planner knows the world instead.
-USES: dict[str, tuple[str, ...]] = {
-    "random": (),
-    "blind": ("messages", "feedback", "partner"),
-    "feedback-only": ("feedback",),
-    "open-loop": ("instruction",),
-    "instruction-blind": ("eyes", "messages", "feedback", "partner"),
-    "partner-blind": ("eyes", "instruction"),
-    "reactive": ("eyes", "instruction", "messages", "partner"),
-    "search": ("eyes", "instruction", "messages", "partner"),
-    "belief": ("eyes", "instruction", "messages", "partner"),
-    "planner": (),
-}
-
-#: Those that read no messages at all.
-_WITHOUT_BOARD = frozenset({"planner", "random", "open-loop", "feedback-only"})
-
-#: Those that have a code for own words; others neither say nor understand any.
-TALKING = frozenset({"search", "belief"})
+    policy = BUILT_IN[name]
+    return policy.privileged or (policy.reads_graphs and "scene_graph" not in observation.split("+"))
 
 
 def make_expert(name: str, env: Any) -> Expert:
@@ -181,9 +205,9 @@ def make_policy(name: str, env: Any) -> Policy:
     core = core_of(env)
     if name != "random":
         _check_actions(name, core)
-    if name not in _WITHOUT_BOARD:
+    if BUILT_IN[name].reads_board:
         _check_board(name, core)
-    return BUILT_IN[name](core)
+    return BUILT_IN[name].make(core)
 
 
 def _check_actions(policy: str, env: Any) -> None:
@@ -199,9 +223,10 @@ def _check_actions(policy: str, env: Any) -> None:
 def _check_board(policy: str, env: Any) -> None:
     board = (2, len(env.rooms))
     heard = {robot: env.observation_space(robot)["messages"] for robot in env.action_names}
+    others = sorted(name for name, one in BUILT_IN.items() if not one.reads_board)
     for robot, space in heard.items():
         if not env.symbols and space.shape != board:
             raise OptionError(
                 f"policy {policy!r} reads the message board, an array {board}, and the {robot} hears {space}; "
-                f"use one of: {', '.join(sorted(_WITHOUT_BOARD))}; or a policy of your own"
+                f"use one of: {', '.join(others)}; or a policy of your own"
             )

@@ -15,7 +15,7 @@ from chmarl_pb.fingerprint import fingerprint, name_of
 from chmarl_pb.named import import_named
 from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
-from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC, PRIVILEGED, SEEING, make_policy
+from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.weights import Weights, checked_file, published, published_names
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
@@ -37,26 +37,26 @@ class Source:
         name: as given.
         make: makes the policy that drives an environment.
         deterministic: whether it plays every task the same way, so that one seed is enough.
-        sha256: of the checkpoint, of what tells it apart (:func:`chmarl_pb.fingerprint.fingerprint`), or of what its
-            eyes have learned; None for what comes with the package, and where nothing tells it apart.
         privileged: whether it is given more than observations: the environment and whole infos.
         centralized: whether one object drives all robots.
         needs_graphs: whether it is also privileged where observations hold no scene graph.
         rules: options of the environment that it was trained with, where they are not the paper's.
         observation: what it observes, if that is known.
         weights: what is published of it.
+        sha256: of the checkpoint, of what tells it apart (:func:`chmarl_pb.fingerprint.fingerprint`), or of what its
+            eyes have learned; None for what comes with the package, and where nothing tells it apart.
     """
 
     name: str
     make: Factory
     deterministic: bool
-    sha256: str | None
     privileged: bool = False
     centralized: bool = False
     needs_graphs: bool = False
     rules: Mapping[str, Any] = field(default_factory=dict)
     observation: str | None = None
     weights: Weights | None = None
+    sha256: str | None = None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -122,11 +122,10 @@ def find_policy(policy: str | os.PathLike[str] | Factory | Policy) -> Source:
         policy = os.fspath(policy)
     if not isinstance(policy, str):
         make = policy if callable(policy) else partial(_given, policy)
-        return Source(name_of(policy), make, *_declared(policy, _own_hash(policy)))
-    if policy in BUILT_IN:
+        return Source(name_of(policy), make, **_declared(policy, _own_hash(policy)))
+    if (known := BUILT_IN.get(policy)) is not None:
         make = partial(make_policy, policy)
-        privileged, needs_graphs = policy in PRIVILEGED, policy in SEEING
-        return Source(policy, make, policy in DETERMINISTIC, None, privileged, needs_graphs=needs_graphs)
+        return Source(policy, make, known.deterministic, known.privileged, needs_graphs=known.reads_graphs)
     if (row := published(policy)) is not None:
         found = _checkpoint(checked_file(row))
         return replace(found, name=policy, rules={**found.rules, **row.rules}, observation=row.observation, weights=row)
@@ -145,14 +144,16 @@ def find_policy(policy: str | os.PathLike[str] | Factory | Policy) -> Source:
             "a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    return Source(policy, factory, *_declared(factory, _own_hash(factory)))
+    return Source(policy, factory, **_declared(factory, _own_hash(factory)))
 
 
 def _with_eyes(name: str, eyes: str) -> Source:
-    if name not in SEEING:
-        raise OptionError(f"{name!r} takes no eyes; use one of: {', '.join(sorted(SEEING))}")
+    if not BUILT_IN[name].reads_graphs:
+        seeing = sorted(name for name, policy in BUILT_IN.items() if policy.reads_graphs)
+        raise OptionError(f"{name!r} takes no eyes; use one of: {', '.join(seeing)}")
     found = find_eyes(eyes)
-    return Source(f"{name}{_AT}{eyes}", partial(_seeing, name, found), name in DETERMINISTIC, found.fingerprint)
+    make, deterministic = partial(_seeing, name, found), BUILT_IN[name].deterministic
+    return Source(f"{name}{_AT}{eyes}", make, deterministic, sha256=found.fingerprint)
 
 
 def _seeing(name: str, eyes: Eyes, env: Any) -> Policy:
@@ -178,12 +179,10 @@ def find_eyes(name: str) -> Eyes:
     return eyes
 
 
-def _declared(made_by: object, sha256: str | None) -> tuple[bool, str | None, bool, bool]:
-    """Return what a policy, or what makes it, says of itself, with the hash of its file between."""
-    deterministic, privileged, centralized = (
-        bool(getattr(made_by, name, False)) for name in ("deterministic", "privileged", "centralized")
-    )
-    return deterministic, sha256, privileged, centralized
+def _declared(made_by: object, sha256: str | None) -> dict[str, Any]:
+    """Return what a policy, or what makes it, says of itself, as arguments of a ``Source``, with the hash given."""
+    names = ("deterministic", "privileged", "centralized")
+    return {**{name: bool(getattr(made_by, name, False)) for name in names}, "sha256": sha256}
 
 
 def _own_hash(made_by: object) -> str | None:
@@ -241,4 +240,4 @@ def _checkpoint(path: Path) -> Source:
         )
     factory = load(path)
     sha256 = file_hash(path) if path.is_file() else None
-    return Source(str(path), factory, *_declared(factory, sha256), rules=getattr(factory, "rules", {}))
+    return Source(str(path), factory, **_declared(factory, sha256), rules=getattr(factory, "rules", {}))

@@ -31,7 +31,7 @@ from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.executors import Local
-from chmarl_pb.policies.registry import BUILT_IN, PARTS, USES
+from chmarl_pb.policies.registry import BUILT_IN, PARTS
 
 TASKS = ["val-unseen-000", "val-unseen-001"]
 
@@ -47,8 +47,8 @@ def found(folder: Path) -> Audit:
 
 
 def test_each_policy_says_what_it_uses() -> None:
-    assert USES.keys() <= BUILT_IN.keys()
-    assert all(set(parts) <= set(PARTS) for parts in USES.values())
+    assert all(set(policy.uses) <= set(PARTS) for policy in BUILT_IN.values())
+    assert {name for name, policy in BUILT_IN.items() if not policy.uses} == {"random", "planner"}
 
 
 def test_a_setting_has_the_rows_that_can_differ_in_it() -> None:

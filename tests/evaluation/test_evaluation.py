@@ -206,7 +206,7 @@ def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv, monkeypatch: 
         return act(seen, infos)
 
     for name in ("search-silent", "search-alone"):
-        policy = BUILT_IN[name](env)
+        policy = BUILT_IN[name].make(env)
         assert isinstance(policy, Unheard | Noting)
         observations, infos = env.reset(options={"task": TASKS[0]})
         policy.reset(0)

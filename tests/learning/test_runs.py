@@ -32,7 +32,7 @@ from chmarl_pb.learning.runs.validation import by_return, by_tasks
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
 from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.tasks.splits import SPLITS
-from tests.helpers.small_runs import CONFIGS, EXPERT, MAPPO, SMALL, VALUE
+from tests.helpers.small_runs import CONFIGS, EXPERT, MAPPO, PQN, SMALL, VALUE
 from tests.helpers.uneven_env import UnevenEnv
 from training.games import MATRIX_GAMES, MatrixGame
 
@@ -223,8 +223,10 @@ def test_zeros_are_settings_and_shares_have_bounds() -> None:
 
 
 def test_random_actions_fall_linearly_from_first_to_last_share() -> None:
-    assert [epsilon_after(episodes, 50.0, 1.0, 0.0) for episodes in (0, 25, 50, 99)] == [1.0, 0.5, 0.0, 0.0]
-    assert epsilon_after(0, 0.0, 1.0, 0.0) == 0
+    for config in (SMALL, PQN):
+        half: Any = replace(config, episodes=100, exploration_fraction=0.5, exploration_final_eps=0.0)
+        assert [epsilon_after(episodes, half) for episodes in (0, 25, 50, 99)] == [1.0, 0.5, 0.0, 0.0]
+        assert epsilon_after(0, replace(half, exploration_fraction=0.0)) == 0
 
 
 def test_only_one_process_trains_in_a_folder(tmp_path: Path) -> None:

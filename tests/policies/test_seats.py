@@ -11,7 +11,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.play import Player, Setup, policy_seed
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.policy import Actions, Infos, Observations, RandomPolicy
-from chmarl_pb.policies.registry import BUILT_IN, PRIVILEGED, make_policy
+from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.seats import interface_of, seated
 from chmarl_pb.tasks.splits import load_tasks
 
@@ -100,10 +100,10 @@ def test_who_asks_for_more_is_told_how_to_declare_it(kind: type[Watching], hint:
         play(kind)
 
 
-@pytest.mark.parametrize("name", sorted(set(BUILT_IN) - PRIVILEGED))
+@pytest.mark.parametrize("name", sorted(name for name, policy in BUILT_IN.items() if not policy.privileged))
 def test_built_in_policies_play_the_same_from_their_seats(env: HouseholdEnv, name: str) -> None:
     """With scene graphs they need nothing but their own robot's observations."""
-    free, bound = make_policy(name, env), seated(BUILT_IN[name], env)
+    free, bound = make_policy(name, env), seated(BUILT_IN[name].make, env)
     episodes = [chmarl_pb.rollout(env, policy, seed=3, task=TASK, policy_seed=4) for policy in (free, bound)]
     assert episodes[0].actions == episodes[1].actions
 

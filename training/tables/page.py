@@ -10,7 +10,7 @@ from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
-from chmarl_pb.policies.registry import SEARCHES, SEEING, SHORTCUTS
+from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS
 from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import SPLIT_SIZES as TASKS
 from training.tables import limited
@@ -168,7 +168,7 @@ def _table(title: str, rows: Sequence[Row], records: Records, table: str) -> str
     for policy, does in DESCRIBED.items():
         scores = [built_in(policy, metric, split) for split in SPLITS]
         if all(score is not None for score in scores):
-            told = ", told the true classes" * (table == "visual" and policy in SEEING)
+            told = ", told the true classes" * (table == "visual" and BUILT_IN[policy].reads_graphs)
             ours = "".join(f" | {100 * (score or 0):.1f} |" for score in scores)
             lines.append(f"| *{policy}* | | {does}{told} |{ours}")
             lines[-1] += f" {points(None if told else gain([scores[-1] or 0], HEADLINE))} |" * gains

@@ -1,4 +1,4 @@
-"""One gradient step, as all learners that play take it."""
+"""One gradient step, as all learners of this package take it."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -49,7 +49,7 @@ def check_finite(networks: nn.Module) -> None:
         )
 
 
-def check_norms(loss: Tensor, norms: Iterable[Tensor]) -> None:
+def _check_norms(loss: Tensor, norms: Iterable[Tensor]) -> None:
     """Check the gradients of a loss, before the step that they make.
 
     Raises:
@@ -80,6 +80,6 @@ def descend(
     loss: Any = metrics["loss"]
     loss.backward()
     norms = [nn.utils.clip_grad_norm_(part, max_norm) for part in parts]
-    check_norms(loss, norms)
+    _check_norms(loss, norms)
     optimizer.step()
     return {name: float(value.detach()) for name, value in metrics.items()} | {"gradient_norm": float(norms[0])}

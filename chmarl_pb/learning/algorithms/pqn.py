@@ -109,10 +109,7 @@ class Pqn:
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
-        config = self.config
-        falling = config.exploration_fraction * config.episodes
-        first, last = config.exploration_initial_eps, config.exploration_final_eps
-        return epsilon_greedy(epsilon_after(episodes, falling, first, last))
+        return epsilon_greedy(epsilon_after(episodes, self.config))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that are due once there are enough new episodes, and at the end of the run."""

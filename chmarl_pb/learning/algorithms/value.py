@@ -133,10 +133,7 @@ class ValueLearner:
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: by the best action, but for a falling share of random ones."""
-        config = self.config
-        falling = config.exploration_fraction * config.episodes
-        first, last = config.exploration_initial_eps, config.exploration_final_eps
-        return epsilon_greedy(epsilon_after(episodes, falling, first, last))
+        return epsilon_greedy(epsilon_after(episodes, self.config))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes, and yield each batch with its figures."""

@@ -21,7 +21,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
-from chmarl_pb.learning.algorithms.gradient import check_finite, check_norms
+from chmarl_pb.learning.algorithms.gradient import check_finite, descend
 from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import CATALOG, FROZEN, ROOMS
 from chmarl_pb.learning.policies.cloned import (
@@ -168,11 +168,8 @@ class _Run:
                 torch.manual_seed(int(place.generate_state(1)[0]))  # dropout is the same after every interruption
                 batch = batch.to(self._device)
                 losses = loss_of(self.actors, self.config, batch, self.examiner.robots)
-                self.optimizer.zero_grad()
                 loss = losses.sum() + grounding_of(self.actors, self.config, batch)
-                loss.backward()
-                check_norms(loss, [nn.utils.clip_grad_norm_(self.actors.parameters(), 1.0)])
-                self.optimizer.step()
+                descend({"loss": loss}, self.optimizer, 1.0, self.actors.parameters())
                 self.schedule.step()
                 self._total += losses.detach().cpu() * batch.mask.sum().cpu()
                 self.batch += 1

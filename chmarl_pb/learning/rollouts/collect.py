@@ -33,8 +33,15 @@ class Choose(Protocol):
         """
 
 
-def epsilon_after(episodes: int, falling: float, first: float, last: float) -> float:
-    """Return the share of random actions after a number of episodes, which falls linearly over ``falling`` of them."""
+def epsilon_after(episodes: int, config: Any) -> float:
+    """Return the share of random actions after a number of episodes.
+
+    It falls linearly from ``config.exploration_initial_eps`` to ``exploration_final_eps``, over the share
+    ``exploration_fraction`` of ``config.episodes``.
+    """
+    first: float = config.exploration_initial_eps
+    last: float = config.exploration_final_eps
+    falling: float = config.exploration_fraction * config.episodes
     progress = min(episodes / falling, 1.0) if falling else 1.0
     return first + progress * (last - first)
 
