@@ -120,7 +120,8 @@ def rows_of(setting: Options) -> tuple[Row, ...]:
     if setting.feedback and setting.feedback != "planner":
         obedient.append(Row("feedback-only", {"feedback": "planner"}, "planner's words"))
     narrow = (*_deprived("blind", setting), *obedient, Row("open-loop"), *_deprived("instruction-blind", setting))
-    return Row("random"), *narrow, Row("partner-blind"), *map(Row, REFERENCES)
+    seeing = (Row("partner-blind"), *[Row("colour-blind")] * setting.lookalikes)
+    return Row("random"), *narrow, *seeing, *map(Row, REFERENCES)
 
 
 def _deprived(policy: str, setting: Options) -> Iterator[Row]:

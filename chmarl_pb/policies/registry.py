@@ -15,7 +15,7 @@ from chmarl_pb.policies.open_loop import OpenLoopPolicy
 from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, core_of, symbols_of
 from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
-from chmarl_pb.policies.variants import Noting, Staying, Told, Unheard
+from chmarl_pb.policies.variants import ColourBlind, Noting, Staying, Told, Unheard
 
 #: Parts of what a robot is given.
 PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
@@ -131,6 +131,10 @@ BUILT_IN: dict[str, BuiltIn] = {
         lambda env: Staying(_unheard(env, _lone_belief(env)), env.action_names), uses=("eyes", "instruction"),
         deterministic=True, reads_graphs=True,
     ),
+    "colour-blind": BuiltIn(
+        lambda env: ColourBlind(_belief(env), env.catalog), uses=_ALL_BUT_FEEDBACK, deterministic=True,
+        reads_graphs=True, talks=True,
+    ),
     "search-alone": BuiltIn(
         lambda env: _alone(env, _search(env)), uses=("eyes", "instruction", "messages"), privileged=True, talks=True,
     ),
@@ -194,7 +198,7 @@ def make_policy(name: str, env: Any) -> Policy:
             "search-alone" (the drone stays), "search-silent" (without messages), "belief", "belief-alone",
             "belief-silent" (the same, and expect of a home what homes of training are like), "belief-told" (privileged:
             told the rooms of X and Y at the start), "random", or one that does without most of what a robot is given:
-            "blind", "instruction-blind", "feedback-only", "partner-blind", "open-loop", "reactive".
+            "blind", "instruction-blind", "feedback-only", "partner-blind", "colour-blind", "open-loop", "reactive".
         env: the ParallelEnv, or a view of it, that the policy is to drive.
 
     Raises:

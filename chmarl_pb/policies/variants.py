@@ -1,4 +1,4 @@
-"""Policies made of others: without messages, without the robots that cannot grasp, or told the rooms of X and Y."""
+"""Policies made of others: without messages, colours, or robots that cannot grasp, or told the rooms of X and Y."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, PolicyEnv, grasps
 from chmarl_pb.policies.sights import classes_of_names
-from chmarl_pb.tasks.language import read_pairs
+from chmarl_pb.tasks.language import read_attributes, read_pairs
 
 
 class Unheard:
@@ -29,6 +29,35 @@ class Unheard:
 
     def _nothing(self, messages: np.ndarray) -> np.ndarray:
         return np.zeros(messages.shape if self.shape is None else self.shape, messages.dtype)
+
+
+class ColourBlind:
+    """A policy that tells no colours apart: of lookalikes each is X to it."""
+
+    def __init__(self, policy: Policy, known: Catalog = BENCHMARK):
+        """Take the colours away from a policy, in a world of known classes."""
+        self.policy, self._catalog = policy, known
+
+    def reset(self, seed: int | None) -> None:
+        """Forget the last episode."""
+        self.policy.reset(seed)
+
+    def act(self, observations: Observations, infos: Infos) -> Actions:
+        """Return what the policy does when all things of a class look alike."""
+        seen = {
+            name: {key: part for key, part in own.items() if key != "node_color"} for name, own in observations.items()
+        }
+        return self.policy.act(seen, {name: self._alike(observations[name], info) for name, info in infos.items()})
+
+    def _alike(self, observation: dict[str, np.ndarray], info: dict[str, Any]) -> dict[str, Any]:
+        """Return infos in which what is truly in view has the colour that the instruction names."""
+        asked = read_attributes(observation["instruction"], self._catalog)
+        colours = {kind: catalog.COLOUR_IDS[named] for kind, named in asked.items() if named in catalog.COLOUR_IDS}
+        if not colours or "visible" not in info:
+            return info
+        kinds = map(catalog.class_of, info["visible"])
+        alike = zip(info["visible"], kinds, strict=True)
+        return info | {"visible": tuple(f"{kind}_{colours[kind]}" if kind in colours else name for name, kind in alike)}
 
 
 class Staying:

@@ -58,8 +58,10 @@ def test_a_setting_has_the_rows_that_can_differ_in_it() -> None:
     assert "blind, no messages" not in names  # that is feedback-only
     grounded = [row.name for row in rows_of(Options(track="grounded"))]
     assert set(grounded) == {
-        "random", "blind", "open-loop", "instruction-blind", "partner-blind", "reactive", "search", "belief", "planner"
+        "random", "blind", "open-loop", "instruction-blind", "partner-blind", "colour-blind", "reactive", "search",
+        "belief", "planner",
     }  # fmt: skip
+    assert "colour-blind" not in {row.name for row in rows_of(Options(track="grounded", lookalikes=False))}
 
 
 def test_who_has_no_code_uses_no_own_words() -> None:

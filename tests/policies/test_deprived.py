@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chmarl_pb.catalog import ROOM_KINDS
+from chmarl_pb.catalog import COLOUR_IDS, ROOM_KINDS
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.policies.policy import Infos, Observations
@@ -83,3 +83,32 @@ def test_who_has_no_partner_lets_it_stay() -> None:
     stay = with_drone.action_names["drone"].index("stay")
     assert {chosen["drone"] for chosen in episode.actions} == {stay}
     with_drone.close()
+
+
+def test_who_tells_no_colours_apart_takes_any_lookalike_for_x() -> None:
+    """It is told no colour by graphs nor by the names of infos; where nothing looks alike, it is the search itself."""
+
+    def recoloured(observations: Observations, infos: Infos) -> tuple[Any, Any]:
+        seen = {robot: {**own, "node_color": np.roll(own["node_color"], 1)} for robot, own in observations.items()}
+        return seen, infos
+
+    grounded = HouseholdEnv(track="grounded", split="val-unseen")
+    differs = 0
+    for task in TASKS:
+        policy = Beside(make_policy("colour-blind", grounded), make_policy("colour-blind", grounded), recoloured)
+        episode = rollout(grounded, policy, seed=3, task=task)
+        assert all(first == second for first, second in policy.chosen)
+        differs += episode.actions != rollout(grounded, make_policy("belief", grounded), seed=3, task=task).actions
+    assert differs
+    pictures = HouseholdEnv(observation="visual", lookalikes=True, split="val-unseen")
+    observations, infos = pictures.reset(seed=0, options={"task": TASKS[0]})
+    for name, expected in (("colour-blind", {True}), ("belief", {True, False})):
+        policy, picks = make_policy(name, pictures), set()
+        for colour in COLOUR_IDS.values():
+            policy.reset(0)
+            lookalike = {"visible": (f"{TASKS[0].graspable}_{colour}",)}
+            chosen = policy.act(observations, {robot: info | lookalike for robot, info in infos.items()})["humanoid"]
+            picks.add(pictures.action_names["humanoid"][chosen] == "pick")
+        assert picks == expected
+    for env in (grounded, pictures):
+        env.close()
