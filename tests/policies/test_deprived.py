@@ -103,11 +103,11 @@ def test_who_tells_no_colours_apart_takes_any_lookalike_for_x() -> None:
     pictures = HouseholdEnv(observation="visual", lookalikes=True, split="val-unseen")
     observations, infos = pictures.reset(seed=0, options={"task": TASKS[0]})
     for name, expected in (("colour-blind", {True}), ("belief", {True, False})):
-        policy, picks = make_policy(name, pictures), set()
+        one, picks = make_policy(name, pictures), set()
         for colour in COLOUR_IDS.values():
-            policy.reset(0)
+            one.reset(0)
             lookalike = {"visible": (f"{TASKS[0].graspable}_{colour}",)}
-            chosen = policy.act(observations, {robot: info | lookalike for robot, info in infos.items()})["humanoid"]
+            chosen = one.act(observations, {robot: info | lookalike for robot, info in infos.items()})["humanoid"]
             picks.add(pictures.action_names["humanoid"][chosen] == "pick")
         assert picks == expected
     for env in (grounded, pictures):

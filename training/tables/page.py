@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, MAX_STEPS
+from chmarl_pb.evaluation.audit_file import published_audit
 from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
 from chmarl_pb.evaluation.gain import best_blind, gain, points
 from chmarl_pb.evaluation.paper import SPLITS
@@ -32,6 +33,12 @@ TITLES |= {GROUNDED: "The grounded track"}
 GROUNDED_SPLIT = HEADLINE_SPLITS[GROUNDED]
 #: Built-in policies below the learners -> what they do.
 DESCRIBED = {**SHORTCUTS, **SEARCHES}
+_GROUNDED_POLICIES = {
+    "blind": "sees nothing, reads nothing", "open-loop": "reads, and plays a tour of cells",
+    "instruction-blind": SHORTCUTS["instruction-blind"], "reactive": SHORTCUTS["reactive"],
+    "partner-blind": "*belief* without its partner", "colour-blind": "*belief*, to which lookalikes are all X",
+    **SEARCHES,
+}  # fmt: skip
 
 TITLE = """# Results of the learners
 
@@ -97,7 +104,7 @@ WORDING_NOTE = """PLW of tasks whose instruction training can show, and of those
 GROUNDED_NOTE = f"""Other rules ([environments.md](environments.md#tracks)): Pick and Place point at a cell, lookalikes
 stand about, the robots have words of their own, nobody corrects them, and homes are generated. All of {GROUNDED_SPLIT}
 is played; the weights are those with the best PLW on every tenth task of generated-val. Nothing here has a counterpart
-in the paper. What policies score that learn nothing: [benchmark.md](benchmark.md#the-grounded-track). *Picks*: in how
+in the paper. At the end stand policies that learn nothing, one seed of [the audit](benchmark.md#the-grounded-track). *Picks*: in how
 many of the steps with X in view, *places*: in how many with X held and Y in view. Trainings of MAPPO
 after imitation all begin with the weights of one imitator, so ± is theirs alone. What learners
 from scratch come to: [findings](training_findings.md#from-scratch).
@@ -185,6 +192,11 @@ def _grounded(rows: Sequence[Row], records: Records) -> str:
         cells = [*scores, *_recognition([record["evaluation"]["splits"][GROUNDED_SPLIT] for record in same])]
         made = made_with(row, same)
         lines.append(f"| {row.name} | {seen} | {seeds(row, same)} | {made} | {' | '.join(cells)} |")
+    audit = published_audit(GROUNDED_SPLIT, GROUNDED)
+    for line in audit.lines if audit else ():
+        if does := _GROUNDED_POLICIES.get(line.name):
+            scores = [f"{100 * (figure.mean or 0):.1f}" for figure in (line.success_rate, line.plw)]
+            lines.append(f"| *{line.name}* | graphs | | {does} | {' | '.join(scores)} | | |")
     return "\n".join(lines)
 
 
