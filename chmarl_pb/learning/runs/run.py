@@ -50,7 +50,7 @@ class Run:
         folder: Path | None,
         validate: Validate,
         setting: dict[str, Any],
-        device: torch.device | None = None,
+        device: torch.device,
         resumed: bool = False,
     ):
         """Begin a run; a resumed one is to be restored, and reads no weights to begin with.
@@ -70,7 +70,7 @@ class Run:
         self._collector, self._play_rollout, self._validate = collector, play, validate
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
         self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
-        self._device = device or torch.device("cpu")
+        self._device = device
         self.learner.to(self._device)
         self.learner.agents.eval()
         self.replay = _make_buffer(collector.interface, algorithm, config, device)
@@ -314,7 +314,7 @@ def origin(weights: Path) -> dict[str, Any]:
     return {"sha256": file_hash(weights), **kept}
 
 
-def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:
+def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device) -> ReplayBuffer:
     """Return a run's replay buffer.
 
     Raises:
