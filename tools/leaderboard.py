@@ -27,7 +27,7 @@ from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.tables import label_of
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import load_tasks
-from training.tables.cells import ALONE, is_told_more
+from training.tables.cells import ALONE, run_is_told_more
 
 ROOT = Path(__file__).parents[1]
 PAGE, SENT = ROOT / "docs" / "leaderboard.md", ROOT / "results" / "leaderboard"
@@ -131,7 +131,7 @@ def _of_training(run: dict[str, Any], track: str) -> Entry:
     given += ["goal"] if options.get("goal") else []
     if run["observation"] == "visual" and ALONE in run["name"]:
         given.append("the drone is told what is in view")
-    gained = None if is_told_more(run) else gain([plw], split, track)  # who is told more gains nothing by seeing
+    gained = None if run_is_told_more(run) else gain([plw], split, track)  # who is told more gains nothing by seeing
     return Entry(track, run["name"], run["observation"], ", ".join(given), success, plw, gained)
 
 

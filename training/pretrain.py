@@ -23,7 +23,7 @@ from chmarl_pb.files import Lock, open_folder, remove_leftovers, replacing, writ
 from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.networks.classifier import Classifier
 from chmarl_pb.learning.networks.detector import Detector
-from chmarl_pb.learning.networks.frozen import FrozenEncoder, fingerprint, own_file, read_weights, weights_file
+from chmarl_pb.learning.networks.frozen import FrozenEncoder, own_file, read_weights, weights_file, weights_hash
 from chmarl_pb.learning.networks.labelled_views import Views, drawn_views, read_views
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.device import find_device
@@ -97,7 +97,7 @@ def pretrain(
     frozen = FrozenEncoder(name, weights)
     figures = {**facts, "fingerprint": frozen.fingerprint}
     if start is not None:
-        figures["start"] = fingerprint(read_weights(start, name))
+        figures["start"] = weights_hash(read_weights(start, name))
     figures |= measured(model, frozen, checked)
     if start is None:
         unfinished.unlink(missing_ok=True)

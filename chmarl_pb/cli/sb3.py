@@ -60,6 +60,11 @@ class Command:
         if self.humanoid_only or self.observation not in (None, named):
             raise ValueError(f"--env names observation ({named}) and robots; leave out --observation, --humanoid-only")
 
+    @property
+    def folder(self) -> Path:
+        """The folder of the run, that of ``out`` or one named after its settings."""
+        return self.out or Path("out/sb3") / _name(self.config)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
@@ -67,11 +72,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str]) -> int:
-    config, folder, workers, device, quiet = parse(arguments)
+    command = parse(arguments)
+    config, folder = command.config, command.folder
     if not (folder / LAST).exists():  # what was begun goes on, however it was begun
         refuse_idle(config, Config(config.algo), partial(idle_in_sb3, config=config))
-    run(config, folder, workers, quiet=quiet, device=device)
-    if quiet:
+    run(config, folder, command.workers, quiet=command.quiet, device=command.device)
+    if command.quiet:
         return 0
     best = json.loads((folder / RESULT).read_text())["best"]
     print(
@@ -83,11 +89,11 @@ def _main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def parse(arguments: Sequence[str]) -> tuple[Config, Path, int | None, str, bool]:
-    """Return the settings that a command names, the run's folder, the processes, the device, and if it is quiet."""
+def parse(arguments: Sequence[str]) -> Command:
+    """Return the training that a command asks for, with the environment in its settings."""
     command = tyro.cli(Command, args=arguments, prog="chmarl-pb sb3", description=ABOUT)
-    config = replace(command.config, env_id=command.env or _env_id(command.observation, command.humanoid_only))
-    return config, command.out or Path("out/sb3") / _name(config), command.workers, command.device, command.quiet
+    env_id = command.env or _env_id(command.observation, command.humanoid_only)
+    return replace(command, config=replace(command.config, env_id=env_id))
 
 
 def _env_id(observation: str | None, humanoid_only: bool) -> str:

@@ -17,7 +17,7 @@ from chmarl_pb.extras import needs
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import ALGORITHMS, find_algorithm
-from chmarl_pb.learning.benchmark_env import ObservationName, benchmark, rules_of
+from chmarl_pb.learning.benchmark_env import ObservationName, benchmark, recorded_rules
 from chmarl_pb.learning.config import RunConfig, check, count
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.interrupts import run_command
@@ -326,7 +326,7 @@ def run_name(command: Command) -> str:
     """Return the name of a run's folder: everything that makes a row of the tables."""
     setting = command.setting
     rules = setting.options if isinstance(setting, Env) else setting
-    own = rules_of(setting.options) if isinstance(setting, Env) else {}
+    own = recorded_rules(setting.options) if isinstance(setting, Env) else {}
     words = [own.pop("track")] if "track" in own else []
     words += ["centralized"] if getattr(setting, "centralized", False) else []
     words += [word for word in ("messages", "feedback", "goal") if getattr(rules, word, False)]

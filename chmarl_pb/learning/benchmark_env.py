@@ -73,7 +73,7 @@ def _setting(options: Options, frozen: FrozenEncoder | None) -> dict[str, Any]:
     own |= {GOAL: True} if options.goal else {}
     own |= {HOME: str(options.home)} if options.home else {}
     own |= {ROOMS: rooms} if (rooms := other_rooms(options)) else {}
-    own |= {RULES: rules} if (rules := rules_of(options)) else {}
+    own |= {RULES: rules} if (rules := recorded_rules(options)) else {}
     own |= {MEANING: meaning} if (meaning := meaning_of(options)) != meaning_in(own) else {}
     own |= {TRAINED_IN: trained_in(options)}
     return {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
@@ -102,7 +102,7 @@ def trained_in(options: Options) -> dict[str, Any]:
     return {name: recorded[name] for name in _TRAINED_IN if name in recorded} | files
 
 
-def rules_of(options: Options) -> dict[str, Any]:
+def recorded_rules(options: Options) -> dict[str, Any]:
     """Return the options by which a policy plays as it was trained: the track, and what differs from it.
 
     By the paper's rules whether there are messages and feedback is none of them: without, they read as zeros. Nor are

@@ -1,7 +1,8 @@
 """The blind policy: it sees nothing and reads nothing, and solves most tasks by obeying the message board.
 
-The drone looks into all rooms, so that the true messages name those of X and Y. The humanoid goes there and turns until
-feedback, of which it knows only that there is some, tells that the thing was in view; then it picks or places.
+Robots that do not grasp look into all rooms, so that the true messages name those of X and Y. Those that do go there
+and turn until feedback, of which they know only that there is some, tells that the thing was in view; then they pick or
+place.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ _BACK = {"turn_left": "turn_right", "turn_right": "turn_left"}
 View = TypeVar("View", bound=BlindView)
 
 
-class BlindHumanoid(Generic[View]):
+class BlindGrasper(Generic[View]):
     """Goes where messages say, and turns until feedback says that it should have picked or placed."""
 
     def __init__(self, rooms: tuple[str, ...], feedback: bool = True):
@@ -33,7 +34,7 @@ class BlindHumanoid(Generic[View]):
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last episode."""
-        self._unvisited = _shuffled(self.rooms, rng)[::-1]  # against the drone's order
+        self._unvisited = _shuffled(self.rooms, rng)[::-1]  # against the scouts' order
         self._unturned = list(self.rooms)
         self._side = str(rng.choice(list(_BACK)))
         self._last, self._queue = "", list[str]()
@@ -131,7 +132,7 @@ class BlindHumanoid(Generic[View]):
         return f"goto_{self._unturned[0]}"
 
 
-class BlindDrone:
+class BlindScout:
     """Looks into all rooms, then sweeps them, until messages name a room of X and one of Y."""
 
     def __init__(self, actions: tuple[str, ...], rooms: tuple[str, ...]):
@@ -158,15 +159,15 @@ class BlindPolicy(Narrowed[BlindView]):
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], feedback: bool = True):
         """Remember the names of each robot's actions and of the rooms, and whether there is feedback."""
         choosers: dict[str, Chooser[BlindView]] = {
-            name: _humanoid(names, rooms, feedback) if grasps(names) else BlindDrone(names, rooms)
+            name: _grasper(names, rooms, feedback) if grasps(names) else BlindScout(names, rooms)
             for name, names in actions.items()
         }
         super().__init__(actions, rooms, blind_view, choosers)
 
 
-def _humanoid(actions: Sequence[str], rooms: tuple[str, ...], feedback: bool) -> Chooser[BlindView]:
+def _grasper(actions: Sequence[str], rooms: tuple[str, ...], feedback: bool) -> Chooser[BlindView]:
     """Return what drives a robot that grasps; one that points has to know where, unless feedback tells when."""
-    return BlindHumanoid(rooms, feedback) if feedback or "pick" in actions else Groper(rooms)
+    return BlindGrasper(rooms, feedback) if feedback or "pick" in actions else Groper(rooms)
 
 
 def _shuffled(rooms: Sequence[str], rng: np.random.Generator) -> list[str]:

@@ -1,4 +1,4 @@
-"""A humanoid that points, sees, and is not told what to bring where: it carries what it sees to what it sees.
+"""A robot that points, sees, and is not told what to bring where: it carries what it sees to what it sees.
 
 Each thing that it puts down somewhere is one try of a pair of X and Y. So it takes the tries that come soonest: it
 picks what is in view, puts it on another receptacle that is in view, and goes on from there. Classes that it has seen

@@ -1,15 +1,15 @@
-"""The feedback-only policy: the humanoid obeys what feedback tells it, and knows nothing else.
+"""The feedback-only policy: robots that grasp obey what feedback tells them, and know nothing else.
 
 Feedback in the planner's style says what the shortest plan was, so that an action that changes nothing draws the next
 one out of it; the Pick or Place that ends each part of a plan is tried meanwhile. Feedback in the paper's style says
-when to pick or place, which is all that the blind policy heeds of it, too: until then the humanoid looks around.
+when to pick or place, which is all that the blind policy heeds of it, too: until then they look around.
 """
 
 from dataclasses import dataclass
 from functools import partial
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
-from chmarl_pb.policies.blind import BlindHumanoid
+from chmarl_pb.policies.blind import BlindGrasper
 from chmarl_pb.policies.narrow_views import BlindView, Chooser, Info, Narrowed, Observation, blind_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.robots.pointing import VERBS
@@ -35,7 +35,7 @@ def advised_view(
     return AdvisedView(**vars(blind_view(rooms, observation, info)), advice=advice)
 
 
-class ObedientHumanoid(BlindHumanoid[AdvisedView]):
+class ObedientGrasper(BlindGrasper[AdvisedView]):
     """Does what feedback names; where feedback comes with every detour, it else tries to pick or place."""
 
     def __init__(self, rooms: tuple[str, ...], planner: bool):
@@ -65,7 +65,7 @@ class FeedbackOnlyPolicy(Narrowed[AdvisedView]):
             known: the classes whose names feedback may hold.
         """
         choosers: dict[str, Chooser[AdvisedView]] = {
-            name: ObedientHumanoid(rooms, planner) for name, names in actions.items() if grasps(names)
+            name: ObedientGrasper(rooms, planner) for name, names in actions.items() if grasps(names)
         }
         names = next((names for names in actions.values() if grasps(names)), ())
         super().__init__(actions, rooms, partial(advised_view, actions=names, known=known), choosers)

@@ -1,4 +1,4 @@
-"""A humanoid that points and sees nothing: it tries the cells where homes of training have things most often.
+"""A robot that points and sees nothing: it tries the cells where homes of training have things most often.
 
 It knows its own room, whether it holds something, and the board, if there is one. What it has picked it brings to where
 a Y is most likely; each time it has put something down, it goes on with the spots where it has not picked yet.

@@ -10,14 +10,14 @@ import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed
-from chmarl_pb.policies.blind import BlindDrone, BlindHumanoid
+from chmarl_pb.policies.blind import BlindGrasper, BlindScout
 from chmarl_pb.policies.carrying import Carrier
 from chmarl_pb.policies.narrow_views import Chooser, Narrowed, SeeingView, seeing_view
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.robots.pointing import VERBS, Cell
 
 
-class InstructionBlindHumanoid(BlindHumanoid[SeeingView]):
+class InstructionBlindGrasper(BlindGrasper[SeeingView]):
     """Goes where messages say, and tries what it sees there until it was the right thing."""
 
     def __init__(self, rooms: tuple[str, ...], known: Catalog, feedback: bool = True, messages: bool = True):
@@ -69,12 +69,12 @@ class InstructionBlindPolicy(Narrowed[SeeingView]):
             messages: whether there are any.
         """
 
-        def humanoid(names: tuple[str, ...]) -> Chooser[SeeingView]:
+        def grasper(names: tuple[str, ...]) -> Chooser[SeeingView]:
             if feedback or "pick" in names:
-                return InstructionBlindHumanoid(rooms, known, feedback, messages)
+                return InstructionBlindGrasper(rooms, known, feedback, messages)
             return Carrier(rooms, known)
 
         choosers: dict[str, Chooser[SeeingView]] = {
-            name: humanoid(names) if grasps(names) else BlindDrone(names, rooms) for name, names in actions.items()
+            name: grasper(names) if grasps(names) else BlindScout(names, rooms) for name, names in actions.items()
         }
         super().__init__(actions, rooms, partial(seeing_view, known=known), choosers)

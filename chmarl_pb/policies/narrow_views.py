@@ -29,7 +29,7 @@ class BlindView:
         messages: rooms where X has been seen, and rooms where Y has been seen.
         feedback: whether there is feedback; not its words.
         room: the robot's own, None between rooms.
-        holding: whether the humanoid holds something.
+        holding: whether the robot holds something.
     """
 
     messages: tuple[tuple[str, ...], tuple[str, ...]]

@@ -17,7 +17,7 @@ _MOVES = ("turn_left", "move_forward", "goto")
 _CHANCES = (0.8, 0.1, 0.1)
 
 
-class ReactiveHumanoid:
+class ReactiveGrasper:
     """Picks or places what is in view, else goes to a room that messages name, else looks around."""
 
     def __init__(self, rooms: tuple[str, ...]):
@@ -46,7 +46,7 @@ class ReactivePolicy:
     def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
         """Remember the names of each robot's actions and of the rooms, and the classes that there are."""
         choosers: dict[str, Chooser[FullView]] = {
-            name: ReactiveHumanoid(rooms) for name, names in actions.items() if grasps(names)
+            name: ReactiveGrasper(rooms) for name, names in actions.items() if grasps(names)
         }  # fmt: skip
         self._reactive = Narrowed(actions, rooms, partial(full_view, known=known), choosers)
         searches = SearchPolicy(actions, rooms, known).parts

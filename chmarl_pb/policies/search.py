@@ -23,7 +23,7 @@ from chmarl_pb.robots.pointing import Cell, verb_of
 from chmarl_pb.tasks.language import read_pairs
 
 _SIDES = ("turn_left", "turn_right")
-_TURNS = 11  # after these many turns of 30 degrees the humanoid has seen all around
+_TURNS = 11  # after these many turns of 30 degrees a robot has seen all around
 _PACES = 3  # forward moves before it looks around again
 #: Moves that show a robot that flies the surroundings of a room's centre: one round of eight places.
 SWEEP = (
@@ -37,8 +37,8 @@ def sweep_of(actions: Sequence[str]) -> tuple[str, ...]:
     return SWEEP if set(SWEEP) <= set(actions) else _SIDES[:1] * _TURNS
 
 
-class HumanoidSearch:
-    """Searches, picks and places with the humanoid alone.
+class GrasperSearch:
+    """Searches, picks and places with one robot that grasps.
 
     As a policy it does what it proposes. A teacher's proposals are followed or not: it goes on from what was done.
     """
@@ -136,7 +136,7 @@ class HumanoidSearch:
         return [str(self._rng.choice(_SIDES))] * _TURNS
 
 
-class DroneSearch:
+class ScoutSearch:
     """Sweeps the rooms with a robot that does not grasp until X and Y have been seen, then waits where X was.
 
     One that flies sweeps a room by ``SWEEP``, one that drives by turning round.
@@ -198,7 +198,7 @@ class SearchPolicy(Team):
             known: the classes that instructions name.
         """
         searches: dict[str, Part] = {}
-        for kind, able in ((HumanoidSearch, True), (DroneSearch, False)):
+        for kind, able in ((GrasperSearch, True), (ScoutSearch, False)):
             robots = [name for name, names in actions.items() if grasps(names) == able]
             for number, name in enumerate(robots):
                 first = number * len(rooms) // len(robots)

@@ -186,18 +186,14 @@ def test_mappo_learns_from_every_episode_once(
 ) -> None:
     sizes = {"envs": 8, "learning_starts": 0, **sizes}
     seen, rates = [], []
-    compute_gae, anneal = Mappo.compute_gae, Mappo._anneal_learning_rate
+    compute_gae = Mappo.compute_gae
 
     def look(learner: Mappo, batch: Batch) -> Any:
         seen.append(batch.states[:, 0])
+        rates.append([group["lr"] for group in learner._optimizer.param_groups])
         return compute_gae(learner, batch)
 
-    def look_at_rates(learner: Mappo, episodes: int) -> None:
-        anneal(learner, episodes)
-        rates.append([group["lr"] for group in learner._optimizer.param_groups])
-
     monkeypatch.setattr(Mappo, "compute_gae", look)
-    monkeypatch.setattr(Mappo, "_anneal_learning_rate", look_at_rates)
     config = replace(MAPPO, **sizes, n_epochs=2)
     result = train(UnevenEnv, "mappo", config)
     assert [len(states) for states in seen] == learned

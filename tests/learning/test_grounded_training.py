@@ -18,7 +18,7 @@ from chmarl_pb.learning import Config, train
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
 from chmarl_pb.learning.algorithms.mappo import MappoConfig
 from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.benchmark_env import benchmark, rules_of
+from chmarl_pb.learning.benchmark_env import benchmark, recorded_rules
 from chmarl_pb.learning.networks.agents import Agent
 from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.runs.run import BEST, LAST
@@ -119,7 +119,7 @@ def test_each_rule_is_remembered_and_the_papers_need_no_word() -> None:
          {"track": "grounded", "messages": True, "feedback": True, "pointing": False}),
     ):  # fmt: skip
         options = Options(**given)
-        assert rules_of(options) == kept
+        assert recorded_rules(options) == kept
         again, silent = Options(**kept), options.track == "paper"
         assert all(getattr(again, name) == getattr(options, name) for name in ("pointing", "lookalikes", "templates"))
         assert silent or (again.messages, again.feedback) == (options.messages, options.feedback)

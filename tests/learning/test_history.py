@@ -9,7 +9,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.algorithms.dagger import DAggerConfig
-from chmarl_pb.learning.networks.agents import NO_ACTION, Agent, Player
+from chmarl_pb.learning.networks.agents import NO_ACTION, Agent, RecurrentActors
 
 WORDS, STEPS = 3, 6
 SPACE = spaces.Dict({"messages": spaces.Box(0, 1, (1, WORDS), np.int8)})
@@ -63,7 +63,7 @@ def test_step_by_step_is_as_all_at_once(agent: Agent) -> None:
     actions = torch.randint(2, (3, STEPS, 2), generator=generator)
     actions[:, 0] = NO_ACTION
     together = agent(observations, actions)[0]
-    player, everyone = Player(nn.ModuleDict({"it": agent}), 3), torch.arange(3)
+    player, everyone = RecurrentActors(nn.ModuleDict({"it": agent}), 3), torch.arange(3)
     for step in range(STEPS):
         one_step = {"messages": observations["messages"][:, step]}
         torch.testing.assert_close(player.values("it", everyone, one_step), together[:, step])

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chmarl_pb.learning.networks import build_encoder, int8
-from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, fingerprint, frozen_encoder, sealed
+from chmarl_pb.learning.networks.frozen import BEFORE, FrozenEncoder, frozen_encoder, weights_hash, with_hash
 from chmarl_pb.learning.networks.int8 import LARGEST, RANGES, compact
 from chmarl_pb.learning.networks.residual import ResNet18, folded
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
@@ -28,7 +28,7 @@ def plain() -> ResNet18:
     return network
 
 
-COMPACT = sealed({**compact(folded(plain())), RANGES: WHOLE[RANGES]}, WHOLE)
+COMPACT = with_hash({**compact(folded(plain())), RANGES: WHOLE[RANGES]}, WHOLE)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_features_without_ranges_are_those_of_the_plain_network(weights: Path) -
     images = pictures(2, 64)
     found = frozen_encoder("resnet18", str(weights))
     torch.testing.assert_close(found(images).float(), plain()(images), atol=2e-3, rtol=2e-3)
-    assert found(images).dtype == torch.float16 and found.fingerprint == fingerprint(EXACT)
+    assert found(images).dtype == torch.float16 and found.fingerprint == weights_hash(EXACT)
 
 
 @pytest.mark.parametrize("size", [64, 97, 128])
@@ -65,7 +65,7 @@ def test_whole_numbers_give_nearly_the_same_features(frozen: FrozenEncoder, size
     images = pictures(4, size, seed=1)
     wanted, found = plain()(images), frozen(images).float()
     assert torch.cosine_similarity(found, wanted).min() > 0.999
-    assert frozen.fingerprint != fingerprint(EXACT)
+    assert frozen.fingerprint != weights_hash(EXACT)
 
 
 def test_compact_weights_give_the_same_features_under_the_same_fingerprint(frozen: FrozenEncoder) -> None:

@@ -76,7 +76,8 @@ def test_collecting_is_a_function_of_seeds(collector: Collector) -> None:
 
 def test_environments_of_the_endless_split_stay_in_their_homes(collector: Collector, tmp_path: Path) -> None:
     def seeds(rollouts: int) -> list[int]:
-        run = Run(collector, lambda *_: [], "vdn", replace(SMALL, envs=3), None, lambda *_: {}, {})
+        config, cpu = replace(SMALL, envs=3), torch.device("cpu")
+        run = Run(collector, lambda *_: [], "vdn", config, None, lambda *_: {}, {}, cpu)
         run.episodes = 3 * rollouts
         return run._seeds()
 

@@ -38,7 +38,7 @@ def learn(sb3: Any, env: Any, steps: int) -> None:
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
-def test_ppo_learns(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
+def test_ppo_takes_100_steps(sb3: Any, make: Callable[..., Any], env_id: str) -> None:
     learn(sb3, make(env_id, image_size=36), 100)
 
 

@@ -325,7 +325,7 @@ def test_encoders_of_pictures_need_a_preset_that_looks_at_them() -> None:
 
 
 def test_folders_are_named_after_homes_and_robots() -> None:
-    folders = {str(parse(["--algo", "ppo", *options])[1]) for options in (
+    folders = {str(parse(["--algo", "ppo", *options]).folder) for options in (
         [], ["--home", "my/cabin.urdf"], ["--home", "den.urdf"], ["--catalog", "own.toml"],
         ["--robots", "humanoid,scout.toml"],
     )}  # fmt: skip
@@ -547,12 +547,14 @@ def test_log_is_written_for_tensorboard_too(tmp_path: Path) -> None:
 
 def test_rows_of_tables_name_the_observation_instead_of_the_id() -> None:
     arguments = ["--algo", "dqn", "--observation", "scene_graph", "--humanoid-only", "--no-messages", "--seed", "4"]
-    config, out, *_ = parse(arguments)
+    command = parse(arguments)
+    config = command.config
     assert (config.env_id, config.messages, config.feedback, config.seed) == (BESIDE_BELIEF, False, True, 4)
-    assert out == Path("out/sb3/dqn-scenegraphhumanoid-v1-feedback-goal-seed4")
-    older = parse(["--algo", "ppo", "--env", HUMANOID, "--observation", "scene_graph"])[0]
+    assert command.folder == Path("out/sb3/dqn-scenegraphhumanoid-v1-feedback-goal-seed4")
+    older = parse(["--algo", "ppo", "--env", HUMANOID, "--observation", "scene_graph"]).config
     assert (older.env_id, older.partner, config.partner) == (HUMANOID, "search", "belief")
-    assert parse(["--algo", "ppo"])[0].env_id == JOINT == parse(["--algo", "ppo", "--env", JOINT])[0].env_id
+    joint = [parse(["--algo", "ppo", *env]).config.env_id for env in ([], ["--env", JOINT])]
+    assert joint == [JOINT, JOINT]
 
 
 def test_other_files_are_refused_without_running_code(tmp_path: Path) -> None:

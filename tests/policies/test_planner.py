@@ -12,7 +12,7 @@ from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.errors import OptionError, TaskError
 from chmarl_pb.policies.policy import core_of
 from chmarl_pb.policies.registry import make_policy
-from chmarl_pb.policies.search import DroneSearch, HumanoidSearch, SearchPolicy
+from chmarl_pb.policies.search import GrasperSearch, ScoutSearch, SearchPolicy
 from chmarl_pb.policies.seats import masks_of
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.tasks.language import INSTRUCTION_LENGTH, tokenize
@@ -226,7 +226,7 @@ def test_a_search_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv, tas
     names, rooms = env.action_names["humanoid"], env.rooms
     heard: dict[str, Any] = {"visible": ()}
     seen = {"self": np.eye(len(rooms) + 4)[0], "messages": np.zeros((2, len(rooms))), "instruction": MUG_TO_DESK}
-    search = HumanoidSearch(names, rooms)
+    search = GrasperSearch(names, rooms)
     stay, goto = names.index("stay"), names.index(f"goto_{rooms[-1]}")
     assert [search.propose(seen, heard) for _ in range(3)] == [goto] * 3
     search.note(stay)
@@ -246,7 +246,7 @@ def test_a_search_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv, tas
 
 def test_failures_are_those_of_what_was_done() -> None:
     rooms = ("kitchen", "bedroom")
-    search = HumanoidSearch(("pick", "stay", "turn_left", "turn_right", "goto_bedroom"), rooms)
+    search = GrasperSearch(("pick", "stay", "turn_left", "turn_right", "goto_bedroom"), rooms)
     seen = {"self": np.array([1.0, 0, 0, 0]), "messages": np.zeros((2, 2)), "instruction": MUG_TO_DESK}
     info = {"visible": ("mug_1",)}
     assert [search.propose(seen, info) for _ in range(3)] == [0] * 3
@@ -260,7 +260,7 @@ def test_a_drone_that_teaches_goes_on_from_what_was_done(env: HouseholdEnv) -> N
     names, rooms = env.action_names["drone"], env.rooms
     heard: dict[str, Any] = {"visible": ()}
     seen: dict[str, np.ndarray] = {"messages": np.zeros((2, len(rooms))), "instruction": MUG_TO_DESK}
-    search = DroneSearch(names, rooms)
+    search = ScoutSearch(names, rooms)
     stay, gotos = names.index("stay"), [names.index(f"goto_{room}") for room in rooms]
     for done, wanted in ((stay, gotos[0]), (gotos[1], names.index("move_forward"))):
         search.note(done)

@@ -138,11 +138,12 @@ def test_names_of_runs_are_unique_and_commands_are_understood(tmp_path: Path) ->
             assert given == (row.observation, row.messages, row.feedback, 3, run.folder)
             assert getattr(rules, "track", PAPER) == row.track
         if row.module == "training.sb3":
-            config, out, workers, _, _ = parse_sb3(arguments)
+            baseline = parse_sb3(arguments)
+            config = baseline.config
             assert (config.observation, config.messages, config.feedback, config.seed) == (
                 row.observation, row.messages, row.feedback, 3,
             )  # fmt: skip
-            assert (out, workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
+            assert (baseline.folder, baseline.workers, config.alone) == (run.folder, 1, "humanoid only" in row.name)
             assert config.track == row.track
             if row.track != PAPER:
                 assert (config.preset, config.partner) == ("encoder", "belief")

@@ -32,7 +32,7 @@ def values(same: Sequence[Record], metric: str, split: str) -> list[float]:
     return [record["evaluation"]["splits"][split]["summary"][metric]["mean"] for record in same]
 
 
-def is_told_more(record: Record) -> bool:
+def run_is_told_more(record: Record) -> bool:
     """Return whether a run is told more than its robots observe: the goal, or beside the humanoid what is in view."""
     goal = record["evaluation"]["options"].get("goal")
     return bool(goal) or (record["observation"] == "visual" and ALONE in record["name"])
@@ -46,7 +46,7 @@ def gained(same: Sequence[Record]) -> Figure | None:
     splits = [record["evaluation"]["splits"][HEADLINE] for record in same]
     for record, split in zip(same, splits, strict=True):
         alike = is_of_audit(record["evaluation"]["options"], split["tasks_sha256"], HEADLINE)
-        if is_told_more(record) or not alike:
+        if run_is_told_more(record) or not alike:
             return None
     of_tasks = [split["plw_of_tasks"] for split in splits if "plw_of_tasks" in split]
     return gain_of_runs(values(same, "plw", HEADLINE), of_tasks, HEADLINE)

@@ -3,20 +3,15 @@
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium.error import AlreadyPendingCallError
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space
 
 from chmarl_pb.envs.vector.asking import Asking
-from chmarl_pb.envs.vector.exchange import Seeds, seeds_of, write_actions
-from chmarl_pb.envs.vector.infos import InfoTable
+from chmarl_pb.envs.vector.exchange import Seeds, Step, seeds_of, write_actions
 from chmarl_pb.envs.vector.pool import Pool
 from chmarl_pb.errors import OptionError
 from chmarl_pb.world import Uncopied
-
-Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
 class HouseholdAsyncEnv(Uncopied, Asking):
@@ -57,15 +52,8 @@ class HouseholdAsyncEnv(Uncopied, Asking):
             batch_size: how many of them ``recv`` returns.
             autoreset: when one whose episode is over is reset.
         """
-        self._engine = self._pool = pool
-        self.num_envs, self.batch_size = count, batch_size
-        one = pool.signature
-        self.metadata = {**one.metadata, "autoreset_mode": autoreset}
-        self.render_mode = one.render_mode
-        self.single_observation_space, self.single_action_space = one.observation_space, one.action_space
-        self.observation_space = batch_space(one.observation_space, batch_size)
-        self.action_space = batch_space(one.action_space, batch_size)
-        self._table = InfoTable(count)
+        self._describe(pool, count, batch_size, autoreset)
+        self._pool, self.batch_size = pool, batch_size
 
     def async_reset(self, seed: Seeds = None, options: dict[str, Any] | None = None) -> None:
         """Let all environments begin with a reset; ``recv`` returns what they observe, with a reward of 0.
@@ -115,9 +103,8 @@ class HouseholdAsyncEnv(Uncopied, Asking):
         self._table.update(changes, numbers)
         rows, memory = np.array(numbers), self._pool.memory
         arrays = {key: array[rows] for key, array in memory.observations.items()}
-        observations = arrays if isinstance(self.single_observation_space, gymnasium.spaces.Dict) else arrays[""]
         infos = {**self._table.infos(rows), "env_id": rows}
-        return observations, memory.rewards[rows], memory.terminated[rows], memory.truncated[rows], infos
+        return self._as_observed(arrays), memory.rewards[rows], memory.terminated[rows], memory.truncated[rows], infos
 
     def step(self, actions: Any, env_id: Sequence[int] | np.ndarray) -> Step:
         """Send actions, and return what :meth:`recv` does: perhaps of other environments."""

@@ -9,7 +9,6 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 
 from chmarl_pb.envs.options import plain_value
 from chmarl_pb.envs.registration import id_of
@@ -18,14 +17,11 @@ from chmarl_pb.envs.vector.asking import Asking
 from chmarl_pb.envs.vector.asynchronous import HouseholdAsyncEnv
 from chmarl_pb.envs.vector.batch import MakeEnv
 from chmarl_pb.envs.vector.engine import AnyEngine, processes_of, start
-from chmarl_pb.envs.vector.exchange import Seeds, gather, seeds_of, write_actions
-from chmarl_pb.envs.vector.infos import InfoTable
+from chmarl_pb.envs.vector.exchange import Seeds, Step, gather, seeds_of, write_actions
 from chmarl_pb.envs.vector.pool import Pool
 from chmarl_pb.errors import OptionError
 from chmarl_pb.limits import whole_number
 from chmarl_pb.world import Uncopied
-
-Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
 class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
@@ -52,15 +48,8 @@ class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
             autoreset: when one whose episode is over is reset.
             copy: whether each step returns arrays of its own; if not, the next step overwrites the observations.
         """
-        self._engine, self._copy = engine, copy
-        self.num_envs = count
-        one = engine.signature
-        self.metadata = {**one.metadata, "autoreset_mode": autoreset}
-        self.render_mode = one.render_mode
-        self.single_observation_space, self.single_action_space = one.observation_space, one.action_space
-        self.observation_space = batch_space(one.observation_space, count)
-        self.action_space = batch_space(one.action_space, count)
-        self._table = InfoTable(count)
+        self._describe(engine, count, count, autoreset)
+        self._copy = copy
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -124,7 +113,7 @@ class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
     def _observations(self) -> Any:
         """Wait for all environments; note their infos, and return what they observe."""
         arrays = gather(self._engine, lambda part: self._table.update(part.changes, part.numbers), self._copy)
-        return arrays if isinstance(self.single_observation_space, gymnasium.spaces.Dict) else arrays[""]
+        return self._as_observed(arrays)
 
     def _mask(self, mask: Any) -> np.ndarray:
         if (

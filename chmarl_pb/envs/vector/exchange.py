@@ -12,6 +12,9 @@ from chmarl_pb.limits import whole_number
 
 Seeds = int | Sequence[int | None] | None
 
+#: Observations, rewards, terminated, truncated and infos of several environments.
+Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
+
 
 def seeds_of(seed: Seeds, count: int) -> list[int | None]:
     """Return a seed for each environment: those from a number on, or those of a list.

@@ -155,7 +155,7 @@ class Mappo:
         if not new:
             return
         before, self._learned = self._learned, replay.added
-        self._anneal_learning_rate(before)
+        set_learning_rates(self._optimizer, self._rates, 1 - before / self.config.episodes)
         batch = replay.sample(new, rng, newest=new)
         if self._states is not None:
             self._states.update(batch.states, batch.real.any(dim=-1, keepdim=True))
@@ -167,10 +167,6 @@ class Mappo:
             part = batch.rows(rows)
             chosen = Advantages(learned.log_probabilities[rows], learned.advantages[rows], learned.returns[rows])
             yield part, self.update(part, chosen, actors)
-
-    def _anneal_learning_rate(self, episodes: int) -> None:
-        """Let the learning rates fall linearly with the episodes that were learned from before."""
-        set_learning_rates(self._optimizer, self._rates, 1 - episodes / self.config.episodes)
 
     @torch.no_grad()
     def value(self, states: Tensor) -> Tensor:

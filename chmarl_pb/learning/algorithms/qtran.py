@@ -28,7 +28,12 @@ class QtranNetworks(nn.Module):
 
     Both see the sum over the agents of what a layer makes of an agent's history (and action), and the state. The
     histories are the outputs of the agents' own GRUs: lower layers are shared. Q'_jt is the sum of the agents' values.
+
+    Attributes:
+        per_agent: as of a mixer: the values are the team's.
     """
+
+    per_agent = False
 
     def __init__(self, interface: Interface, hidden: int, units: int):
         """Make the layers for the agents of an environment, with histories of size ``hidden``."""

@@ -22,7 +22,7 @@ from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.algorithms.gradient import check_finite, descend
-from chmarl_pb.learning.cloning.demonstrations import Batch, Demonstrations, read_demonstrations
+from chmarl_pb.learning.cloning.demonstrations import DemonstrationBatch, Demonstrations, read_demonstrations
 from chmarl_pb.learning.config import CATALOG, FROZEN, ROOMS
 from chmarl_pb.learning.policies.cloned import (
     KIND,
@@ -219,7 +219,7 @@ class _Run:
                 self.batch, self._total = content["batch"], content["total"]
 
 
-def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch, robots: Sequence[str]) -> Tensor:
+def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: DemonstrationBatch, robots: Sequence[str]) -> Tensor:
     """Return the cross-entropy of each robot's labels, (robots), means over the real steps."""
     losses = []
     for group, actor in zip(config.groups(robots), actors, strict=True):
@@ -230,7 +230,7 @@ def loss_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch, robots: 
     return torch.stack(losses)
 
 
-def grounding_of(actors: nn.ModuleList, config: CloningConfig, batch: Batch) -> Tensor:
+def grounding_of(actors: nn.ModuleList, config: CloningConfig, batch: DemonstrationBatch) -> Tensor:
     """Return the loss that teaches the networks which classes instructions name, times its weight."""
     if not config.grounding_coef:
         return torch.zeros((), device=batch.labels.device)

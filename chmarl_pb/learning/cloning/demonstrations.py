@@ -19,7 +19,7 @@ from chmarl_pb.learning.policies.cloned import CloningConfig
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class DemonstrationBatch:
     """Whole episodes side by side, T is the length of the longest.
 
     Attributes:
@@ -34,10 +34,10 @@ class Batch:
     labels: Tensor
     mask: Tensor
 
-    def to(self, device: torch.device) -> "Batch":
+    def to(self, device: torch.device) -> "DemonstrationBatch":
         """Return the batch on a device."""
         observation = {key: part.to(device) for key, part in self.observation.items()}
-        return Batch(observation, self.last.to(device), self.labels.to(device), self.mask.to(device))
+        return DemonstrationBatch(observation, self.last.to(device), self.labels.to(device), self.mask.to(device))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Demonstrations:
     lengths: Tensor
     sha256: str
 
-    def batch(self, episodes: Tensor) -> Batch:
+    def batch(self, episodes: Tensor) -> DemonstrationBatch:
         """Return some episodes, by their numbers."""
         lengths = self.lengths[episodes]
         steps = torch.arange(int(lengths.max()))
@@ -68,9 +68,10 @@ class Demonstrations:
         rows = torch.where(mask, self.starts[episodes].unsqueeze(1) + steps, len(self.labels) - 1)
         last = self.actions[rows].roll(1, dims=1)
         last[:, 0] = NO_ACTION
-        return Batch({key: part[rows] for key, part in self.observations.items()}, last, self.labels[rows], mask)
+        observation = {key: part[rows] for key, part in self.observations.items()}
+        return DemonstrationBatch(observation, last, self.labels[rows], mask)
 
-    def batches(self, size: int, seed: Sequence[int] | None = None, skip: int = 0) -> Iterator[Batch]:
+    def batches(self, size: int, seed: Sequence[int] | None = None, skip: int = 0) -> Iterator[DemonstrationBatch]:
         """Yield all episodes in batches, shuffled if there is a seed, without some of the first batches."""
         count = len(self.lengths)
         order = np.arange(count) if seed is None else np.random.default_rng(seed).permutation(count)

@@ -136,7 +136,7 @@ def device_of(networks: nn.Module) -> torch.device:
     return next((weight.device for weight in networks.parameters()), torch.device("cpu"))
 
 
-class Player:
+class RecurrentActors:
     """Lets agents act in several episodes side by side, step by step; remembers their histories."""
 
     def __init__(self, agents: nn.ModuleDict, episodes: int):

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.detection_metrics import recognition_metrics
 from chmarl_pb.learning.networks.detections import THINGS
-from chmarl_pb.learning.networks.frozen import sealed
+from chmarl_pb.learning.networks.frozen import with_hash
 from chmarl_pb.learning.networks.int8 import RANGES, compact, ranges_of
 from chmarl_pb.learning.networks.labelled_views import Views
 from chmarl_pb.learning.networks.residual import FEATURES, ResNet18, folded
@@ -77,7 +77,7 @@ class Classifier(nn.Module):
         """
         network = folded(deepcopy(self.network).eval())
         ranges = {RANGES: ranges_of(network, torch.from_numpy(images))}
-        return sealed({**compact(network), **ranges}, {**self.network.state_dict(), **ranges})
+        return with_hash({**compact(network), **ranges}, {**self.network.state_dict(), **ranges})
 
     def features(self, images: Tensor) -> Tensor:
         """Return what the frozen network gives, in float32."""

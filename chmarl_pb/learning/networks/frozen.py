@@ -24,7 +24,7 @@ from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, 
 from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
 IMAGENET = "imagenet"  # name of torchvision's weights
-BEFORE = "fingerprint"  # key, in a file of rounded weights, of what :func:`sealed` adds
+BEFORE = "fingerprint"  # key, in a file of rounded weights, of what :func:`with_hash` adds
 KEPT = 2**13  # pictures whose features are remembered: 12 MB
 _BLANK = torch.zeros(1, 32, 32, 3, dtype=torch.uint8)  # a picture
 _TOGETHER = 16  # pictures that are computed at once: larger batches are not faster
@@ -67,7 +67,7 @@ class FrozenEncoder:
     Attributes:
         name: one of ``FROZEN_ENCODERS``.
         shape: of the features of one picture.
-        fingerprint: of the weights, see :func:`fingerprint`.
+        fingerprint: of the weights, see :func:`weights_hash`.
         asked: number of pictures whose features were wanted.
         computed: number of those that were not remembered.
     """
@@ -96,7 +96,7 @@ class FrozenEncoder:
                 raise RuntimeError(f"{part!r} holds what is no number")
         weights = {part: value for part, value in weights.items() if not part.startswith("fc.")}
         kind = FROZEN_ENCODERS[name]
-        self.name, self.fingerprint = name, fingerprint(weights)
+        self.name, self.fingerprint = name, weights_hash(weights)
         self._made_of = name, dict(weights), kept
         weights.pop(BEFORE, None)
         self.asked, self.computed = 0, 0
@@ -189,7 +189,7 @@ def trained_with(name: str, fingerprint: str, path: Path) -> FrozenEncoder:
     return encoder
 
 
-def fingerprint(weights: dict[str, Tensor]) -> str:
+def weights_hash(weights: dict[str, Tensor]) -> str:
     """Return the sha256 of named tensors; of weights that were rounded, that of before, as they do the same.
 
     Raises:
@@ -204,7 +204,7 @@ def fingerprint(weights: dict[str, Tensor]) -> str:
     return kept[: len(own)].hex()
 
 
-def sealed(weights: dict[str, Tensor], before: dict[str, Tensor]) -> dict[str, Tensor]:
+def with_hash(weights: dict[str, Tensor], before: dict[str, Tensor]) -> dict[str, Tensor]:
     """Return rounded weights with their fingerprint before, and a hash by which other weights are told from them."""
     both = _sha256(before) + _sha256(weights)
     return {**weights, BEFORE: torch.tensor(list(both), dtype=torch.uint8)}

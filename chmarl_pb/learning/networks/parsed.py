@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.match import ROLES, ROOMS, Wanted, named_by
-from chmarl_pb.learning.networks.parts import Part
+from chmarl_pb.learning.networks.parts import Part, one_hot_of
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table
 
 
@@ -28,11 +28,11 @@ class Parsed(nn.Module):
     def forward(self, tokens: Tensor) -> Wanted:
         """Return what instructions ask for, from token ids (B, L)."""
         labels = _labels(tokens)
-        wanted = Wanted(_one_hot(labels[:, 0], self.classes))
+        wanted = Wanted(one_hot_of(labels[:, 0], self.classes))
         if not self.colours:
             return wanted
-        colours, rooms = _one_hot(labels[:, 1], self.colours), _one_hot(labels[:, 2, 0].clamp(min=0), 1 + len(ROOMS))
-        return wanted._replace(colours=colours + (labels[:, 1] < 0).unsqueeze(2), rooms=rooms)
+        colours = one_hot_of(labels[:, 1], self.colours) + (labels[:, 1] < 0).unsqueeze(2)
+        return wanted._replace(colours=colours, rooms=one_hot_of(labels[:, 2, 0].clamp(min=0), 1 + len(ROOMS)))
 
 
 class ParsedInstruction(Part):
@@ -65,9 +65,3 @@ def _labels(tokens: Tensor) -> Tensor:
     different, place = tokens.unique(dim=0, return_inverse=True)
     labels = np.stack([named_by(row) for row in different.cpu().numpy()])
     return torch.from_numpy(labels).to(tokens.device)[place]
-
-
-def _one_hot(ids: Tensor, count: int) -> Tensor:
-    """Return ids as one-hot over a number of them; zeros for those that are negative, or that nothing is known of."""
-    known = (ids >= 0) & (ids < count)
-    return nn.functional.one_hot(ids * known, count).float() * known.unsqueeze(-1)

@@ -103,11 +103,11 @@ class FlatEncoder(Part):
         if not self.counts:
             return flat.float()
         rows = (flat.long() - self.starts).unbind(dim=1)
-        return torch.cat([_one_hot(row, count) for row, count in zip(rows, self.counts, strict=True)], dim=1)
+        return torch.cat([one_hot_of(row, count) for row, count in zip(rows, self.counts, strict=True)], dim=1)
 
 
-def _one_hot(numbers: Tensor, count: int) -> Tensor:
-    """Return (B, count) of numbers (B); zeros for one that is none of them, which is nobody's."""
+def one_hot_of(numbers: Tensor, count: int) -> Tensor:
+    """Return numbers (...) as one-hot (..., count); zeros for one that is none of them: it is nobody's, or unknown."""
     known = (numbers >= 0) & (numbers < count)
     return nn.functional.one_hot(numbers.clamp(0, count - 1), count).float() * known.unsqueeze(-1)
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, best_action, mask_of, of_each
-from chmarl_pb.learning.networks.agents import Agent, Player
+from chmarl_pb.learning.networks.agents import Agent, RecurrentActors
 from chmarl_pb.learning.rollouts.batched import play_together
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of, stack, tensors, zeros
@@ -183,7 +183,7 @@ class Explorer:
 
     def reset(self, seeds: Sequence[int | None]) -> None:
         """Begin one episode for each seed."""
-        self._player = Player(self._agents, len(seeds))
+        self._actors = RecurrentActors(self._agents, len(seeds))
         for expert, seed in zip(self._experts, seeds, strict=False):
             expert.reset(seed)
 
@@ -201,11 +201,11 @@ class Explorer:
             if not rows:
                 continue
             index = torch.tensor([episodes[row] for row in rows])
-            values = self._player.values(name, index, tensors(stack([observations[row][name] for row in rows])))
+            values = self._actors.values(name, index, tensors(stack([observations[row][name] for row in rows])))
             mask = torch.from_numpy(np.stack([mask_of(name, infos[row], counts) for row in rows]))
             labels = self._labels_of(name, [episodes[row] for row in rows], mask.numpy())
             actions = self._choose(values, mask, labels, self._rng)
-            self._player.remember(name, index, torch.from_numpy(actions))
+            self._actors.remember(name, index, torch.from_numpy(actions))
             for row, action in zip(rows, actions, strict=True):
                 chosen[row][name] = as_action(action, counts)
         for number, actions_done in zip(episodes, chosen, strict=True) if self._experts else ():

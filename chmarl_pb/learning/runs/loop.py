@@ -47,17 +47,18 @@ def expert_name(expert: Callable[[Any], Expert | Policy]) -> str:
     return f"{name} {held[:16]}" if held else name
 
 
-def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> None:
+def _check_arguments(
+    algorithm: str, row: Algorithm, *, env_fn: Any, config: Any, expert: Any, setting: Any, validate: Any, writes: bool
+) -> None:
     """Refuse arguments of ``train`` of another kind, before anything is made.
 
     Raises:
         ValueError: one is, or there is nobody to imitate.
     """
-    env_fn, config, expert, setting = (given[name] for name in ("env_fn", "config", "expert", "setting"))
     if not callable(env_fn):
         raise ValueError(f"env_fn={env_fn!r}: give what makes an environment, e.g. chmarl_pb.parallel_env")
-    if given["validate"] is not None and not callable(given["validate"]):
-        raise ValueError(f"validate={given['validate']!r}: give what is called with a collector and the networks")
+    if validate is not None and not callable(validate):
+        raise ValueError(f"validate={validate!r}: give what is called with a collector and the networks")
     if not isinstance(config, row.config):
         raise ValueError(f"config={config!r}: {algorithm} takes settings of the class {row.config.__name__}")
     if expert is not None and not callable(expert):
@@ -67,7 +68,7 @@ def _check_arguments(algorithm: str, row: Algorithm, given: dict[str, Any]) -> N
     if setting is not None and not isinstance(setting, dict):
         raise ValueError(f"setting={setting!r}: give a dict")
     plain(setting, "setting")
-    if given["folder"] is not None:
+    if writes:
         plain(asdict(config), "config")
 
 
@@ -141,15 +142,10 @@ def train(
     """
     row, folder = find_algorithm(algorithm), None if folder is None else Path(folder)
     config = row.config() if config is None else config
-    given = {
-        "env_fn": env_fn,
-        "config": config,
-        "expert": expert,
-        "setting": setting,
-        "validate": validate,
-        "folder": folder,
-    }
-    _check_arguments(algorithm, row, given)
+    _check_arguments(
+        algorithm, row, env_fn=env_fn, config=config, expert=expert, setting=setting, validate=validate,
+        writes=folder is not None,
+    )  # fmt: skip
     if isinstance(config, DAggerConfig) and expert is not None:
         config = replace(config, expert=expert_name(expert))
     imitated = expert if row.imitates else None

@@ -51,7 +51,7 @@ class Run:
         folder: Path | None,
         validate: Validate,
         setting: dict[str, Any],
-        device: torch.device | None = None,
+        device: torch.device,
         resumed: bool = False,
     ):
         """Begin a run; a resumed one is to be restored, and reads no weights to begin with.
@@ -72,7 +72,7 @@ class Run:
         self._validated_by = scores_of(validate)
         self.learner = make_learner(algorithm, collector.interface, config, resumed)
         self._begun_with = origin(Path(config.first_weights)) if config.first_weights and not resumed else {}
-        self._device = device or torch.device("cpu")
+        self._device = device
         self.learner.to(self._device)
         self.learner.agents.eval()
         self.replay = _make_buffer(collector.interface, algorithm, config, device)
@@ -323,7 +323,7 @@ def scores_of(validate: Validate) -> dict[str, str]:
     return {"name": name, "sha256": fingerprint(validate, code=False) or ""}
 
 
-def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device | None) -> ReplayBuffer:
+def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device) -> ReplayBuffer:
     """Return a run's replay buffer.
 
     Raises:
