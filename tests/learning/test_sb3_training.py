@@ -330,7 +330,7 @@ def test_folders_are_named_after_homes_and_robots() -> None:
         ["--robots", "humanoid,scout.toml"],
     )}  # fmt: skip
     assert len(folders) == 5 and "out/sb3/ppo-scenegraph-messages-feedback-goal-seed0" in folders
-    grounded = parse(["--algo", "ppo", "--env", GROUNDED])[1]
+    grounded = parse(["--algo", "ppo", "--env", GROUNDED]).folder
     assert grounded.name == "ppo-groundedscenegraphhumanoid-messages-goal-seed0", "no feedback, as there is none"
 
 

@@ -104,10 +104,10 @@ WORDING_NOTE = """PLW of tasks whose instruction training can show, and of those
 GROUNDED_NOTE = f"""Other rules ([environments.md](environments.md#tracks)): Pick and Place point at a cell, lookalikes
 stand about, the robots have words of their own, nobody corrects them, and homes are generated. All of {GROUNDED_SPLIT}
 is played; the weights are those with the best PLW on every tenth task of generated-val. Nothing here has a counterpart
-in the paper. At the end stand policies that learn nothing, one seed of [the audit](benchmark.md#the-grounded-track). *Picks*: in how
-many of the steps with X in view, *places*: in how many with X held and Y in view. Trainings of MAPPO
-after imitation all begin with the weights of one imitator, so ± is theirs alone. What learners
-from scratch come to: [findings](training_findings.md#from-scratch).
+in the paper. At the end stand policies that learn nothing, one seed of
+[the audit](benchmark.md#the-grounded-track). *Picks*: in how many of the steps with X in view, *places*: in how many
+with X held and Y in view. Trainings of MAPPO after imitation all begin with the weights of one imitator, so ± is theirs
+alone. What learners from scratch come to: [findings](training_findings.md#from-scratch).
 """
 
 ISOLATION = """The paper's rows without messages still get feedback, and feedback names rooms and objects, too. Here

@@ -5,7 +5,6 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 import torch
 
 from chmarl_pb.files import file_hash
-from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.config import TRAINED_IN, RunConfig
@@ -24,7 +22,7 @@ from chmarl_pb.learning.rollouts.workers import PlayRollout
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
-from chmarl_pb.learning.runs.validation import Validate
+from chmarl_pb.learning.runs.validation import Validate, scores_of
 from chmarl_pb.learning.spaces import Interface
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_same, is_whole, load, save
 from chmarl_pb.processes import ProcessDiedError
@@ -311,16 +309,6 @@ def origin(weights: Path) -> dict[str, Any]:
     content = load(weights, "value")
     kept = {key: content.get(key) for key in ("algorithm", "config", "episodes", "validation")}
     return {"sha256": file_hash(weights), **kept}
-
-
-def scores_of(validate: Validate) -> dict[str, str]:
-    """Return what tells the scores by which weights are chosen: the name of the function, and a hash of what it holds.
-
-    Functions of one name differ by their arguments, as validations on other splits; the hash is "" where none is known.
-    """
-    function: Any = validate.func if isinstance(validate, partial) else validate
-    name = str(getattr(function, "__qualname__", type(function).__qualname__))
-    return {"name": name, "sha256": fingerprint(validate, code=False) or ""}
 
 
 def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device) -> ReplayBuffer:

@@ -12,6 +12,7 @@ from chmarl_pb.evaluation.metrics import path_weighted
 from chmarl_pb.evaluation.optimum import optimum
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.recognition import Recognition, recognition, total
+from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.policies.side_by_side import End, play_tasks
 from chmarl_pb.learning.rollouts.collect import Collector, Explorer, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
@@ -23,6 +24,16 @@ from chmarl_pb.tasks.task import Task
 Validate = Callable[[Collector, nn.ModuleDict], dict[str, float]]
 
 SEEDS_FROM = 2**31  # training draws its seeds below
+
+
+def scores_of(validate: Validate) -> dict[str, str]:
+    """Return what tells the scores by which weights are chosen: the name of the function, and a hash of what it holds.
+
+    Functions of one name differ by their arguments, as validations on other splits; the hash is "" where none is known.
+    """
+    function: Any = validate.func if isinstance(validate, partial) else validate
+    name = str(getattr(function, "__qualname__", type(function).__qualname__))
+    return {"name": name, "sha256": fingerprint(validate, code=False) or ""}
 
 
 def by_return(episodes: int = 32) -> Validate:
