@@ -20,6 +20,7 @@ from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.json_file import check_replaceable
+from chmarl_pb.evaluation.labels import label_fault
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
@@ -103,8 +104,8 @@ def evaluate(
             checkpoint plays by the rules that it was trained with where no option says otherwise.
 
     Raises:
-        OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder, or a file that is no
-            result.
+        OptionError: the policy, the environment or an option is unknown, the label cannot name a row, or ``out`` is a
+            folder, or a file that is no result.
         TaskError: a task is unknown, of another split, or cannot be solved by the planner, which tells L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
@@ -207,10 +208,8 @@ def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
 
 
 def _check_label(label: str | None) -> None:
-    try:
-        (label or "").encode()
-    except UnicodeEncodeError as error:  # of bytes on the command line that are no text
-        raise OptionError(f"label={label!r} is no text in UTF-8; name the row otherwise") from error
+    if fault := label_fault(label or ""):
+        raise OptionError(f"label={label!r} {fault}; name the row otherwise")
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:

@@ -38,8 +38,10 @@ TASKS = load_tasks("test-unseen")[:2]
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     evaluate("planner", tasks=TASKS, workers=1, out=folder / "planner.json")
-    evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "random.json", label="<b>QMIX</b>")
+    evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "random.json")
     evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "qmix.json", label="QMIX + messages")
+    one = load_result(folder / "random.json")
+    replace(one, run={**one.run, "label": "<b>QMIX</b>"}).save(folder / "random.json")  # as older results may have
     return folder
 
 
