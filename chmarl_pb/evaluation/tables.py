@@ -58,6 +58,8 @@ def _stands_beside(row: Row, report: Report) -> bool:
     options = settings["options"]
     return (
         not _apart(report)
+        and not report.privileged
+        and (row.centralized or not settings.get("centralized"))
         and label_of(report).casefold() == row.name.casefold()
         and settings["observation"] == row.observation
         and bool(options["feedback"]) == row.feedback

@@ -159,6 +159,27 @@ def test_other_options_stand_beside_nothing(results: Path) -> None:
         assert title_of(whole(good, **options)) != title_of(good)
 
 
+@pytest.mark.parametrize(
+    ("name", "given", "stands"),
+    [
+        ("QMIX + messages", {"privileged": True}, False),
+        ("QMIX + messages", {"centralized": True}, False),
+        ("BC decentralized + messages", {"centralized": True}, False),
+        ("BC centralized", {"centralized": True}, True),
+        ("BC centralized", {"centralized": True, "privileged": True}, False),
+    ],
+)
+def test_who_is_told_more_than_the_papers_learner_stands_in_a_row_of_its_own(
+    results: Path, name: str, given: dict[str, bool], stands: bool
+) -> None:
+    row = next(row for row in paper.SCENE_GRAPH.rows if row.name == name)
+    one = whole(load_result(results / "qmix.json"), max_steps=28, messages=row.messages)
+    one = replace(one, settings=one.settings | given, run=one.run | {"label": name})
+    assert tables._stands_beside(row, one) == stands
+    html = paper_table(paper.SCENE_GRAPH, [one], others=True)
+    assert (f"<th>{title_of(one)}</th>" in html) != stands
+
+
 def test_what_needs_no_eyes_stands_in_every_table_of_results(results: Path) -> None:
     for table in (paper.SCENE_GRAPH, paper.VISUAL):
         html = paper_table(table, [], others=True)
