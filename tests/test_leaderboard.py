@@ -81,6 +81,7 @@ def test_other_tasks_are_refused(split: str, reason: str, tmp_path: Path) -> Non
         ({"max_steps": 90}, "it has 90 steps; leave out --max-steps"),
         ({"feedback": "planner"}, r"its rules are not the track's \(planner feedback\)"),
         ({"catalog": "my.toml"}, r"its rules are not the track's \(catalog my.toml\)"),
+        ({"execution": "simulated"}, r"its rules are not the track's \(execution simulated\)"),
         ({"image_size": 1024}, "its pictures have 1024 pixels; leave out --image-size"),
     ],
 )
