@@ -1,6 +1,9 @@
 """The leaderboard: its page is that of the files, and only whole results by a track's rules are taken."""
 
+import json
+import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +14,10 @@ import chmarl_pb
 import tools.leaderboard
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.gain import gain_of
+from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.recognition import Recognition
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.tasks.task import Optimum
 from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables, trained
@@ -266,6 +271,53 @@ def test_the_check_plays_all_actions_again(tmp_path: Path, capsys: pytest.Captur
         replace(report, episodes=episodes).save(tmp_path / "forged.json")
         assert main(["--check", str(tmp_path / "forged.json")]) == 1
         assert f"task {one.task.id}, seed 0: it says" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (
+            lambda one: {"instruction": "put the mug on the desk"},
+            "it says that the instruction is 'put the mug on the ",
+        ),
+        (lambda one: {"recognition": Recognition(10, 10, 10, 10)}, r"it counts Recognition\(x_seen=10, "),
+        (lambda one: {"actions": one.actions + ((0, 0),) * 5}, "actions, but the episode does not end with the last"),
+        (lambda one: {"actions": ((99, 0), *one.actions[1:])}, "humanoid: action 99 is not a whole number from 0 to 9"),
+        (lambda one: {"actions": ((0,), *one.actions[1:])}, "without one action for each of the 2 robots"),
+    ],
+)
+def test_all_that_follows_from_actions_is_compared(
+    changed: Callable[[Played], dict[str, Any]], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = load_result(GOOD)
+    first, *others = report.episodes
+    replace(report, episodes=(replace(first, **changed(first)), *others)).save(tmp_path / "forged.json")
+    assert main(["--check", str(tmp_path / "forged.json")]) == 1
+    assert re.search(f"task {first.task.id}, seed 0: .*{words}", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("options", [{"track": "grounded"}, {"messages": "symbols"}])
+def test_what_was_played_by_any_rules_comes_to_the_same_again(options: dict[str, Any]) -> None:
+    report = evaluate("belief", "val-unseen", tasks=["val-unseen-000"], workers=1, **options)
+    assert what_differs(report) == ""
+
+
+def test_an_episode_that_goes_on_is_none_that_has_ended() -> None:
+    report = load_result(GOOD)
+    failed = next(one for one in report.episodes if not one.success and not one.potential)
+    cut = replace(failed, actions=failed.actions[:1], steps=1, recognition=None)
+    assert "it has 1 actions, but the episode does not end with the last" in what_differs(
+        replace(report, episodes=(cut,))
+    )
+
+
+def test_a_result_of_which_nothing_is_summed_up_is_not_taken(tmp_path: Path) -> None:
+    facts = json.loads(GOOD.read_text(encoding="utf-8"))
+    del facts["sha256"]
+    (tmp_path / "mine.json").write_text(json.dumps(facts), encoding="utf-8")
+    assert load_result(tmp_path / "mine.json").plw == load_result(GOOD).plw, "results that are kept are still read"
+    with pytest.raises(ResultError, match=r"mine\.json: it has no sha256 of what it holds; evaluate again"):
+        sent(tmp_path / "mine.json")
 
 
 def test_an_invented_number_of_fewest_steps_is_refused(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from chmarl_pb.envs.options import OBSERVATIONS, Options
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.json_file import read_object
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
@@ -93,6 +94,8 @@ def sent(path: Path) -> Entry:
 
 def _sent(path: Path) -> Sent:
     report = load_result(path)
+    if "sha256" not in read_object(path):  # which results had not when there was no leaderboard
+        raise ResultError(f"{path}: it has no sha256 of what it holds; evaluate again with this version")
     if fault := _fault(report):
         raise ResultError(f"{path}: {fault}")
     if reason := is_not_free(report, {entry.name for entry in trained()}):
