@@ -247,6 +247,29 @@ def test_a_label_is_of_one_policy(
         assert len(entries()) == len(trained()) + 2
 
 
+@pytest.mark.parametrize(
+    ("policy", "run", "words"),
+    [
+        ("mine:Policy", {}, "it does not say whether its seats share what they observe: evaluate with --check-seats"),
+        ("mine:Policy", {"seats_apart": 4}, "it says that its seats share nothing in 4 episodes"),
+        ("belief", {}, "its actions come to this"),
+    ],
+)
+def test_the_check_tells_what_a_result_says_of_its_seats(
+    policy: str,
+    run: dict[str, int],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path / "sent")
+    monkeypatch.setattr(tools.leaderboard, "what_differs", lambda report: "")
+    one = of_mine(load_result(GOOD), policy, policy)
+    replace(one, run=one.run | run).save(tmp_path / "mine.json")
+    assert main(["--check", str(tmp_path / "mine.json")]) == 0 and capsys.readouterr().out.endswith(f"{words}\n")
+
+
 def test_trainings_have_checkpoints_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path / "sent")
     monkeypatch.setattr(tools.leaderboard, "what_differs", lambda report: "")

@@ -24,7 +24,7 @@ from chmarl_pb.evaluation.json_file import read_object
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
-from chmarl_pb.evaluation.result import Report, load_result
+from chmarl_pb.evaluation.result import SEATS_APART, Report, load_result
 from chmarl_pb.evaluation.tables import label_of
 from chmarl_pb.policies.registry import BUILT_IN, DETERMINISTIC
 from chmarl_pb.tasks.splits import load_tasks
@@ -235,7 +235,17 @@ def _check(files: Sequence[Path]) -> None:
         entry = others[-1].entry
         given = f", is given: {entry.given}" if entry.given else ""
         scores = f"PLW {entry.plw:.1%}, success {entry.success:.1%}"
-        print(f"{path}: {entry.name}, {entry.track} track, {scores}{given}; its actions come to this")
+        seats = _of_seats(others[-1].report)
+        print(f"{path}: {entry.name}, {entry.track} track, {scores}{given}; its actions come to this{seats}")
+
+
+def _of_seats(report: Report) -> str:
+    """Return what a result says of whether seats share what they observe; nothing where they cannot."""
+    if report.settings["policy"] in BUILT_IN or report.declared:
+        return ""
+    if SEATS_APART in report.run:
+        return f"; it says that its seats share nothing in {report.run[SEATS_APART]} episodes"
+    return "; it does not say whether its seats share what they observe: evaluate with --check-seats"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -24,6 +24,8 @@ from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"
+#: In ``run``: in how many episodes seats acted alone as they did beside each other; not there where nobody looked.
+SEATS_APART = "seats_apart"
 _OPTIONS = {one.name for one in fields(Options)} - {"home", "split", "observation"}
 
 #: Options that change no number: all renderers draw the same pictures.
