@@ -1,6 +1,9 @@
 """The leaderboard: its page is that of the files, and only whole results by a track's rules are taken."""
 
+import json
+import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +14,27 @@ import chmarl_pb
 import tools.leaderboard
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.gain import gain_of
+from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.result import load_result
+from chmarl_pb.evaluation.recognition import Recognition
+from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.tasks.task import Optimum
 from tools.leaderboard import BEGIN, END, PAGE, SENT, Entry, entries, main, sent, tables, trained
 
 GOOD = SENT / "belief.json"
 ENTRY = Entry("paper", "mine", "visual", "", 0.5, 0.2, -10.0)
+
+
+def labelled(report: Report, label: str) -> dict[str, Any]:
+    """Return what a result says of its run, with another label."""
+    return {**report.run, "label": label}
+
+
+def of_mine(report: Report, label: str, policy: str = "mine:Policy", **changes: Any) -> Report:
+    """Return a result as if it were of somebody's own policy under a label."""
+    settings = {**report.settings, "policy": policy, "policy_sha256": "0" * 64, **changes}
+    return replace(report, settings=settings, run={**labelled(report, label), "deterministic": True})
 
 
 def test_the_page_is_made_of_the_files() -> None:
@@ -70,6 +86,7 @@ def test_other_tasks_are_refused(split: str, reason: str, tmp_path: Path) -> Non
         ({"max_steps": 90}, "it has 90 steps; leave out --max-steps"),
         ({"feedback": "planner"}, r"its rules are not the track's \(planner feedback\)"),
         ({"catalog": "my.toml"}, r"its rules are not the track's \(catalog my.toml\)"),
+        ({"execution": "simulated"}, r"its rules are not the track's \(execution simulated\)"),
         ({"image_size": 1024}, "its pictures have 1024 pixels; leave out --image-size"),
     ],
 )
@@ -118,10 +135,10 @@ def test_the_page_takes_no_forged_result_and_no_copy(tmp_path: Path, monkeypatch
     replace(report, settings={**report.settings, "source_sha256": "0" * 64}).save(tmp_path / "copy.json")
     with pytest.raises(ResultError, match="a copy is no second training"):
         entries()
-    own = {**report.settings, "policy": "mine:Policy"}
-    for first in (own, report.settings):
-        replace(report, settings=first).save(tmp_path / "mine.json")
-        replace(report, settings={**own, "observation": "visual"}).save(tmp_path / "copy.json")
+    own = replace(report, settings={**report.settings, "policy": "mine:Policy"}, run=labelled(report, "mine"))
+    for first in (own, report):
+        first.save(tmp_path / "mine.json")
+        replace(own, settings={**own.settings, "observation": "visual"}).save(tmp_path / "copy.json")
         with pytest.raises(ResultError, match="a copy is no second training"):
             entries()
 
@@ -163,7 +180,7 @@ def test_seeds_are_not_chosen(
     report = load_result(GOOD)
     episodes = tuple(replace(episode, seed=seed) for seed in seeds for episode in report.episodes)
     settings = {**report.settings, "policy": policy, "seeds": seeds}
-    run = {**report.run, "deterministic": deterministic}
+    run = {**labelled(report, policy), "deterministic": deterministic}
     replace(report, settings=settings, run=run, episodes=episodes).save(tmp_path / "mine.json")
     if is_refused:
         with pytest.raises(ResultError, match=r"it has the seeds .*; leave out --seeds"):
@@ -172,12 +189,94 @@ def test_seeds_are_not_chosen(
         assert sent(tmp_path / "mine.json").plw == pytest.approx(report.plw)
 
 
-def test_names_of_trained_rows_are_taken(tmp_path: Path) -> None:
-    report = load_result(GOOD)
-    run = {**report.run, "label": "Imitation of belief, generated homes"}
-    replace(report, run=run).save(tmp_path / "mine.json")
-    with pytest.raises(ResultError, match="name of a row that was trained here; give another by --label"):
+@pytest.mark.parametrize(
+    ("label", "words"),
+    [
+        ("Imitation of belief, generated homes", "name of a row that was trained here"),
+        ("QMIX + Messages", "name of a row that was trained here"),
+        ("belief", "name of a policy of this package, and the result is of mine:Policy"),
+        ("Belief", "name of a policy of this package"),
+        ("planner", "name of a policy of this package"),
+        ("search@detector", "name of a policy of this package"),
+        ("ours-graphs", "name of a policy of this package"),
+        ("QMIX + messages ", "begins or ends with a space"),
+        ("QMIX +  messages", "several in a row"),
+        ("QMIX +\u00a0messages", r"has '\\xa0'"),
+        ("A | b\n# c <b>", r"has '\\n', '<', '>', '\|', which tables do not show"),
+        ("A\u200b", r"has '\\u200b'"),
+    ],
+)
+def test_labels_that_are_ours_or_break_the_page_are_refused(label: str, words: str, tmp_path: Path) -> None:
+    of_mine(load_result(GOOD), label, feedback=False).save(tmp_path / "mine.json")
+    with pytest.raises(ResultError, match=f"mine.json: .*{words}.*; give another by --label"):
         sent(tmp_path / "mine.json")
+
+
+def test_a_published_policy_may_be_sent_under_its_own_name(tmp_path: Path) -> None:
+    of_mine(load_result(GOOD), "ours-graphs", "ours-graphs").save(tmp_path / "mine.json")
+    assert sent(tmp_path / "mine.json").name == "ours-graphs"
+
+
+@pytest.mark.parametrize(
+    ("policy", "file", "changes", "is_taken"),
+    [
+        ("mine:Policy", "mine-paper-seed1", {}, False),
+        ("runs/seed1/best.pt", "mine-paper-seed1", {}, True),
+        ("other:Policy", "mine-paper-seed1", {}, True),
+        ("mine:Policy", "another-paper-seed0", {}, True),
+        ("mine:OfPictures", "mine-pictures-seed0", {"observation": "visual"}, False),
+        ("other:Policy", "another-pictures-seed0", {"observation": "visual"}, True),
+    ],
+)
+def test_a_label_is_of_one_policy(
+    policy: str, file: str, changes: dict[str, Any], is_taken: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path / "sent")
+    (tmp_path / "sent").mkdir()
+    monkeypatch.setattr(tools.leaderboard, "what_differs", lambda report: "")  # of labels alone
+    first, other = (load_result(SENT / f"{name}.json") for name in ("belief", "blind"))
+    of_mine(first, "My method").save(tmp_path / "sent" / "mine-paper-seed0.json")
+    path = tmp_path / f"{file}.json"
+    of_mine(other, "my method", policy, **changes).save(path)
+    assert main(["--check", str(path)]) == is_taken
+    shutil.copy(path, tmp_path / "sent")
+    if is_taken:
+        with pytest.raises(ResultError, match=r"its label '.y method' is that of .*; give another by --label, or let"):
+            entries()
+    else:
+        assert len(entries()) == len(trained()) + 2
+
+
+@pytest.mark.parametrize(
+    ("policy", "run", "words"),
+    [
+        ("mine:Policy", {}, "it does not say whether its seats share what they observe: evaluate with --check-seats"),
+        ("mine:Policy", {"seats_apart": 4}, "it says that its seats share nothing in 4 episodes"),
+        ("belief", {}, "its actions come to this"),
+    ],
+)
+def test_the_check_tells_what_a_result_says_of_its_seats(
+    policy: str,
+    run: dict[str, int],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path / "sent")
+    monkeypatch.setattr(tools.leaderboard, "what_differs", lambda report: "")
+    one = of_mine(load_result(GOOD), policy, policy)
+    replace(one, run=one.run | run).save(tmp_path / "mine.json")
+    assert main(["--check", str(tmp_path / "mine.json")]) == 0 and capsys.readouterr().out.endswith(f"{words}\n")
+
+
+def test_trainings_have_checkpoints_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tools.leaderboard, "SENT", tmp_path / "sent")
+    monkeypatch.setattr(tools.leaderboard, "what_differs", lambda report: "")
+    paths = [tmp_path / f"mine-paper-seed{seed}.json" for seed in range(2)]
+    for seed, (path, name) in enumerate(zip(paths, ("belief", "blind"), strict=True)):
+        of_mine(load_result(SENT / f"{name}.json"), "My method", f"runs/seed{seed}/best.pt").save(path)
+    assert main(["--check", *map(str, paths)]) == 0
 
 
 def test_the_check_plays_all_actions_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,6 +294,53 @@ def test_the_check_plays_all_actions_again(tmp_path: Path, capsys: pytest.Captur
         replace(report, episodes=episodes).save(tmp_path / "forged.json")
         assert main(["--check", str(tmp_path / "forged.json")]) == 1
         assert f"task {one.task.id}, seed 0: it says" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (
+            lambda one: {"instruction": "put the mug on the desk"},
+            "it says that the instruction is 'put the mug on the ",
+        ),
+        (lambda one: {"recognition": Recognition(10, 10, 10, 10)}, r"it counts Recognition\(x_seen=10, "),
+        (lambda one: {"actions": one.actions + ((0, 0),) * 5}, "actions, but the episode does not end with the last"),
+        (lambda one: {"actions": ((99, 0), *one.actions[1:])}, "humanoid: action 99 is not a whole number from 0 to 9"),
+        (lambda one: {"actions": ((0,), *one.actions[1:])}, "without one action for each of the 2 robots"),
+    ],
+)
+def test_all_that_follows_from_actions_is_compared(
+    changed: Callable[[Played], dict[str, Any]], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = load_result(GOOD)
+    first, *others = report.episodes
+    replace(report, episodes=(replace(first, **changed(first)), *others)).save(tmp_path / "forged.json")
+    assert main(["--check", str(tmp_path / "forged.json")]) == 1
+    assert re.search(f"task {first.task.id}, seed 0: .*{words}", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("options", [{"track": "grounded"}, {"messages": "symbols"}])
+def test_what_was_played_by_any_rules_comes_to_the_same_again(options: dict[str, Any]) -> None:
+    report = evaluate("belief", "val-unseen", tasks=["val-unseen-000"], workers=1, **options)
+    assert what_differs(report) == ""
+
+
+def test_an_episode_that_goes_on_is_none_that_has_ended() -> None:
+    report = load_result(GOOD)
+    failed = next(one for one in report.episodes if not one.success and not one.potential)
+    cut = replace(failed, actions=failed.actions[:1], steps=1, recognition=None)
+    assert "it has 1 actions, but the episode does not end with the last" in what_differs(
+        replace(report, episodes=(cut,))
+    )
+
+
+def test_a_result_of_which_nothing_is_summed_up_is_not_taken(tmp_path: Path) -> None:
+    facts = json.loads(GOOD.read_text(encoding="utf-8"))
+    del facts["sha256"]
+    (tmp_path / "mine.json").write_text(json.dumps(facts), encoding="utf-8")
+    assert load_result(tmp_path / "mine.json").plw == load_result(GOOD).plw, "results that are kept are still read"
+    with pytest.raises(ResultError, match=r"mine\.json: it has no sha256 of what it holds; evaluate again"):
+        sent(tmp_path / "mine.json")
 
 
 def test_an_invented_number_of_fewest_steps_is_refused(tmp_path: Path) -> None:

@@ -20,13 +20,15 @@ from chmarl_pb.envs.options import OBSERVATIONS, Options
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
 from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.json_file import read_object
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
-from chmarl_pb.evaluation.result import Report, load_result
+from chmarl_pb.evaluation.result import SEATS_APART, Report, load_result
 from chmarl_pb.evaluation.tables import label_of
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import load_tasks
+from tools.leaderboard_labels import Sender, is_not_free, other_owner
 from training.tables.cells import ALONE, run_is_told_more
 
 ROOT = Path(__file__).parents[1]
@@ -64,28 +66,52 @@ class Entry:
         return self.track, self.name, self.observation, self.given
 
 
+@dataclass(frozen=True)
+class Sent:
+    """A result that was sent, and its entry."""
+
+    path: Path
+    report: Report
+    entry: Entry
+
+    @property
+    def sender(self) -> Sender:
+        """What the file tells of whose it is."""
+        entry = self.entry
+        row = entry.track, entry.observation, entry.given
+        return Sender(self.path, entry.name, self.report.settings["policy"], row)
+
+
 def sent(path: Path) -> Entry:
     """Return the entry of a result file.
 
     Raises:
         ResultError: it is damaged, not of all tasks of a track's test split by that track's rules, or has the name of
-            one of our rows.
+            one of our rows or policies.
     """
+    return _sent(path).entry
+
+
+def _sent(path: Path) -> Sent:
     report = load_result(path)
-    fault = _fault(report)
-    if fault:
+    if "sha256" not in read_object(path):  # which results had not when there was no leaderboard
+        raise ResultError(f"{path}: it has no sha256 of what it holds; evaluate again with this version")
+    if fault := _fault(report):
         raise ResultError(f"{path}: {fault}")
+    if reason := is_not_free(report, {entry.name for entry in trained()}):
+        raise ResultError(f"{path}: {reason}; give another by --label")
+    return Sent(path, report, _entry(report))
+
+
+def _entry(report: Report) -> Entry:
     given = [*(f"no {name}" for name in report.without), *filter(None, [report.declared])]
     given += ["goal"] if report.settings["options"].get("goal") else []
     observation = str(report.settings["observation"])
     gained = gain_of(report)
-    entry = Entry(
+    return Entry(
         report.track, label_of(report), observation, ", ".join(given), report.success_rate, report.plw,
         gained.mean if gained else None,
     )  # fmt: skip
-    if entry.row in {other.row for other in trained()}:
-        raise ResultError(f"{path}: {entry.name!r} is the name of a row that was trained here; give another by --label")
-    return entry
 
 
 def _fault(report: Report) -> str:
@@ -171,18 +197,26 @@ def entries() -> list[Entry]:
     Raises:
         ResultError: a result cannot be one, or is there twice.
     """
-    files = sorted(SENT.glob("*.json"))
-    before, found = list[tuple[Path, Report]](), []
-    for path in files:
-        found.append(sent(path))
-        report = load_result(path)
-        if differs := what_differs(report):
-            raise ResultError(f"{path}: {differs}; evaluate again")
-        for other, earlier in before:
-            if _is_copy(report, earlier):
-                raise ResultError(f"{path}: the same episodes as {other}; a copy is no second training")
-        before.append((path, report))
-    return [*trained(), *found]
+    before = list[Sent]()
+    for path in sorted(SENT.glob("*.json")):
+        before.append(_checked(path, before))
+    return [*trained(), *(one.entry for one in before)]
+
+
+def _checked(path: Path, others: Sequence[Sent]) -> Sent:
+    """Return a result that its actions come to, and that is neither a copy nor under the label of another policy."""
+    one = _sent(path)
+    if differs := what_differs(one.report):
+        raise ResultError(f"{path}: {differs}; evaluate again")
+    for other in others:
+        if _is_copy(one.report, other.report):
+            raise ResultError(f"{path}: the same episodes as {other.path}; a copy is no second training")
+    if owner := other_owner(one.sender, [other.sender for other in others]):
+        raise ResultError(
+            f"{path}: its label {one.entry.name!r} is that of {owner.path}, of {owner.policy}; give another by "
+            "--label, or let names of policies and files differ in numbers alone, if both are trainings of one policy"
+        )
+    return one
 
 
 def _is_copy(one: Report, other: Report) -> bool:
@@ -193,6 +227,28 @@ def _is_copy(one: Report, other: Report) -> bool:
     return played[0] == played[1] and one.without == other.without and (observed or not built_in)
 
 
+def _check(files: Sequence[Path]) -> None:
+    """Say of files whether they can be sent, beside those that were and would not be replaced."""
+    names = {path.name for path in files}
+    others = [_sent(path) for path in sorted(SENT.glob("*.json")) if path.name not in names]
+    for path in files:
+        others.append(_checked(path, others))
+        entry = others[-1].entry
+        given = f", is given: {entry.given}" if entry.given else ""
+        scores = f"PLW {entry.plw:.1%}, success {entry.success:.1%}"
+        seats = _of_seats(others[-1].report)
+        print(f"{path}: {entry.name}, {entry.track} track, {scores}{given}; its actions come to this{seats}")
+
+
+def _of_seats(report: Report) -> str:
+    """Return what a result says of whether seats share what they observe; nothing where they cannot."""
+    if report.settings["policy"] in BUILT_IN or report.declared:
+        return ""
+    if SEATS_APART in report.run:
+        return f"; it says that its seats share nothing in {report.run[SEATS_APART]} episodes"
+    return "; it does not say whether its seats share what they observe: evaluate with --check-seats"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, or check files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -200,13 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files = parser.parse_args(arguments).check
     try:
         if files:
-            for path in files:
-                entry = sent(path)
-                if differs := what_differs(load_result(path)):
-                    raise ResultError(f"{path}: {differs}; evaluate again")
-                given = f", is given: {entry.given}" if entry.given else ""
-                scores = f"PLW {entry.plw:.1%}, success {entry.success:.1%}"
-                print(f"{path}: {entry.name}, {entry.track} track, {scores}{given}; its actions come to this")
+            _check(files)
             return 0
         before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
         after = rest.split(END)[1]

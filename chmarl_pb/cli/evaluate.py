@@ -68,6 +68,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser)
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
+    parser.add_argument(
+        "--check-seats", action="store_true",
+        help="first look, in some episodes, whether the robots' policies share what they observe; the result says so",
+    )  # fmt: skip
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(
         "--out",
@@ -108,7 +112,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
         report = evaluate(
             options.policy, options.split, options.observation, seeds_of(options), executor=executor,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
-            progress=advance,
+            progress=advance, check_seats=options.check_seats,
         )  # fmt: skip
     beside = "" if options.home is not None or options.task else _published(source, report)
     tell(options, lambda: report.facts, partial(_show, report, beside))

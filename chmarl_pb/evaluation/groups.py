@@ -17,6 +17,8 @@ _Key = tuple[str, str, str, str]
 class Group:
     """Results of one name on one split in one setting; other tasks, homes or options make another group.
 
+    Their source may be of several versions, as :func:`chmarl_pb.evaluation.tables.versions_note` says.
+
     Attributes:
         title: name and what sets the setting apart.
         split: that was played, or other homes than its own.

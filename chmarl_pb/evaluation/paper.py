@@ -29,6 +29,11 @@ class Row:
         """Whether the robots heard each other."""
         return "messages" in self.name
 
+    @property
+    def centralized(self) -> bool:
+        """Whether one policy drove all robots."""
+        return "centralized" in self.name.split()
+
 
 @dataclass(frozen=True)
 class PaperTable:

@@ -139,17 +139,26 @@ def play(setup: Setup, jobs: Sequence[Job], executor: Executor) -> Iterator[Play
         return iter(())
     if executor.alone or len(jobs) == 1:
         return _play_here(Player(setup), jobs)
+    pickled = packed(setup)
+    if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
+        Player(setup).close()  # here, before processes are started for it
+    lots = _lots(jobs, executor)
+    return chain.from_iterable(executor.map(partial(_play_lot, pickled), lots))
+
+
+def packed(setup: Setup) -> bytes:
+    """Return what makes the player of a setup in another process: pickled, also what notebooks and functions define.
+
+    Raises:
+        OptionError: it cannot be sent to other processes.
+    """
     try:
-        pickled = pickle.dumps(CloudpickleWrapper(partial(Player, setup)))  # also what notebooks and functions define
+        return pickle.dumps(CloudpickleWrapper(partial(Player, setup)))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise OptionError(
             f"the policy or the environment cannot be sent to other processes ({error}); "
             "keep what cannot be copied out of them, or give workers=1"
         ) from error
-    if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
-        Player(setup).close()  # here, before processes are started for it
-    lots = _lots(jobs, executor)
-    return chain.from_iterable(executor.map(partial(_play_lot, pickled), lots))
 
 
 def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:

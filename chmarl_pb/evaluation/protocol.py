@@ -20,6 +20,7 @@ from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError, ResultError, TaskError
 from chmarl_pb.evaluation.json_file import check_replaceable
+from chmarl_pb.evaluation.labels import label_fault
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
@@ -32,9 +33,10 @@ from chmarl_pb.evaluation.provenance import (
     tasks_hash,
     versions,
 )
-from chmarl_pb.evaluation.result import FORMAT, Report, in_order, load_result
+from chmarl_pb.evaluation.result import FORMAT, SEATS_APART, Report, in_order, load_result
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.sample import sample_of
+from chmarl_pb.evaluation.seats_apart import some_of, what_is_shared
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
 from chmarl_pb.fingerprint import fingerprint, name_of
@@ -71,6 +73,7 @@ def evaluate(
     plays: Plays | None = None,
     env_fn: str | EnvFn | None = None,
     executor: Executor | None = None,
+    check_seats: bool = False,
     **options: Any,
 ) -> Report:
     """Evaluate a policy; its numbers do not depend on who plays, nor on how many.
@@ -99,12 +102,14 @@ def evaluate(
             its wrappers, and the options that it leaves the environment with.
         executor: where the work is done, e.g. a :class:`chmarl_pb.ray_executor.RayExecutor`; None: in ``workers``
             processes of this machine.
+        check_seats: whether to look first whether policies share what their robots observe, see
+            :mod:`chmarl_pb.evaluation.seats_apart`; ``run`` then says of how many episodes.
         **options: of the environment, see :class:`chmarl_pb.envs.options.Options`; tasks name their homes. A
             checkpoint plays by the rules that it was trained with where no option says otherwise.
 
     Raises:
-        OptionError: the policy, the environment or an option is unknown, or ``out`` is a folder, or a file that is no
-            result.
+        OptionError: the policy, the environment or an option is unknown, the label cannot name a row, ``out`` is a
+            folder or a file that is no result, or policies share what their robots observe.
         TaskError: a task is unknown, of another split, or cannot be solved by the planner, which tells L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
@@ -134,18 +139,20 @@ def evaluate(
     settings = _settings(source, setup, chosen, seeds)
     if file is not None:
         _warn_of_unknown(settings)
-    kept = _kept(file, settings, reuse)
+    known = partial(_kept, file, settings, reuse, check_seats)
+    kept = known()
     if kept and label in (None, kept.run.get("label")):
         return kept
     homes = list(dict.fromkeys(task.home for task in chosen))
     jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
     start = time.perf_counter()
     with nullcontext() if file is None else Lock(file):
-        if file is not None and (kept := _kept(file, settings, reuse)):  # another process may just have written it
+        if file is not None and (kept := known()):  # another process may just have written it
             return _labelled(kept, label, file)
+        apart = _seats_apart(setup, jobs, check_seats and not source.centralized)
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
-        run = _run(label, executor.workers, time.perf_counter() - start, fixed)
+        run = _run(label, executor.workers, time.perf_counter() - start, fixed) | apart
         report = Report(settings, run, in_order(episodes, chosen))
         if file is not None and ledger is not None:
             report.save(file)
@@ -153,12 +160,27 @@ def evaluate(
     return report
 
 
-def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
+def _kept(file: Path | None, settings: dict[str, Any], reuse: bool, check_seats: bool) -> Report | None:
     """Return the result that a file holds already, if it is to be used and was made with the same settings."""
     if file is None or not reuse or not file.is_file():
         return None
     kept = load_result(file)
-    return kept if kept.settings == settings else None
+    is_looked_at = not check_seats or SEATS_APART in kept.run or kept.declared
+    return kept if kept.settings == settings and is_looked_at else None
+
+
+def _seats_apart(setup: Setup, jobs: Sequence[Job], check: bool) -> dict[str, int]:
+    """Return what a result says of seats that share nothing: of how many episodes; nothing without seats or a check.
+
+    Raises:
+        OptionError: they share something.
+    """
+    if not check or setup.privileged:
+        return {}
+    chosen = some_of(jobs)
+    if shared := what_is_shared(setup, chosen):
+        raise OptionError(shared)
+    return {SEATS_APART: len(chosen)}
 
 
 def _labelled(kept: Report, label: str | None, file: Path) -> Report:
@@ -207,10 +229,8 @@ def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
 
 
 def _check_label(label: str | None) -> None:
-    try:
-        (label or "").encode()
-    except UnicodeEncodeError as error:  # of bytes on the command line that are no text
-        raise OptionError(f"label={label!r} is no text in UTF-8; name the row otherwise") from error
+    if fault := label_fault(label or ""):
+        raise OptionError(f"label={label!r} {fault}; name the row otherwise")
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:

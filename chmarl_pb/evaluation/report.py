@@ -14,7 +14,15 @@ from chmarl_pb.evaluation.groups import Group, grouped
 from chmarl_pb.evaluation.plots import cooperation_bars, score_bars, success_curves
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
-from chmarl_pb.evaluation.tables import group_table, label_of, paper_table, result_table, title_of, where_of
+from chmarl_pb.evaluation.tables import (
+    group_table,
+    label_of,
+    paper_table,
+    result_table,
+    title_of,
+    versions_note,
+    where_of,
+)
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.splits import SPLITS
@@ -61,7 +69,7 @@ def page(reports: Sequence[Report], folder: Path) -> str:
     """
     groups = grouped(reports)
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
-        scores="".join(_scores(groups)),
+        scores="".join([*_scores(groups), *_mixed(groups)]),
         results=result_table(reports),
         graphs=paper_table(paper.SCENE_GRAPH, reports, others=True),
         visual=paper_table(paper.VISUAL, reports, others=True),
@@ -106,6 +114,14 @@ def _scores(groups: Sequence[Group]) -> Iterator[str]:
     blind = {split: {_BLIND: scores[_BLIND].plw} for split, scores in known.items() if _BLIND in scores}
     for observation, same in _by_observation(groups).items():
         yield f"<h3>{_words(observation)}</h3><div class='wide plot'>{score_bars(same, blind)}</div>"
+
+
+def _mixed(groups: Sequence[Group]) -> Iterator[str]:
+    """Yield a line for each group whose results are of several versions of the source."""
+    for group in groups:
+        if note := versions_note(group.reports):
+            whose = f"{group.title}, {group.split}, {_words(group.observation)}"
+            yield f"<p><small>{escape(f'{whose}: {len(group.reports)} results {note}')}</small></p>"
 
 
 def _is_usual(report: Report) -> bool:

@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.envs.options import Options
+from chmarl_pb.envs.options import SYMBOLS, Options
 from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation.cooperation import Cooperation, cooperation
@@ -18,12 +18,35 @@ from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.evaluation.recognition import Recognition, total
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN, is_told_more
+from chmarl_pb.tasks.advisers import STYLES
 from chmarl_pb.tasks.splits import SPLITS
 from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"
+#: In ``run``: in how many episodes seats acted alone as they did beside each other; not there where nobody looked.
+SEATS_APART = "seats_apart"
 _OPTIONS = {one.name for one in fields(Options)} - {"home", "split", "observation"}
+
+#: Options that change no number: all renderers draw the same pictures.
+_WITHOUT_EFFECT = {"renderer"}
+#: Options that results note in words of their own: in tables, or among what is foreign.
+_NOTED_ELSEWHERE = {"goal", "image_size", "max_steps", "task"}
+#: Option -> its value in the paper's track; a team that is named at all is another one.
+_USUAL: dict[str, Any] = {one.name: one.default for one in fields(Options)} | TRACKS[PAPER] | {"robots": None}
+#: Options that a result of another track may lack if it is older than they.
+_GIVEN = {name: _USUAL[name] for name in ("pointing", "lookalikes")}
+#: Option -> what is said of a value that is not the track's, in this order; empty where it is said elsewhere.
+_WORDS: dict[str, Callable[[Any], str]] = {
+    "robots": lambda names: f"robots {', '.join(names)}",
+    "catalog": lambda path: f"catalog {path}",
+    "track": lambda name: f"{name} track",
+    "pointing": lambda on: "pointing" if on else "no pointing",
+    "lookalikes": lambda on: "lookalikes" if on else "no lookalikes",
+    "messages": lambda kind: {True: "message board", SYMBOLS: "own words"}.get(kind, ""),
+    "feedback": lambda style: {True: "feedback", STYLES[1]: "planner feedback"}.get(style, ""),
+    "templates": lambda number: f"sentences {number}",
+}
 
 
 @dataclass(frozen=True)
@@ -72,23 +95,11 @@ class Report:
     @property
     def changed(self) -> str:
         """Names of environment, robots, objects and rules that are not the benchmark's own; empty if there are none."""
-        options = self.settings["options"]
-        robots, rules = options.get("robots"), self.rules
-        own = {
-            f"robots {', '.join(robots or ())}": robots,
-            f"catalog {options.get('catalog')}": options.get("catalog"),
-            f"{self.track} track": self.track != PAPER,
-            "pointing": options.get("pointing") and not rules["pointing"],
-            "no pointing": rules["pointing"] and not options["pointing"],
-            "lookalikes": options.get("lookalikes") and not rules["lookalikes"],
-            "no lookalikes": rules["lookalikes"] and not options.get("lookalikes"),
-            "own words": options["messages"] == "symbols" != rules["messages"],
-            "message board": options["messages"] is True is not rules["messages"],
-            "feedback": options["feedback"] and not rules["feedback"],
-            "planner feedback": rules["feedback"] and options["feedback"] == "planner",
-            f"sentences {options.get('templates')}": options.get("templates", rules["templates"]) != rules["templates"],
-        }
-        return ", ".join([*filter(None, [self.foreign]), *(name for name, holds in own.items() if holds)])
+        given = _GIVEN | self.settings["options"]
+        names = [*_WORDS, *sorted(given.keys() - _WORDS.keys() - _NOTED_ELSEWHERE - _WITHOUT_EFFECT)]
+        usual = _USUAL | self.rules
+        words = [_words(name, given[name]) for name in names if name in given and given[name] != usual[name]]
+        return ", ".join(filter(None, [self.foreign, *words]))
 
     @property
     def track(self) -> str:
@@ -252,6 +263,11 @@ def _check_episodes(report: Report) -> None:
     usual = not report.foreign and not any(options.get(name) for name in ("robots", "pointing", "lookalikes"))
     if usual and any(episode.optimum and episode.task.optimal_steps for episode in report.episodes):
         raise ValueError("it gives tasks another L* than they have themselves")
+
+
+def _words(option: str, value: Any) -> str:
+    """Return what is said of an option whose value is not the track's."""
+    return _WORDS[option](value) if option in _WORDS else f"{option} {value}"
 
 
 def _json(value: Any) -> str:

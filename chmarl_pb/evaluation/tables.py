@@ -21,6 +21,7 @@ from chmarl_pb.tasks.language import WORDINGS
 from chmarl_pb.tasks.splits import STREAM, homes_of
 
 _NONE = "-"
+_WITHOUT_PIXELS = {"scene_graph", "text"}  # observations that do not depend on the size of pictures
 
 
 def paper_table(table: PaperTable, reports: Sequence[Report], others: bool) -> str:
@@ -49,7 +50,7 @@ def _paper_row(table: PaperTable, row: Row, reports: Sequence[Report]) -> str:
     paper = "".join(f"<td>{value:.2f}</td>" for value in (*row.success, *row.plw))
     return (
         f'<tr class="paper"><th rowspan="2">{escape(name)}</th><td class="whose">paper</td>{paper}</tr>'
-        f'<tr class="ours"><td class="whose">ours</td>{_our_cells(same)}</tr>'
+        f'<tr class="ours">{_whose(same)}{_our_cells(same)}</tr>'
     )
 
 
@@ -58,6 +59,8 @@ def _stands_beside(row: Row, report: Report) -> bool:
     options = settings["options"]
     return (
         not _apart(report)
+        and not report.privileged
+        and (row.centralized or not settings.get("centralized"))
         and label_of(report).casefold() == row.name.casefold()
         and settings["observation"] == row.observation
         and bool(options["feedback"]) == row.feedback
@@ -73,8 +76,9 @@ def _other_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
         fits = report.settings["observation"] == observation and not _other_homes(report)
         if fits and not any(_stands_beside(row, report) for row in table.rows):
             left.setdefault(title_of(report), []).append(report)
-    whose = '<td class="whose">ours</td>'
-    return [f'<tr class="ours"><th>{escape(name)}</th>{whose}{_our_cells(same)}</tr>' for name, same in left.items()]
+    return [
+        f'<tr class="ours"><th>{escape(name)}</th>{_whose(same)}{_our_cells(same)}</tr>' for name, same in left.items()
+    ]
 
 
 def _built_in_rows(table: PaperTable, reports: Sequence[Report]) -> list[str]:
@@ -97,6 +101,13 @@ def _reference_cell(split: str, policy: str, metric: str) -> str:
     means = {name: getattr(same[policy], metric) for name, same in scores.items() if same}
     whole = getattr(reference_scores(split, MAX_STEPS)[policy], metric)
     return f"<td>{100 * whole:.2f}{_by_wording(means)}</td>"
+
+
+def _whose(reports: Sequence[Report]) -> str:
+    """Return the cell that says whose numbers a row has, and whether those of a split are of several versions."""
+    of_split = ([report for report in reports if report.settings["split"] == split] for split in SPLITS)
+    notes = dict.fromkeys(filter(None, map(versions_note, of_split)))
+    return f'<td class="whose">ours{"".join(f"<br><small>{escape(note)}</small>" for note in notes)}</td>'
 
 
 def _our_cells(reports: Sequence[Report]) -> str:
@@ -220,12 +231,23 @@ def _apart(report: Report) -> list[str]:
     notes = {
         "goal observed": options.get("goal"),
         f"changed: {report.changed}": bool(report.changed),
-        f"{pixels} px": settings["observation"] == "visual" and pixels != Options.image_size,
+        f"{pixels} px": _shows_pictures(settings["observation"]) and pixels != Options.image_size,
         f"{settings['tasks']} chosen tasks: {settings['tasks_sha256'][:4]}": not whole,
         f"in {_other_homes(report)}": bool(_other_homes(report)),
         f"at most {options['max_steps']} steps": options["max_steps"] != report.rules["max_steps"],
     }
     return [note for note, holds in notes.items() if holds]
+
+
+def _shows_pictures(observation: str) -> bool:
+    """Return whether something is observed that has pixels, as sensors of one's own may."""
+    return not _WITHOUT_PIXELS.issuperset(observation.split("+"))
+
+
+def versions_note(reports: Sequence[Report]) -> str:
+    """Return a note where results that are averaged were made by more than one version of the source; else nothing."""
+    versions = sorted({report.settings["source_sha256"][:8] for report in reports})
+    return f"by {len(versions)} versions of the source: {', '.join(versions)}" if len(versions) > 1 else ""
 
 
 def _table(head: str, rows: Iterable[str]) -> str:

@@ -1,8 +1,9 @@
 """Seats: what an evaluated policy is given, and no more.
 
 Before an episode it may know the names and spaces of its environment, an :class:`Interface`. In each step it gets its
-own robot's observation and action mask. So each robot has a policy object of its own. A policy that needs more says so
-by attributes of what makes it (the class, or a function), and results say it, too:
+own robot's observation and action mask. So each robot has a policy object of its own; all of them share a process, see
+:mod:`chmarl_pb.evaluation.seats_apart`. A policy that needs more says so by attributes of what makes it (the class, or
+a function), and results say it, too:
 
 - ``centralized = True``: one object drives all robots, and gets the observations of all;
 - ``privileged = True``: it is given the environment itself and whole infos.

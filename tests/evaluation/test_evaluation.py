@@ -655,6 +655,12 @@ def test_nothing_is_reused_where_nothing_tells_what_was_played(tmp_path: Path) -
     assert report.settings["policy_sha256"] == "what it is"
 
 
+@pytest.mark.parametrize("label", ["mine ", " mine", "my  own", "mine\n", "A | b", "<b>mine</b>", "mine\u200b"])
+def test_labels_that_tables_cannot_show_are_refused(label: str) -> None:
+    with pytest.raises(OptionError, match=r"^label=.*; name the row otherwise$"):
+        evaluate("belief", tasks=TASKS, workers=1, label=label)
+
+
 def test_what_is_reused_gets_the_label_that_is_asked_for(tmp_path: Path) -> None:
     out = tmp_path / "r.json"
     given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "seeds": [0], "out": out, "reuse": True}

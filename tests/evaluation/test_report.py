@@ -1,7 +1,7 @@
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from chmarl_pb.cli import main
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.errors import ResultError
 from chmarl_pb.evaluation import paper, plots, tables
@@ -38,8 +39,10 @@ TASKS = load_tasks("test-unseen")[:2]
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     evaluate("planner", tasks=TASKS, workers=1, out=folder / "planner.json")
-    evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "random.json", label="<b>QMIX</b>")
+    evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "random.json")
     evaluate("random", tasks=TASKS, workers=1, max_steps=8, out=folder / "qmix.json", label="QMIX + messages")
+    one = load_result(folder / "random.json")
+    replace(one, run={**one.run, "label": "<b>QMIX</b>"}).save(folder / "random.json")  # as older results may have
     return folder
 
 
@@ -155,6 +158,71 @@ def test_other_options_stand_beside_nothing(results: Path) -> None:
     for options in ({"feedback": "planner"}, {"messages": False}, {"goal": True}, {"max_steps": 56}):
         assert not tables._stands_beside(row, whole(good, **options))
         assert title_of(whole(good, **options)) != title_of(good)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "stands"),
+    [
+        ("QMIX + messages", {"privileged": True}, False),
+        ("QMIX + messages", {"centralized": True}, False),
+        ("BC decentralized + messages", {"centralized": True}, False),
+        ("BC centralized", {"centralized": True}, True),
+        ("BC centralized", {"centralized": True, "privileged": True}, False),
+    ],
+)
+def test_who_is_told_more_than_the_papers_learner_stands_in_a_row_of_its_own(
+    results: Path, name: str, given: dict[str, bool], stands: bool
+) -> None:
+    row = next(row for row in paper.SCENE_GRAPH.rows if row.name == name)
+    one = whole(load_result(results / "qmix.json"), max_steps=28, messages=row.messages)
+    one = replace(one, settings=one.settings | given, run=one.run | {"label": name})
+    assert tables._stands_beside(row, one) == stands
+    html = paper_table(paper.SCENE_GRAPH, [one], others=True)
+    assert (f"<th>{title_of(one)}</th>" in html) != stands
+
+
+_OTHER = {
+    "messages": False, "feedback": "planner", "max_steps": 9, "image_size": 32, "execution": "simulated", "goal": True,
+    "task": "tidy", "renderer": "tiny", "robots": ["drone", "humanoid"], "catalog": "mine.toml", "pointing": True,
+    "lookalikes": True, "templates": 2, "track": "grounded",
+}  # fmt: skip
+
+
+def test_whatever_option_may_change_numbers_sets_results_apart(results: Path) -> None:
+    recorded = {option.name for option in fields(Options)} - {"home", "render_mode", "split", "observation"}
+    assert recorded == _OTHER.keys(), "give the new option another value here, and let results note it"
+    one = load_result(results / "qmix.json")
+    one = replace(one, settings=one.settings | {"observation": "depth"})
+    for name, value in _OTHER.items():
+        settings = one.settings | {"options": one.settings["options"] | {name: value}}
+        groups = grouped([one, replace(one, settings=settings)])
+        assert len(groups) == (1 if name == "renderer" else 2), name  # which draws the same pictures
+
+
+@pytest.mark.parametrize(("observation", "count"), [("scene_graph", 1), ("text", 1), ("scene_graph+depth", 2)])
+def test_the_size_of_pictures_counts_where_there_are_any(results: Path, observation: str, count: int) -> None:
+    one = load_result(results / "qmix.json")
+    sizes = [one.settings["options"] | {"image_size": pixels} for pixels in (32, 64)]
+    settings = [one.settings | {"observation": observation, "options": options} for options in sizes]
+    groups = grouped([replace(one, settings=changed) for changed in settings])
+    assert len(groups) == count and ("px" in groups[0].title) == (count == 2)
+
+
+def test_styles_of_feedback_do_not_merge_in_a_track_without_any(results: Path) -> None:
+    one = load_result(results / "qmix.json")
+    grounded = one.settings["options"] | {"track": "grounded", "messages": "symbols", "pointing": True}
+    given = [one.settings | {"options": grounded | {"feedback": style}} for style in (False, True, "planner")]
+    assert len(grouped([replace(one, settings=settings) for settings in given])) == 3
+
+
+def test_several_versions_of_the_source_in_a_row_are_said(results: Path, tmp_path: Path) -> None:
+    one = load_result(results / "qmix.json")
+    other = replace(one, settings=one.settings | {"source_sha256": "!<b>" + 60 * "0"})
+    for reports, said in (([one, one], False), ([one, other], True)):
+        page = pages.page(reports, tmp_path)
+        versions = f"by 2 versions of the source: !&lt;b&gt;0000, {one.settings['source_sha256'][:8]}"
+        assert (f"2 results {versions}" in page) == said
+        assert (f"ours<br><small>{versions}</small>" in page) == said
 
 
 def test_what_needs_no_eyes_stands_in_every_table_of_results(results: Path) -> None:
