@@ -85,7 +85,8 @@ def evaluate(
         split: all its tasks are played; of those for training, the first 250. If none is given, it is "test-unseen", in
             the grounded track "generated-test".
         observation: see ``options``; None: that of published weights, else "scene_graph".
-        seeds: each plays every task once; a deterministic policy plays the first only.
+        seeds: each plays every task once; a deterministic policy plays the first only, unless ``messages`` is an
+            object, or another part of the environment is your own: these may draw random numbers.
         workers: number of processes.
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
@@ -123,7 +124,7 @@ def evaluate(
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     chosen = _chosen(setup.options, tasks)
     setup = _at_home(setup, chosen)
-    fixed = source.deterministic and isinstance(setup.options.messages, bool | str)  # a channel's object may draw
+    fixed = source.deterministic and not _may_draw(setup)
     seeds = _seeds(seeds)[: 1 if fixed else None]
     executor = executor_of(executor, workers)
     file = None if out is None else Path(out)
@@ -211,6 +212,17 @@ def _check_label(label: str | None) -> None:
         (label or "").encode()
     except UnicodeEncodeError as error:  # of bytes on the command line that are no text
         raise OptionError(f"label={label!r} is no text in UTF-8; name the row otherwise") from error
+
+
+def _may_draw(setup: Setup) -> bool:
+    """Return whether an episode may depend on its seed whatever the policy does.
+
+    A channel's object may draw random numbers, and so may all that is the user's own: sensors, advisers, kinds of
+    tasks, robots' classes, and what makes the environment.
+    """
+    options = setup.options
+    own_robots = any(model.make is not None for model in options.models.values())
+    return not isinstance(options.messages, bool | str) or own_robots or bool(options.own() or setup.env_fn)
 
 
 def _seeds(seeds: Sequence[int]) -> list[int]:
