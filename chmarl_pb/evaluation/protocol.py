@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -25,6 +25,7 @@ from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import (
     home_hashes,
+    is_told,
     machine,
     packaged_things_hash,
     robots_hash,
@@ -42,6 +43,7 @@ from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import Source, find_policy
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.kinds import named_task
 from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -273,11 +275,17 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),
         "homes_sha256": home_hashes(tasks),
-        "robots_sha256": robots_hash(options.models.values()),
+        "robots_sha256": _robots(options.models.values()),
         "catalog_sha256": options.things.content or packaged_things_hash(),
         "source_sha256": source_hash(),
         **changes,
     }
+
+
+def _robots(models: Collection[RobotModel]) -> dict[str, str]:
+    """Return kind of robot -> its hash; where nothing tells its class apart, what no other evaluation has."""
+    untold = {model.name for model in models if not is_told(model)}
+    return {name: _or_unknown("" if name in untold else sha256) for name, sha256 in robots_hash(models).items()}
 
 
 def _or_unknown(sha256: str | None) -> str:
@@ -289,6 +297,7 @@ def _warn_of_unknown(settings: dict[str, Any]) -> None:
     """Warn if nothing tells whether another evaluation has the same settings."""
     told = {"policy": settings["policy_sha256"], "env_fn": settings.get("env", {}).get("sha256")}
     told |= settings.get("own_sha256", {})
+    told |= {f"robots ({name})": sha256 for name, sha256 in settings["robots_sha256"].items()}
     if names := [name for name, sha256 in told.items() if sha256 and sha256.startswith(_UNKNOWN)]:
         warnings.warn(
             f"{', '.join(names)}: holds what cannot be pickled, or has no file, so nothing tells whether another "

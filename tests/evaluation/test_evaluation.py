@@ -750,6 +750,34 @@ def test_where_an_own_part_may_draw_all_seeds_are_played(part: dict[str, Any], s
     assert len(report.episodes) == len(seeds)
 
 
+def test_nothing_is_reused_where_nothing_tells_a_robots_class_apart(tmp_path: Path) -> None:
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:2], "max_steps": 2, "seeds": [0], "out": tmp_path / "r.json"}
+    told = {"robots": buzzing(held=1), **given}
+    assert evaluate("belief", **told).run == evaluate("belief", reuse=True, **told).run
+    untold, played = {"robots": buzzing(held=threading.Lock()), **given}, list[str]()
+    for _ in range(2):
+        with pytest.warns(UserWarning, match=r"^robots \(buzzing\): holds what cannot be pickled, or has no file"):
+            played.append(evaluate("belief", reuse=True, **untold).settings["robots_sha256"]["buzzing"])
+    assert played[0].startswith("unknown-") and played[0] != played[1]
+
+
+def test_nor_does_an_interrupted_evaluation_go_on_there(tmp_path: Path) -> None:
+    def stop(finished: int, total: int) -> None:
+        if finished == 1:
+            raise KeyboardInterrupt
+
+    given: dict[str, Any] = {
+        "robots": buzzing(held=threading.Lock()), "workers": 1, "tasks": TASKS[:2], "max_steps": 2, "seeds": [0],
+        "out": tmp_path / "r.json",
+    }  # fmt: skip
+    with pytest.warns(UserWarning, match="robots"), pytest.raises(KeyboardInterrupt):
+        evaluate("belief", progress=stop, **given)
+    told = list[int]()
+    with pytest.warns(RuntimeWarning, match="of another evaluation"):
+        evaluate("belief", progress=lambda finished, total: told.append(finished), **given)
+    assert told == [0, 1, 2]
+
+
 class Errands(Rearrange):
     """A kind with two tasks of its own, which do not tell their L*."""
 
