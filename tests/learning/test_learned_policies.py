@@ -1,6 +1,8 @@
 """Checkpoints as policies of the benchmark."""
 
-from dataclasses import replace
+import importlib
+import sys
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,17 +14,21 @@ import torch
 import chmarl_pb
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.files import file_hash
 from chmarl_pb.learning import Config, train
+from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.networks.encoders import ENCODERS
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.policies.checks import check_size, silenced
-from chmarl_pb.learning.policies.learned import ValuePolicy
+from chmarl_pb.learning.policies.learned import ValuePolicies, ValuePolicy
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
+from chmarl_pb.named import import_named
 from chmarl_pb.policies.sources import find_policy, register_loader
 from training.score import score
 
@@ -147,6 +153,72 @@ def test_code_that_a_checkpoint_names_is_run_for_who_trusts_it_alone(
     observations, infos = env.reset(seed=0)
     policy.reset(0)
     assert policy.act(observations, infos).keys() == {"humanoid", "drone"}
+
+
+OWN_CODE = """
+import torch
+from chmarl_pb.learning.algorithms.registry import Algorithm
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
+
+
+class Encoder(torch.nn.Module):
+    def __init__(self, space, size, image_encoder, graph_pool):
+        super().__init__()
+        self.layer = torch.nn.Linear(space["self"].shape[0], size)
+
+    def forward(self, observation):
+        return self.layer(observation["self"]) * FACTOR
+
+
+class OwnConfig(Config):
+    pass
+
+
+OWN = Algorithm(ValueLearner, OwnConfig)
+"""
+
+
+def written(folder: Path, factor: int) -> None:
+    """Write the module of one's own, to be imported anew."""
+    (folder / "own_code.py").write_text(OWN_CODE.replace("FACTOR", str(factor)))
+    importlib.invalidate_caches()
+    sys.modules.pop("own_code", None)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "given"),
+    [
+        ("qmix", {"encoder": "own_code:Encoder"}), ("own_code:OWN", {"mixer": "qmix"}),
+        ("qmix", {"encoder": "registered"}),
+    ],
+)  # fmt: skip
+def test_code_that_a_checkpoint_names_tells_it_apart(
+    algorithm: str, given: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("CHMARL_TRUSTED", "own_code:Encoder,own_code:OWN")
+
+    def hashed(factor: int) -> str | None:
+        written(tmp_path, factor)
+        monkeypatch.setitem(ENCODERS, "registered", import_named("own_code:Encoder"))
+        return find_policy(tmp_path / "run" / BEST).sha256
+
+    written(tmp_path, 1)
+    monkeypatch.setitem(ENCODERS, "registered", import_named("own_code:Encoder"))
+    config = find_algorithm(algorithm).config(**{**asdict(TINY), **given})
+    train(make_env, algorithm, config, tmp_path / "run")
+    first, other, again = (hashed(factor) for factor in (1, 5, 1))
+    assert first == again and len({first, other, file_hash(tmp_path / "run" / BEST)}) == 3
+    monkeypatch.delenv("CHMARL_TRUSTED")
+    if given.get("encoder") != "registered":
+        with pytest.raises(CheckpointError, match="is code, which would be run; if you trust it, set CHMARL_TRUSTED"):
+            find_policy(tmp_path / "run" / BEST)
+
+
+def test_a_checkpoint_that_names_no_code_is_told_by_its_file(folder: Path) -> None:
+    assert find_policy(folder / BEST).sha256 == file_hash(folder / BEST)
+    assert ValuePolicies(folder / BEST).code == ()
 
 
 def test_an_encoder_gives_as_many_numbers_as_it_is_asked_for() -> None:

@@ -24,6 +24,7 @@ from chmarl_pb.learning.policies.checks import (
     image_size_of,
     silenced,
 )
+from chmarl_pb.learning.policies.own_code import own_code
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.rollouts.collect import Explorer, greedy
 from chmarl_pb.learning.spaces import spaces_of
@@ -78,10 +79,16 @@ class ValuePolicies:
         """
         self.path = path
         with reading(path):
-            setting = load(path, "value")["setting"]
+            content = load(path, "value")
+            setting, self._named = content["setting"], {**content["config"], "algorithm": content["algorithm"]}
             goal = {GOAL: True} if setting.get(GOAL) else {}
             self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting), **goal}
             Options(**self.rules)  # a later version may know other rules
+
+    @property
+    def code(self) -> tuple[Any, ...]:
+        """The user's own code that plays by these weights, see :func:`own_code`."""
+        return own_code(self._named, self.path)
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
